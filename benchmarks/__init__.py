@@ -11,7 +11,7 @@ hidden_solids       fits of hidden solids under every section, and the predicted
 imperfect_rigs      what one thing wrong on a bench does to the modulus
 mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
-real_pictures       edges of other people's photographs against traced ones
+real_pictures       edges of detected edges in other people's photographs, compared with traced ones
 photographs         error of the edges in rendered photographs of coloured beams
 phone               fits of rendered photographs of a phone, with weights
 lab_photographs     rendered photographs, each with one difficulty of a laboratory
@@ -46,7 +46,7 @@ timing              measure the duration of a function
 
 Code that the benchmarks share with the tests is in `tests/shared`.
 
-All figures are those of one thread: more threads do not make matrices of this size faster.
+All figures were measured with one thread: more threads do not make matrices of this size faster.
 """
 
 import os

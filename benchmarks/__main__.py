@@ -19,7 +19,10 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Benchmark:
-    """One benchmark script.
+    """A benchmark script.
+
+    words: what the table of the script shows; page: the page that explains its figures; arguments: the arguments of a
+    full run; short: the arguments of a short run.
 
     words: what its table shows; page: the page that explains its figures; arguments: those of a full run; short: those
     of a short run.
@@ -107,7 +110,7 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of the earlier page by their names."""
+    """Return the sections of an earlier version of the page by their names."""
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")

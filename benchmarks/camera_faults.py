@@ -1,4 +1,4 @@
-"""Faults of an emulated GigE camera: wrong frames, lost frames, and the time until the driver reports a fault.
+"""Count frames and time of a GigE camera with faults: wrong frames, lost frames, and the time to report a fault.
 
     python -m benchmarks.camera_faults
 
@@ -29,7 +29,7 @@ PAYLOAD_BYTES = 1400 - 36
 
 
 def picture(number: int, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the picture of an exposure, the first of which has number 0: noise that its number determines."""
+    """Return the picture of exposure number `number`, counted from 0: noise whose seed is the number."""
     return np.random.default_rng(number).integers(0, 256, size_px[::-1], dtype=np.uint8)
 
 
@@ -46,7 +46,7 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a row: frames that came, wrong ones, lost ones, and the time of a frame."""
+    """Return a row of the table: the numbers of correct, wrong and lost frames, and the time of a frame."""
     with gige_process(partial(pictures, size_px), size_px) as process:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
@@ -71,7 +71,7 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Return a row for a camera that is killed; one with `serial_number` takes its place, none if that is None."""
+    """Return a row for a camera that is killed; a camera with `serial_number` then takes its place, or none (None)."""
     size_px = SIZES_PX[0]
 
     def outcome() -> str:
@@ -106,7 +106,7 @@ def rounded_region() -> str:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table of the faults."""
     print("| fault | frame | frames | wrong | lost | time of a frame | driver |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for size_px in SIZES_PX:

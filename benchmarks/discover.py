@@ -46,6 +46,9 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 class Case:
     """One hidden law.
 
+    noise: noise of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha;
+    evidence: the kinds of evidence, each of which is used separately.
+
     noise: of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha; evidence: the
     kinds of evidence, each of which is used separately.
     """

@@ -1,4 +1,4 @@
-"""Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe), as well as its elements allow.
+"""Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe) with its most suitable elements.
 
 FElupe assembles the forces and tangents of the flexible part. The magnet is a rigid body as in `eimi_fitting`: the last
 column of points is condensed onto two translations and a rotation, including their geometric stiffness. Newton's method
@@ -43,7 +43,7 @@ class Elements:
 
     @property
     def text(self) -> str:
-        """The elements in words, for a table."""
+        """The description of the elements for a table."""
         return f"{self.kind} {self.along} x {self.across}, {'graded' if self.graded else 'equal'}"
 
 
@@ -124,7 +124,7 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements of all points for the unknowns."""
+        """Return the displacements of all points from the unknowns."""
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
         c, s = np.cos(x[-1]), np.sin(x[-1])

@@ -1,4 +1,4 @@
-"""A cantilever that is bent and tapered at rest in FElupe (Dutzler, github.com/adtzlr/felupe), beside ours.
+"""A cantilever that is bent and tapered at rest: displacements by FElupe (github.com/adtzlr/felupe) and by ours.
 
 python -m benchmarks.felupe_strip
 
@@ -27,7 +27,7 @@ SPECIMEN = with_modes(Specimen(30.0, 3.0, 5.0, 0.0, "plane-strain"), (3.0, 0.5),
 
 
 def ours(along: int, across: int) -> Array:
-    """Return the displacement (2,) of the tip by quadratic elements."""
+    """Return the displacement (2,) of the tip as `eimi_fitting` computes it with quadratic elements."""
     model = BeamModel(SPECIMEN, along, across)
     force_N = FORCE_N * np.arange(1, 5) / 4
     loads = Loads.along(np.zeros(4), 90.0, None, tip_force_N=force_N, tip_force_angle_deg=90.0)
@@ -36,7 +36,7 @@ def ours(along: int, across: int) -> Array:
 
 
 def felupes(along: int, across: int) -> Array:
-    """Return the same by FElupe."""
+    """Return the displacement (2,) of the tip as FElupe computes it with bilinear elements."""
     half = 0.5 * SPECIMEN.width_mm
     straight = felupe.Rectangle(a=(0, -half), b=(SPECIMEN.length_mm, half), n=(along + 1, across + 1))
     tip = int(np.argmin(np.linalg.norm(straight.points - [SPECIMEN.length_mm, 0], axis=1)))
@@ -57,7 +57,7 @@ def felupes(along: int, across: int) -> Array:
 
 
 def main() -> None:
-    """Print both, each on two meshes."""
+    """Print the displacements by both programs, each on two meshes."""
     for name, model, meshes in (("eimi_fitting", ours, ((13, 1), (26, 3))), ("FElupe", felupes, ((60, 6), (120, 12)))):
         for along, across in meshes:
             x, y = model(along, across)

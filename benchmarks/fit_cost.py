@@ -74,7 +74,7 @@ def dataset(path: Path, states: int) -> Path:
 
 
 def spent(*arguments: str) -> tuple[float, float]:
-    """Run `eimi`; return its processor time in seconds and its largest memory in MB."""
+    """Run `eimi` in a separate process; return its processor time in seconds and its largest memory in MB."""
     command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", *arguments]
     alone = os.environ | dict.fromkeys(THREADS, "1")
     run = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
@@ -98,7 +98,7 @@ def task_kB(path: Path, section: str) -> float:
 
 
 def points_ms(states: int) -> float:
-    """Return the milliseconds for the misfit of eight candidates to points that were tracked through the states."""
+    """Return the time (ms) of the misfit of eight candidates to points that were tracked through the states."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])
@@ -110,7 +110,7 @@ def points_ms(states: int) -> float:
 
 
 def main() -> None:
-    """Print the tables of fits."""
+    """Print the tables of time and memory."""
     with tempfile.TemporaryDirectory(prefix="fit_cost") as folder:
         paths = {states: dataset(Path(folder) / f"{states}.h5", states) for states in STATES}
         few = paths[STATES[0]]

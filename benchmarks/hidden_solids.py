@@ -1,4 +1,4 @@
-"""Fit solids that are hidden on a finer mesh: the bias of the modulus under each section, and the predicted bias.
+"""Fit solids that are hidden on a finer mesh: compare the bias of the modulus with the predicted bias, by section.
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
 """
@@ -53,7 +53,7 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Return bias and interval of the modulus in per cent, mean error in µm, and the change by the solid."""
+    """Return bias and interval of the modulus in per cent, the mean error in µm, and the effect of the solid."""
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
@@ -64,7 +64,7 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print every specimen and hidden law; --short takes the first specimen only, --solid the solid section only."""
+    """Print a row for every specimen and hidden law; --short: one specimen only, --solid: the solid section only."""
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]

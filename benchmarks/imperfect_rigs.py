@@ -1,13 +1,13 @@
-"""What an imperfect bench does to the modulus: virtual solids with one thing wrong that no file states, fitted.
+"""The error of the modulus on an imperfect bench: fits of virtual solids with one error that no file states.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [CAUSE...]
 
-Each row is one imperfection, named as the cause is in `fits.json`. The beam is that of the bench example, a hidden
+Each row is one imperfection, with the name of its cause in `fits.json`. The beam is that of the bench example, a hidden
 Neo-Hookean solid on a mesh finer than that of a fit, in eight fields up to 7.05 mT. The edges have white noise. The
-columns are the error of the modulus with the straight shape that the file states and with the measured rest shape,
-each with its 95 % interval from noise and mesh, and whether the interval from all stated uncertainties holds the truth.
-The second line has the place of the true cause among the weighed ones. With --both the fields have both polarities and
-go up and down.
+columns are the error of the modulus with the straight shape that the file states and with the measured rest shape, each
+with its 95 % interval from noise and mesh, and whether the interval from all stated uncertainties contains the true
+modulus. The second line states the rank of the true cause among the causes that were compared. With --both the fields
+have both polarities, and increase and then decrease.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Imperfection:
     Attributes
     ----------
     cause : str
-        Its name among the causes of `fits.json`; "none" for the perfect rig.
+        The name of the imperfection among the causes of `fits.json`; "none" for the perfect rig.
     words : str
         The size of the imperfection.
     specimen : callable
@@ -75,13 +75,13 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of one loop, which is 2 % lower at 15 mm from its middle, at the magnet's place."""
+    """Return the loads in the field of one loop, which at the magnet is 2 % lower 15 mm from the loop's middle."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that bend a beam as the given ones bend one with this stiffness (K,), which scales them all."""
+    """Return the loads that bend the beam as if its stiffness were multiplied by ``stiffness`` (K,)."""
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
 
@@ -167,7 +167,7 @@ def measured(edges: Array, field_mT: Array, seed: int) -> Experiment:
 
 
 def ranked(fit: Fit, cause: str) -> str:
-    """Return the place of the true cause among the causes, and the first three of them."""
+    """Return the rank of the true cause among the causes, and the first three causes."""
     names = [entry.name for entry in fit.causes]
     place = str(names.index(cause) + 1) if cause in names else "-"
     first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
@@ -175,7 +175,7 @@ def ranked(fit: Fit, cause: str) -> str:
 
 
 def in_words(fit: Fit) -> str:
-    """Return the error of the modulus and its interval from noise and mesh in per cent, and whether the other holds."""
+    """Return a text: the error of the modulus and its interval from noise and mesh (%), and whether the other holds."""
     modulus = fit.initial_shear_modulus
     low, high = modulus.interval_95
     error, *ends = (

@@ -73,7 +73,7 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class Heard:
-    """An emulated instrument that notes when it receives its first message."""
+    """An emulated instrument that records when it receives its first message."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
@@ -99,7 +99,7 @@ class RunEnd:
 
     @property
     def acknowledged(self) -> int:
-        """The number of states that the run acknowledged."""
+        """The number of states that the run reported as stored."""
         return sum(line.startswith("acquire ") for line in self.lines)
 
 

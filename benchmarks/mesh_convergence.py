@@ -1,4 +1,4 @@
-"""Measure the place of the tip at 15 mT against the mesh, as in the mesh study of the method's paper.
+"""Measure how the place of the tip at 15 mT depends on the mesh, as in the mesh study of the method's paper.
 
 python -m benchmarks.mesh_convergence [FIGURE.png]
 """
@@ -41,7 +41,7 @@ def tip(mesh: tuple[int, int]) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the table, and draw the figure if a file name is given."""
+    """Print the table of the tip's error; draw the figure if a file name is given."""
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
     print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")

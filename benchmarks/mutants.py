@@ -74,7 +74,7 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """An identifier of the mistake and its tests that does not depend on the place in the list."""
+        """An identifier of the mistake and its tests that does not change if the list is reordered."""
         return sha256("\0".join((self.file, self.right, self.wrong, *self.tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
@@ -104,7 +104,7 @@ def copied(project: Path, folder: Path) -> Path:
 
 
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Return whether the tests detect the mistake in this copy, and their last line; restore the copy."""
+    """Return whether the tests detect the mistake in this copy, and the last line of their output; restore the copy."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
@@ -137,7 +137,7 @@ def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
-    """Run pytest on the copy in this new process, which has loaded third-party packages only."""
+    """Run pytest on the copy in the present process, which has loaded third-party packages only."""
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
@@ -198,7 +198,7 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown with the number of mistakes and of caught ones in each list."""
+    """Return lines of Markdown with the number of mistakes in each list, and how many of them were caught."""
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:

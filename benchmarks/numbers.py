@@ -63,7 +63,7 @@ def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
 
 
 def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
-    """Return edges, fits (by law) and validations of a dataset as JSON values."""
+    """Return the edges, the fits (by law) and the validations of a dataset as JSON values."""
     eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
     with open_dataset(folder / dataset) as opened:
         edges = [
@@ -121,14 +121,14 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the name under which the numbers of all cases, laws and states are listed: the path without these keys."""
+    """Return the path of a number without the keys of case, law and state, so that all of them are one quantity."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences; return whether no quantity is missing and none differs by more than rtol."""
+    """Print the differences; return whether no quantity is missing and no difference is larger than rtol."""
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():
@@ -145,7 +145,7 @@ def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> boo
 
 
 def main() -> None:
-    """Measure, write and compare."""
+    """Measure the results, write them to a file, and compare them with an earlier file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, help="file to write")
     parser.add_argument("--against", type=Path, help="earlier file to compare with")

@@ -35,7 +35,12 @@ from tests.shared.processes import WAIT_AT_MOST_S
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault.
+    """A fault that is caused during a run.
+
+    act: causes the fault and returns the moment from which the time is counted; said: pattern that the messages of the
+    run must contain; off_within_s: promised time; unread: see `Trial`; flows_on: the current continues after the output
+    is off; out_of_reach: no program can switch the coil off any more, so that the time is counted until the run says
+    that the coil may be on; not_said: pattern that no message may contain.
 
     act: causes the fault and returns the moment from which the time is counted; said: pattern that the messages of the
     run must contain; off_within_s: promised time; unread: see `Trial`; flows_on: the current does not end with the
@@ -145,7 +150,7 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the name of a line; the driver is omitted for those of `LINES`."""
+    """Return the name of a line to a supply, with the driver if the line is not in `LINES`."""
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 
 
@@ -395,7 +400,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that called the coil off while a current above the limit flowed.
+    """Return the messages that reported the coil as off while a current above the limit flowed.
 
     The limit is the one that the message states; without one, it is the smallest of all families.
     """

@@ -130,13 +130,13 @@ def start(page: Any, dataset: str) -> None:
 
 
 def frame_to_screen_s(page: Any) -> list[float]:
-    """Return the delays of the last frames as the server measured them."""
+    """Return the delays (s) from a frame to the screen for the last frames, as the server measured them."""
     headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Return the seconds from the key to the output off, and those from a frame to the screen."""
+    """Return the seconds from the key press to the output being off, and the seconds from a frame to the screen."""
     coil, off = CoilSupply(WallClock()), list[float]()
     switch: Callable[[bool], bool] = coil.switch
 
@@ -208,7 +208,7 @@ def stream(minutes: float) -> None:
 
 
 def main() -> None:
-    """Print the figures."""
+    """Print the delays, or the memory while the page streams."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
     parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, instead of the delays")

@@ -38,7 +38,7 @@ def errors(tip: Array, reference: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print all times and errors; with --short, use a coarse reference and one FElupe mesh, and repeat nothing."""
+    """Print all times and errors; with --short, use a coarse reference and one FElupe mesh, and time each only once."""
     try:
         import felupe
 

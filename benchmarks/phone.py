@@ -92,7 +92,7 @@ def outcome(seed: int, share: float, folder: Path) -> Outcome:
 
 
 def main() -> None:
-    """Print a table of the scenes, and whether the goals are met."""
+    """Print a table of the scenes, and state whether the goals are met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

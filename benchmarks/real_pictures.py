@@ -32,7 +32,7 @@ _DEGREE = 7  # of the polynomial about which the scatter of an edge is computed
 
 
 def stated_over_seen(edge: EdgePoints) -> float:
-    """Return the ratio of the stated deviation to that from a polynomial of the arc length, both root mean squares."""
+    """Return the ratio of the stated standard deviation to the observed one about a polynomial of the arc length."""
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
     return math.sqrt(float((edge.sigma_mm**2).mean())) / _SeenScatter(edge.points_mm).deviation
@@ -40,7 +40,7 @@ def stated_over_seen(edge: EdgePoints) -> float:
 
 @dataclass(frozen=True)
 class _SeenScatter:
-    """The scatter of an edge's points (n, 2) about a polynomial of their arc length."""
+    """The observed scatter of an edge's points (n, 2) about a polynomial of their arc length."""
 
     points: Array
 
@@ -68,7 +68,7 @@ class _SeenScatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return the 95 % range of stated over observed deviation, and the median of stated over true, for random scatter.
+    """Return the ratios of stated to observed deviation (95 % range) and to true deviation (median) of random scatter.
 
     points_px: (n, 2) an edge, whose places and line are kept. The scatter is drawn as a process with exponential
     correlation along the edge; neighbouring points have the observed correlation.
@@ -89,7 +89,7 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table of edge errors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--chance", type=int, default=0, metavar="DRAWS")

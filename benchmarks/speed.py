@@ -34,14 +34,14 @@ TOLERANCE_MM = 1e-2  # as in the identification
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return candidates around an example, with moduli spread by a third."""
+    """Return candidates around an example, whose moduli are spread by a third."""
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the processor time of one batch, after a first one that computes tables."""
+    """Return the processor time (s) of one batch; a batch before it computes the tables and is not counted."""
 
     def solve() -> Shapes:
         return model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM)
@@ -51,7 +51,7 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Return the milliseconds for a candidate in a batch of this size."""
+    """Return the time (ms) per candidate in a batch of this size."""
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 
@@ -107,7 +107,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Return the milliseconds for a batch of Neo-Hookean candidates in this number of states."""
+    """Return the time (ms) of a batch of Neo-Hookean candidates in this number of states."""
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

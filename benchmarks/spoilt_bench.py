@@ -65,7 +65,7 @@ class Supply:
         return self.on() and self.told[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
-        """Return the time at which the output was switched off last."""
+        """Return the time at which the output was last switched off."""
         off_s = self.told[-1][0]
         for at, on, _, _ in reversed(self.told):
             if on:
@@ -74,7 +74,7 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at a time on the monotonic clock, within the smallest change that is told."""
+        """Return the true current (A) at a time of the monotonic clock, within the smallest change that is reported."""
         return next((true_A for told_s, _, _, true_A in reversed(self.told) if told_s <= at_s), 0.0)
 
     def close(self) -> None:
@@ -87,6 +87,9 @@ class Supply:
 @dataclass
 class Trial:
     """A run on its bench.
+
+    unread: whether the standard error of the run goes into a full pipe that nobody reads. heard_s: the time at which
+    each of `lines` came.
 
     unread: whether standard error goes into a full pipe that nobody reads. heard_s: when each of `lines` came.
     """
@@ -151,7 +154,7 @@ maximum = 12.0
             self.hear(line)
 
     def hear(self, line: str) -> None:
-        """Note a line of the run or its guardian, and the time at which it came."""
+        """Record a line of the run or its guardian, and the time at which the line came."""
         self.heard_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
@@ -162,7 +165,7 @@ maximum = 12.0
         return max(after_s, self.heard_s[first])
 
     def end_guardian(self) -> None:
-        """End a guardian that tries to reach a supply that does not come back."""
+        """End a guardian that tries to reach a supply which does not come back."""
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 
@@ -187,7 +190,7 @@ maximum = 12.0
         return next(int(c) for c in children if b"guardian_process" in Path(f"/proc/{c}/cmdline").read_bytes())
 
     def acknowledged(self) -> int:
-        """Return the number of states that the run acknowledged."""
+        """Return the number of states that the run reported as stored."""
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:

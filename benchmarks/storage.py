@@ -35,7 +35,7 @@ def frames(count: int) -> list[Frame]:
 
 
 def main() -> None:
-    """Print the figures."""
+    """Print the rates of storage."""
     images = frames(FRAMES_PER_STATE)
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"))
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Which tests execute a line: the map with which tests are chosen for a mistake.
+"""The map from each line of the code to the tests that execute the line; tests are chosen for a mistake with it.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
 writes the map. It takes about twice as long as the tests alone. A process that a test starts is not followed; the tests
@@ -34,7 +34,7 @@ def record(tests: Sequence[str]) -> int:
 
 
 class TestsByLine:
-    """The recorded map."""
+    """The recorded map from lines to tests."""
 
     __test__ = False  # it is no test, in spite of its name
 
@@ -50,7 +50,7 @@ class TestsByLine:
         }
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests that execute a line, the quickest first; those that name its module if no test does."""
+        """Return the tests that execute a line, the quickest first; without any, the tests that name its module."""
         contexts = self._data.contexts_by_lineno(str(PROJECT / file)).get(line, [])
         nodes = {context.partition("|")[0] for context in contexts if context}
         if nodes:

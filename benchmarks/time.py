@@ -79,7 +79,7 @@ def print_references() -> None:
 
 
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
-    """Return the instantaneous modulus, the series, the motions and the static states of one hidden material."""
+    """Return the instantaneous modulus, the Prony series, the motions and the static states of one hidden material."""
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))
     wrong = {key: np.array([sigma * rng.standard_normal()]) for key, sigma in STATED.items()}

@@ -9,7 +9,7 @@ from eimi_lab.process.garbage import collect_seldom
 
 
 def main() -> None:
-    """Import the command line and run it; Ctrl-C during the import ends the program as it does later."""
+    """Import the command line and run it; Ctrl-C during the import ends the program with one line, as it does later."""
     collect_seldom()
     try:
         from eimi_lab.cli import main as command_line

@@ -36,7 +36,7 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """One fit, and the true initial shear modulus in Pa."""
+    """A fit, and the true initial shear modulus in Pa."""
 
     fit: FitRecord
     truth_Pa: float

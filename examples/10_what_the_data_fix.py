@@ -1,4 +1,4 @@
-"""Test whether one bending test can determine both C10 and C01: do they move the edges in the same way?"""
+"""Test whether one bending test determines both C10 and C01: compare the changes of the edges due to each."""
 
 import numpy as np
 

@@ -53,7 +53,7 @@ class ArrudaBoyce(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return mu and lambda_m; short chains are stiffer at rest, so mu is less than the initial shear modulus."""
+        """Return mu and lambda_m. Short chains stiffen rubber at rest, so that mu is less than the shear modulus."""
         locking = x[:, 1] ** -0.5
         return np.column_stack([x[:, 0] / _stiffening(locking), locking])
 
@@ -107,7 +107,7 @@ class ArrudaBoyce(InvariantLaw):
 
 
 def _stiffening(locking: Array) -> Array:
-    """Return the initial shear modulus divided by mu, which is 2 W' / mu at I1 = 3."""
+    """Return the initial shear modulus divided by mu; the quotient is 2 W' / mu at I1 = 3."""
     return np.asarray(sum(2 * i * c * 3.0 ** (i - 1) * locking ** (2 - 2 * i) for i, c in enumerate(_C, 1)))
 
 

@@ -1,1 +1,1 @@
-"""The tests. Code that several of them use is in `shared`."""
+"""The tests. Code that several tests use is in `shared`."""

@@ -56,7 +56,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Run the commands of a page in a folder that looks like the clone."""
+    """Run the commands of a page in a folder that looks like a clone of the repository."""
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     if shortened:

@@ -1,4 +1,4 @@
-"""Files that a hosting service reads: they can be parsed, and name versions and commands that exist."""
+"""Files that a hosting service reads: they are valid, and name versions and commands that exist."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_the_workflow_tests_every_python_and_every_system() -> None:
 
 
 def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
-    """A maintainer runs `.ci/run`; no check exists in one of the places only."""
+    """Compare `.ci/run`, the hosted workflow and the hooks before a commit: all of them run the four checks."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
     hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}

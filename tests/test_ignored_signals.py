@@ -1,4 +1,4 @@
-"""Tests in the background: under nohup, a process and its children start with Ctrl-C and hang-up ignored."""
+"""Tests that run in the background: under nohup, a process and its children ignore Ctrl-C and hang-up at the start."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def test_there_are_enough_mistakes_and_none_occurs_twice() -> None:
 
 
 def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -> None:
-    """Run it on a project of one line and one test, in processes as for this project."""
+    """The runner works on a project of one line and one test, in processes as for this project."""
     project = tmp_path / "small"
     project.mkdir()
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')

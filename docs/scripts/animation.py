@@ -1,7 +1,7 @@
 """Animate a run on the virtual rig for the home page: ``python docs/scripts/animation.py DATASET FITS``.
 
 ``eimi demo -o DEMO`` writes both files, ``DEMO/dataset.h5`` and ``DEMO/fits.json``. Each frame shows one state: the
-picture with the edges, and the mean deflection of the last point of both edges against
+picture with the edges, and the mean deflection against the field of the last point of both edges against
 the field. Look at the picture before you commit it.
 """
 
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 
 def _beside(measured: list[Array], simulated: Array) -> float:
-    """Return the mean y of the places (2, n, 2) of the simulated edges that are next to the last measured points."""
+    """Return the mean y of the simulated edges (2, n, 2) beside the last measured points."""
     along = np.linspace(0, simulated.shape[1] - 1, _FINE)
     at = np.arange(simulated.shape[1])
     fine = [np.column_stack([np.interp(along, at, part) for part in edge.T]) for edge in simulated]

@@ -1,4 +1,4 @@
-"""Write the tables of the page on events from the dataclasses: ``python docs/scripts/events_table.py``."""
+"""Write the tables of the page on events from the events' dataclasses: ``python docs/scripts/events_table.py``."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ COMMON = {field.name for field in dataclasses.fields(Event)}
 
 
 def meaning(kind: type[Any]) -> str:
-    """Return the docstring in one line."""
+    """Return the docstring of an event in one line."""
     return " ".join(inspect.getdoc(kind).split()).replace("|", "\\|")  # type: ignore[union-attr]
 
 
 def fields(kind: type[Any]) -> str:
-    """Return the names of the fields that not every event has."""
+    """Return the names of an event's fields, without the fields that every event has."""
     return ", ".join(f"`{field.name}`" for field in dataclasses.fields(kind) if field.name not in COMMON)
 
 
 def tables() -> dict[str, str]:
-    """Return each table by the name of its place in the page."""
+    """Return the tables by the name of their place in the page."""
     rows = [f"| `{name}` | {fields(kind)} | {meaning(kind)} |" for name, kind in EVENTS.items()]
     change = f"| {fields(ShapeChange)} | {meaning(ShapeChange)} |"
     return {
@@ -34,7 +34,7 @@ def tables() -> dict[str, str]:
 
 
 def page() -> str:
-    """Return the page with its tables as the dataclasses have them."""
+    """Return the page with new tables, made from the dataclasses of the events."""
     text = PAGE.read_text(encoding="utf-8")
     for place, table in tables().items():
         before, _, rest = text.partition(f"<!-- {place} -->\n")

@@ -72,7 +72,7 @@ def keep(page: Any, name: str) -> None:
 
 
 def of_the_bench(browser: Browser, address: str) -> None:
-    """Take the pictures of a run: idle, running and stopped."""
+    """Take the pictures of the bench: idle, running and stopped."""
     page = browser.new_page(viewport=SIZE)
     page.set_default_timeout(120_000)
     page.goto(address)
@@ -99,7 +99,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
 
 
 def of_a_fit(browser: Browser, address: str) -> None:
-    """Take the picture of a fitted run."""
+    """Take the picture of a fit."""
     page = browser.new_page(viewport={**SIZE, "height": 1100})
     page.set_default_timeout(300_000)
     page.goto(f"{address}#runs")
@@ -114,7 +114,7 @@ def of_a_fit(browser: Browser, address: str) -> None:
 
 
 def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
-    """Take the picture of calibrating by hand in dark colours, with the frames of the run as the pictures of a user."""
+    """Take the picture of calibrating images by hand in dark colours; the frames of the run replace a user's images."""
     (folder / "my_pictures").mkdir()
     with open_dataset(folder / "run.h5") as dataset:
         for state in dataset.states:

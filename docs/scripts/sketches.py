@@ -232,7 +232,7 @@ def paper(axes: Axes) -> None:
 
 
 def safety(axes: Axes) -> None:
-    """Draw the three that can switch the coil off: the run, the guardian and the supply."""
+    """Draw the three devices that can switch the coil off: the run, the guardian and the supply."""
     box(axes, (0, 2.2), (2.2, 1), "run", SKY)
     box(axes, (0, 0), (2.2, 1), "guardian,\na process of its own", ORANGE)
     box(axes, (4.6, 1.1), (2.0, 1), "supply\n(watchdog)", SILICONE)
@@ -278,7 +278,7 @@ def decisions(axes: Axes) -> None:
 
 
 def time(axes: Axes) -> None:
-    """Draw the tip against the logarithm of time: bent, released, ringing, and creeping back."""
+    """Draw the place of the tip against the logarithm of time: bent, released, ringing, and creeping back."""
     before, after = np.linspace(-2.6, -2.0, 2), np.linspace(-2.0, 1.8, 4000)
     since = 10**after - 10**-2.0
     creep = 0.28 * np.exp(-since / 0.4) + 0.16 * np.exp(-since / 9.0)

@@ -176,7 +176,7 @@ def list_network() -> tuple[Found, ...]:
 
 
 def _host(address: str) -> str:
-    """Return the host in a VISA resource of the network, and the whole address of another one."""
+    """Return the host in a VISA resource of the network; for any other resource, the whole address."""
     parts = address.split("::")
     return parts[1] if parts[0].upper().startswith("TCPIP") and len(parts) > 2 else address
 

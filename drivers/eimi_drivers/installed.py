@@ -24,8 +24,8 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 class Drivers(MutableMapping[str, Driver], Generic[Driver]):
     """Map names to the drivers of one kind. A program adds a driver with ``SUPPLIES["mine"] = driver``.
 
-    If the program added a driver under a name that an installed package announces too, the driver of the program is
-    used. A name that this package uses cannot be given to another driver.
+    If a program adds a driver under a name that an installed package also announces, the driver of the program is used.
+    A name that this package uses cannot be given to another driver.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """Frames, each with its measured current (A), time (s) and sensor readings, and the flags of all frames."""
+    """Frames with their measured currents (A), times (s) and sensor readings, and the flags of the whole set."""
 
     frames: tuple[Frame, ...]
     measured_A: tuple[float, ...]

@@ -45,17 +45,17 @@ MEASURED_AGAIN_AFTER_S = 0.2
 
 
 def without_contact(supply: object) -> str:
-    """Return what the driver says about the coil after the cable is pulled or the computer fails."""
+    """Return the driver's description of the output after the cable is pulled or the computer fails."""
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
 def no_sensors() -> dict[str, float]:
-    """Return no values; for a bench without sensors."""
+    """Return no sensor readings: the `sense` of a bench without sensors."""
     return {}
 
 
 def never() -> None:
-    """Do nothing; the `stop_if_asked` of a ramp that must not be interrupted."""
+    """Do nothing: the `stop_if_asked` of a ramp that must not be interrupted."""
 
 
 class Coil:
@@ -135,9 +135,10 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Count the time of the ramp down from now, or from `ago_s` (s) ago. Only the first call has an effect.
+        """Measure the time of the ramp down from now, or from `ago_s` (s) ago. Only the first call has an effect.
 
-        The handler of a signal calls this: an exchange that is under way then takes its time from the ramp.
+        The handler of a signal calls this method, so that the time of an exchange that is under way is part of the time
+        of the ramp.
         """
         if self._ends_since_s is None:
             self._ends_since_s = self._clock.now() - ago_s
@@ -146,8 +147,9 @@ class Coil:
         """Measure the current and check the supply for faults, at most once in `WATCH_EVERY_S`.
 
         The run calls this between its operations: during ramps, while the beam settles, and in a pause. The call
-        returns at once while another thread sets a current, because two exchanges on one line would mix. Another thread
-        that calls it with ``early_s`` (s), by which the interval is shorter, leaves no measurement to the run.
+        returns at once while another thread sets a current, because two exchanges on one line would mix. With
+        ``early_s`` (s) the interval is shorter by this time: if another thread calls the method so, the run itself
+        never has to measure.
 
         Raises
         ------
@@ -196,7 +198,7 @@ class Coil:
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Time an exchange. Note a supply that does not answer as it should: no time is lost with a ramp then."""
+        """Measure the time of an exchange, and record a supply that does not answer properly."""
         began_s = self._clock.now()
         try:
             yield
@@ -207,7 +209,7 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Leave out the ramp down if an interlock opens, because a ramp takes too long beyond some bounds."""
+        """Leave out the ramp down if an interlock opens, because beyond some bounds a ramp takes too long."""
         try:
             yield
         except BeyondInterlock:
@@ -215,7 +217,7 @@ class Coil:
             raise
 
     def _swapped(self, current_A: float) -> float:
-        """Convert the current of the supply into that of the coil, or the reverse; swapped leads change its sign."""
+        """Return the coil's current for a current of the supply, or the reverse: swapped leads change its sign."""
         return -current_A if self.leads_swapped and current_A else current_A
 
     def _is_right(self, of_supply_A: float) -> bool:
@@ -239,7 +241,7 @@ class Coil:
         )
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points since the last call, with times on the clock."""
+        """Return the set-points since the previous call of this method, with their times on the clock."""
         new, self._set_points = self._set_points, []
         return new
 
@@ -290,8 +292,8 @@ class Coil:
         Returns
         -------
         SetPoint
-            The step. Its uncertainty includes the time in which the current of the coil followed: it was at the
-            set-point when the first measurement agreed with it.
+            The step. The uncertainty of its time includes the time that the coil's current needs to follow: the current
+            was at the set-point when the first measurement agreed with it.
 
         Raises
         ------

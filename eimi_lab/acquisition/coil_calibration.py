@@ -44,7 +44,7 @@ class CoilCalibration:
     line : FieldLine
         Slope and offset at the magnet.
     hysteresis_mT : float
-        Largest difference of two means at one current, on the way up and on the way down, at the probe.
+        Largest difference, at the probe, between the mean fields at one current on the way up and on the way down.
     """
 
     current_A: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Say that the coil may still be on while an attempt to switch it off takes long."""
+"""Report that the coil may still be on while an attempt to switch it off takes long."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
     """Send `doubt` from another thread if the context lasts longer than this time (s); None sends nothing.
 
-    An attempt on a line that has failed can take several seconds until it is known to have failed too.
+    On a line that has failed, several seconds can pass until an attempt fails too.
     """
     if doubt is None:
         yield

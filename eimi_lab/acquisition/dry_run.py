@@ -57,7 +57,7 @@ class _BeamAtRest:
         self._number = 0
 
     def identify(self) -> Identity:
-        """Return an identity that says that there is no camera."""
+        """Return an identity which states that there is no camera."""
         return Identity("dry run", "no camera", "none")
 
     def flush(self) -> None:
@@ -85,7 +85,7 @@ def dry_run(
 ) -> None:
     """Pass the steps of a run to `say`; every message to the supply, with its simulated time, is a detail.
 
-    The simulated beam settles at once, so that the computed duration is the shortest possible. The longest possible
+    The simulated beam settles at once, so that the computed duration is the shortest possible one. The longest possible
     duration is printed beside it. There is no emulator for a driver of another package: its messages are not printed,
     and the times are those of a stand-in.
 
@@ -100,7 +100,7 @@ def dry_run(
     say : callable
         Receives each step; the last one is the duration.
     say_detail : callable, optional
-        Receives each message, and the end of each state; by default `say` does.
+        Receives each message, and the end of each state; by default `say` receives them.
 
     Raises
     ------

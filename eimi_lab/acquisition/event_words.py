@@ -53,8 +53,9 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that passes the sentence about each stored state to `report`, and other sentences to `remark`.
 
-    It does not print an error that ends the run, or a coil that may be on at its end: the caller that catches the
-    exception does. It prints a coil that may be on while the run still tries to switch it off, and the end of that.
+    The listener passes no sentence about an error that ends the run, or about a coil that may be on after the run: the
+    caller that catches the exception prints these. The listener reports a coil that may be on while the run still tries
+    to switch it off, and the outcome.
     """
     doubted = False
 
@@ -77,7 +78,7 @@ def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = t
 
 
 def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) -> str:
-    """Say what protects the coil where the run cannot.
+    """Return a sentence about the protection of the coil for the case that the run itself fails.
 
     without_contact: the words of the driver. interlocks: the readings with interlocks.
     """

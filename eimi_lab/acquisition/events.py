@@ -33,12 +33,12 @@ OnEvent = Callable[[Event], None]
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing with an event."""
+    """Do nothing: the listener of a run whose events nobody receives."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunBegun(Event):
-    """A run begins; it has not used any instrument yet.
+    """A run begins; the run has not used any instrument yet.
 
     without_contact: state of the coil after its cable is pulled, in the words of the driver; empty if the coil is
     simulated. hottest_share: largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig
@@ -94,7 +94,7 @@ class ConditioningDone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Settled(Event):
-    """The wait until the beam is at rest is over. at_rest: false if the beam was still moving at the end of it."""
+    """The wait until the beam is at rest is over. at_rest: false if the beam was still moving when it ended."""
 
     event: ClassVar[str] = "settled"
     state: int
@@ -117,9 +117,9 @@ class StateStored(Event):
 class RingDownStored(Event):
     """A ring-down was written to the dataset on the disk.
 
-    ring_down: its number, from 0, out of `ring_downs`. from_A: current before the step to zero. frames: number of
-    frames. lost: number of frames that the camera counted and that did not arrive. rate_Hz: frames per second.
-    step_uncertainty_s: standard uncertainty of the moment of the step. flags: names of the defects.
+    ring_down: the number of this ring-down, from 0, out of `ring_downs`. from_A: current before the step to zero.
+    frames: number of frames. lost: number of frames that the camera counted but that did not arrive. rate_Hz: frames
+    per second. step_uncertainty_s: standard uncertainty of the moment of the step. flags: names of the defects.
     """
 
     event: ClassVar[str] = "ring_down_stored"
@@ -135,7 +135,7 @@ class RingDownStored(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStoredBefore(Event):
-    """The dataset of a resumed run contains this state already; it is not taken again."""
+    """The dataset of a resumed run already contains this state; the state is not measured again."""
 
     event: ClassVar[str] = "state_stored_before"
     state: int
@@ -173,7 +173,7 @@ class Resumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequested(Event):
-    """A signal asked the run to stop, and the run stops. signal: its name, such as SIGINT."""
+    """A signal asked the run to stop, and the run stops. signal: the name of the signal, such as SIGINT."""
 
     event: ClassVar[str] = "stop_requested"
     signal: str
@@ -205,8 +205,8 @@ class Warned(Event):
 class FramesLost(Event):
     """Frames did not arrive completely, and none of them is stored. The run continues.
 
-    state: the state during which they were exposed; null before, between and after the states. frames: their number.
-    reasons: their number by the reason that the camera's driver states.
+    state: the state during which they were exposed; null before, between and after the states. frames: number of lost
+    frames. reasons: number of lost frames for each reason that the camera's driver states.
     """
 
     event: ClassVar[str] = "frames_lost"
@@ -219,9 +219,9 @@ class FramesLost(Event):
 class InterlockOpened(Event):
     """A reading left the bounds of its interlock, or did not come; the run ends with the coil off.
 
-    reading: its name in the rig file. value: in the unit of the reading; null if there is none. minimum, maximum,
-    longest_silence_s: the bounds in the rig file, null where it states none. silent_s: how long no reading came; null
-    if one came.
+    reading: the name of the reading in the rig file. value: the value in the unit of the reading; null if there is
+    none. minimum, maximum, longest_silence_s: the bounds in the rig file, null where it states none. silent_s: how long
+    no reading came; null if one came.
     """
 
     event: ClassVar[str] = "interlock_opened"
@@ -247,10 +247,10 @@ class OffConfirmed(Event):
     """The coil is off.
 
     by: the process that switched it off. determined_by: "commanded" if the supply reads back zero and off, "measured"
-    if a measured current is also below the limit. current_A, limit_A: this current and this limit; null if not
-    measured. takeover: reason why the guardian switched off; null if the run did. run_killed: whether the guardian
-    killed the run for this. address: address of the supply; empty if the run switched off. remark: failures on the way,
-    in words; usually empty.
+    if in addition a measured current is below the limit. current_A, limit_A: the measured current and the limit; null
+    if not measured. takeover: reason why the guardian switched off; null if the run did. run_killed: whether the
+    guardian killed the run for this. address: address of the supply; empty if the run switched off. remark: failures
+    before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
@@ -287,7 +287,7 @@ def off_confirmed(
 
 @dataclass(frozen=True, kw_only=True)
 class OffNotConfirmed(Event):
-    """The coil could not be confirmed off: it may still be on.
+    """The coil could not be confirmed off, so that it may still be on.
 
     reason: text for a person. current_A, limit_A: the measured current and the limit with which it was compared; null
     if not measured. trying_process: number of the process that continues to try; null if there is none. The other

@@ -41,7 +41,7 @@ RECOGNISED = b"recognised"
 
 
 class StoodStill(InstrumentError):
-    """Report that the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+    """The run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """Current limit, voltage limit and off limit for opening the driver."""
+        """The current limit, the voltage limit and the off limit with which the driver is opened."""
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
@@ -134,14 +134,14 @@ class Guardian:
         self._send(RECOGNISED)
 
     def beat(self) -> None:
-        """Report that the run has taken a step. Never waits, raises nothing."""
+        """Report that the run has taken a step. The method never waits and raises no error."""
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
             self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Allow this time (s) until the next beat. Never waits, raises nothing."""
+        """Allow the run this time (s) until its next beat. The method never waits and raises no error."""
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds

@@ -145,7 +145,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     """Switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection, and some supplies serve only one connection at a time. If the first
-    attempt fails, the guardian therefore kills the process of the run, `run`.
+    attempt fails, the guardian therefore kills the process `run`.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
@@ -194,7 +194,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     """Open the supply, compare its identity, switch off, measure and close.
 
-    No set-point but zero is sent: half of a current that is measured during a fault may be above the set-point.
+    No set-point except zero is sent: a current measured during a fault may be twice the set-point or more.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _compare(ward: Ward, supply: PowerSupply) -> str:
-    """Return why the supply is not identified, in words, or "" if it is. Raises AnotherSupply if another one answers.
+    """Return why the supply was not identified, or "" if it was. Raises AnotherSupply if another one answers.
 
     A supply that does not answer is switched off nevertheless, because it may be the supply of the coil.
     """
@@ -270,7 +270,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off now and was off in every earlier attempt. If it is on, add True to `was_on`."""
+    """Return whether the output is off, now and in every earlier attempt. If it is on, append True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -284,7 +284,7 @@ def _is_one_of_a_kind(ward: Ward) -> bool:
 
 
 def _stay() -> None:
-    """Do nothing while Windows logs the user off: the run ends first, and its end is what this process waits for."""
+    """Do nothing while Windows logs the user off: the run ends first, and this process waits for the end of the run."""
 
 
 def _say(message: bytes) -> None:
@@ -300,7 +300,7 @@ def _print(event: Event) -> None:
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Guard a supply, a `Ward` as JSON. events: name of a descriptor for events, if a program reads them."""
+    """Guard a supply, a `Ward` as JSON. events: name of the descriptor for events, if a program reads the events."""
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))
         guarded = Ward(**json.loads(ward))

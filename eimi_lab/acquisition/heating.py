@@ -27,7 +27,7 @@ STORED_WITHIN_S = 0.1  # longest time for storing one frame of a transient
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest moment of a run: the stage at whose end it occurs, in words, and the heat h / I₀² there."""
+    """The hottest moment of a run: the stage that ends at this moment, in words, and the heat h / I₀²."""
 
     stage: str
     share: float

@@ -1,4 +1,4 @@
-"""Interlocks of a run: a reading outside its bounds, or a missing reading, ends the run with the coil off."""
+"""Interlocks of a run: if a reading is outside its bounds or missing, the run ends with the coil off."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Interlocks:
         return all(_is_within(rule, readings[rule.reading]) for rule in self._rules if rule.reading in readings)
 
     def check(self, readings: Mapping[str, float], now_s: float) -> None:
-        """Note readings that came at `now_s` on the clock of the run. Raises BeyondInterlock."""
+        """Check readings that came at `now_s` on the clock of the run. Raises BeyondInterlock."""
         for rule in self._rules:
             if rule.reading in readings:
                 self._came_s[rule.reading] = now_s
@@ -59,9 +59,9 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget when the readings came; the silence of each reading is counted from its next value.
+        """Forget the times at which readings came; the silence of each reading is counted from its next value.
 
-        With the output off, that value may come late.
+        While the output is off, the next value may come late.
         """
         self._came_s.clear()
 

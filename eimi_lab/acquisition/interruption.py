@@ -58,6 +58,6 @@ class Interruption:
             self._run.stop_if_asked()
 
     def while_storing(self) -> None:
-        """Switch the coil off after a second signal, while the writer finishes storing a state."""
+        """Switch the coil off after a second signal, while the writer finishes the storage of a state."""
         if self._run:
             self._run.switch_off_in_haste()

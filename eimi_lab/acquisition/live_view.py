@@ -50,7 +50,7 @@ class WatchedCamera:
         self._reported_lost: Counter[str] = Counter()
 
     def at(self, state: int, current_A: float) -> None:
-        """Set the state and current (A) to which the next frames belong."""
+        """Set the state and the current (A) that the next frames show."""
         self._state, self._current_A = state, current_A
         self._cue.state = state
 

@@ -109,7 +109,7 @@ def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
 
 
 def attached() -> str:
-    """Return a list of the attached instruments, for the error about an instrument that was not found."""
+    """Return the list of attached instruments, for the error message about an instrument that was not found."""
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
     ports = ", ".join(port.address for port in list_serial_ports()) or "none"

@@ -1,4 +1,4 @@
-"""Begin with the output of the supply off: refuse one that is on, or switch it off."""
+"""Begin with the output of the supply off: switch it off, or refuse a supply whose output is on."""
 
 from __future__ import annotations
 

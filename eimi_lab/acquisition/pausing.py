@@ -19,7 +19,7 @@ LOOK_EVERY_S = 0.1
 
 
 def no_input() -> str | None:
-    """Return None; the input of a run without a terminal."""
+    """Return None: the input of a run without a terminal."""
     return None
 
 
@@ -36,7 +36,7 @@ class Pauses:
     Attributes
     ----------
     asked : bool
-        Whether a person has asked for a pause that has not begun yet.
+        Whether a person has asked for a pause, and the pause has not begun yet.
     """
 
     def __init__(self, typed: Callable[[], str | None], on_event: OnEvent) -> None:
@@ -64,7 +64,7 @@ class Pauses:
         state : int
             The next state.
         stop_if_asked : callable
-            Is called while the run waits; it may raise.
+            Called while the run waits; it may raise.
         swap_leads : bool
             Whether the person is asked to swap the leads of the coil. A line that was typed before does not count.
 

@@ -1,7 +1,7 @@
 """The polarity of the current in a coil whose supply cannot reverse it.
 
 The leads of such a coil are swapped while the coil is off: a person swaps them, or turns a switch, in a pause that asks
-for it. A bench with a relay that this program can switch needs no person. The virtual rig has one.
+for it. A bench with a relay that this program can switch needs no person. The virtual rig has such a relay.
 """
 
 from __future__ import annotations

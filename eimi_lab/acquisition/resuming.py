@@ -103,6 +103,9 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Return the time (s) since the run began; a simulated clock may be ahead of the clock of the computer."""
+    """Return the time (s) since the run began.
+
+    If a simulated clock is ahead of the clock of the computer, the simulated clock counts.
+    """
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

@@ -71,7 +71,7 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield a recorder; at the end, also after an error, store its frames and send the event."""
+    """Yield a recorder of one ring-down; at the end, also after an error, store its frames and send its event."""
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:
         recorded = _Recorded(run, rule, stream)
@@ -116,7 +116,7 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 
 
 class _Recorded:
-    """One ring-down while it is recorded: the step, and each frame (without its image) with its time of arrival."""
+    """A ring-down during its recording: the step of the current, and each frame's data with its time of arrival."""
 
     def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:
         self._run, self._rule, self._stream = run, rule, stream
@@ -166,9 +166,9 @@ class _Recorded:
 def frame_times(arrived_s: Sequence[float], stamped_s: Sequence[float]) -> list[float]:
     """Return the times of frames on the clock of the run.
 
-    Differences between the time stamps of the camera are exact; those between arrivals are not. The time stamps are
-    shifted so that the frame with the shortest delay has the time of its arrival. If the camera has no clock that
-    agrees with that of the run (a recording, or a camera without time stamps), the arrivals are returned.
+    Differences between the time stamps of the camera are exact; differences between times of arrival are not. The time
+    stamps are shifted so that the frame with the shortest delay gets its time of arrival. If the camera has no clock
+    that agrees with that of the run (a recording, or a camera without time stamps), the times of arrival are returned.
 
     Parameters
     ----------

@@ -250,7 +250,7 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data for the last event of a run: path of the dataset, number of stored states, last state of the coil."""
+    """The data for the last event of a run: path of the dataset, number of stored states, last event of the coil."""
 
     path: Path
     states: int
@@ -259,7 +259,7 @@ class _Ending:
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
-        """Return the last event of a run that ends now."""
+        """Return the last event of the run, with the present state of the coil."""
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
         return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
 
@@ -308,7 +308,7 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
 def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
-    """Switch the output on, carry out conditioning, the states from `first` on and the ring-downs, and switch off.
+    """Switch the output on, do the conditioning, the states from `first` on and the ring-downs, and switch it off.
 
     A resumed run leaves out the conditioning, because its first session carried it out.
     """

@@ -16,7 +16,7 @@ TRIED_AGAIN_AFTER_S = 2.0
 
 
 def _ignore(message: str) -> None:
-    """Do nothing with a warning."""
+    """Do nothing: the `warn` of a caller that needs no warnings."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class OpenSensor:
 
 
 def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> CoilThermometer:
-    """Return the coil as a thermometer, read through its supply."""
+    """Return the sensor that uses the coil as a thermometer, through the readings of its supply."""
     assert rule.at_rest_degC is not None  # the model of the rig file requires both
     assert rule.at_rest_A is not None
     return CoilThermometer(supply.measure, clock, rule.at_rest_degC, rule.at_rest_A)
@@ -96,7 +96,7 @@ class Sensing:
         return tuple(identities), tuple(logged)
 
     def measure_at_rest(self, coil: Coil, stop_if_asked: Callable[[], None]) -> None:
-        """Measure the resistance of the coil at rest if it is a thermometer; its output is on, with no current.
+        """Measure the coil's resistance at rest if a sensor is the coil; the output is on without a current.
 
         Raises InstrumentError, Stopped.
         """

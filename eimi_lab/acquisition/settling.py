@@ -39,7 +39,7 @@ class Settling:
 
 
 def ignore_frame(frame: Frame, at_s: float) -> None:
-    """Do nothing with a frame."""
+    """Do nothing with a frame: the `see` of a caller that needs no frames."""
 
 
 def wait_until_settled(
@@ -54,12 +54,12 @@ def wait_until_settled(
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
     The beam is at rest if the difference ratio of consecutive frames was below `noise_ratio` for `pairs` pairs in a
-    row, and the ratio of two frames `drift_window_s` apart is below it too. The second condition detects creep. A frame
-    that equals the previous frame including its noise is a repetition by the camera and is not counted.
+    row, and if the ratio of two frames `drift_window_s` apart is also below it. The second condition detects creep. A
+    frame that equals the previous frame including its noise is a repetition by the camera and is not counted.
 
-    The band of pixels along the edges takes longer to find than all else. It is found in the first frame of a quiet
+    The band of pixels along the edges takes most of the time to find. It is found in the first frame of a quiet
     period and in the frame that ends the wait, and kept in between. A moving beam that has left the band looks quiet,
-    and is found to move as soon as the quiet period begins.
+    but its motion is detected as soon as the quiet period begins.
 
     Parameters
     ----------

@@ -30,7 +30,9 @@ MISSING = "missing_frames"
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """The objects of a run in progress.
+    """A run in progress: its bench, its files and its times.
+
+    began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
 
     began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
     """
@@ -121,12 +123,12 @@ class Stepping:
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
 
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames between states, with the state or cycle of each. Raises StorageFailed."""
+        """Store frames taken between states, each with the number of its state or cycle. Raises StorageFailed."""
         if moments:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points since the last call, on the clock of the run."""
+        """Return the set-points since the previous call of this method, with their times since the run began."""
         return [replace(point, time_s=point.time_s - self.began_s) for point in self.coil.new_set_points()]
 
     def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
@@ -134,7 +136,7 @@ class Stepping:
 
 
 def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
-    """Return the flags with the frames that the camera lost in the whole state, while the beam settled and after."""
+    """Return the flags with a flag for the frames that the camera lost during the state, including the settling."""
     if not lost:
         return flags
     (dropped,) = judge({MISSING: lost})

@@ -70,7 +70,7 @@ class SupplyTrial:
 
 
 class _Failed(Exception):
-    """Raised after a failed step, to end the trial."""
+    """A step of the trial failed; the trial ends."""
 
 
 def try_supply(

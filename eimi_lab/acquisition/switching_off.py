@@ -42,7 +42,7 @@ class _InHaste(Exception):
 
 
 class _SignalsHeeded:
-    """The signals that came during a run, and the reaction of each step of the run to them; see `switching_off`."""
+    """The signals that came during a run, and the reaction of each step to these signals; see `switching_off`."""
 
     def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         self._coil, self._guardian, self._on_event = coil, guardian, on_event
@@ -51,7 +51,7 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: store its number and its time, and do nothing else."""
+        """Handle a signal: store its number and its time. The handler does nothing else."""
         if number == SUSPEND:
             self._suspended = True
         else:
@@ -216,7 +216,7 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch off and report it. failed: why the ramp down failed, in words."""
+    """Switch the coil off and report the outcome. failed: in words, why the ramp down failed."""
     if guardian:
         guardian.allow(OFF_WITHIN_S)
     reason = failed or coil.unreachable

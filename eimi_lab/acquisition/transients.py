@@ -31,7 +31,7 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Keep a frame, taken at `at_s` on the run's clock, if the next logarithmic interval has passed."""
+        """Keep a frame, taken at `at_s` on the run's clock, if the next logarithmic interval is over."""
         elapsed_s = max(at_s - self._coil.changed_s, SHORTEST_S)
         if not self._last_s:
             self._last_s = elapsed_s + self._lasts_s

@@ -73,7 +73,7 @@ def _cell(text: str) -> str:
 
 
 def _kind_of_line(address: str) -> str:
-    """Return the kind of line; the address is left out, because only this laboratory needs it."""
+    """Return the kind of the line to the supply; the address is left out, because only this laboratory needs it."""
     upper = address.upper()
     kinds = {"GPIB": "GPIB", "USB0": "USB (VISA)", "SOCKET": "TCP socket", "HISLIP": "HiSLIP", "TCPIP": "VXI-11"}
     return next((words for part, words in kinds.items() if part in upper), "serial line")

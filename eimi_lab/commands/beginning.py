@@ -39,7 +39,7 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """Return states.csv with a row for each image of the folder, or with one example row, without currents."""
+    """Return the text of states.csv without currents: a row for each image of the folder, or one example row."""
     from eimi_drivers.cameras.image_series import natural_key
     from eimi_lab.vision.image_files import ENDINGS
 

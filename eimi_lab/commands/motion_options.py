@@ -20,7 +20,7 @@ _NOT_NEGATIVE = ("hanging", "removed")
 
 @dataclass(frozen=True)
 class MotionOptions(PictureOptions):
-    """Facts about the recording of a motion that no file contains."""
+    """Facts about the recording of a motion that are in no file."""
 
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="the source shows a beam that swings freely after a flick or a release")

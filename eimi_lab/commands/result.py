@@ -36,7 +36,7 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command with every path in it as `eimi_lab.process.paths.reachable` returns it."""
+    """Return an argument of a command with each path in the form of `eimi_lab.process.paths.reachable`."""
     if isinstance(argument, Path):
         return reachable(argument)
     return [_reachable(item) for item in argument] if isinstance(argument, list) else argument

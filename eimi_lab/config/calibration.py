@@ -128,7 +128,7 @@ class Calibration(Document):
 
     @property
     def positive_field_deg(self) -> float:
-        """Direction of the field of a positive current, which is also that of +y; without a coil, across the beam."""
+        """Direction of the field of a positive current, which is also that of +y; across the beam without a coil."""
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 
     @property
@@ -137,7 +137,7 @@ class Calibration(Document):
         return self.coil_constant_mT_per_A or 0.0
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys that have a value here and may have an uncertainty."""
+        """Return the keys that have a value in this calibration and may have an uncertainty."""
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
@@ -166,7 +166,7 @@ class Calibration(Document):
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
-        """Return the values as JSON, as earlier releases did if a calibration has no key of later ones."""
+        """Return the values as JSON; a calibration without newer keys gives the same JSON as in earlier releases."""
         absent = {key for key in _OF_LATER_RELEASES if getattr(self, key) is None}
         return self.model_dump_json(exclude=excluded | absent)
 
@@ -212,7 +212,7 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return the keys of `PLACES` that are neither in the file nor in the changes.
+    """Return the keys of `PLACES` that neither the file nor the changes contain.
 
     Raises
     ------

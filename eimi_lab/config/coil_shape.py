@@ -105,7 +105,7 @@ class CoilShapeTable(Table):
 
 
 def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
-    """Replace the name of a map in the table of a calibration by the rows of the file; return whether there was one.
+    """Replace the name of a map file in the table of a calibration by the rows of that file; return whether it had one.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
-    """The true material of a virtual specimen."""
+    """The true material of a virtual specimen: its law and the parameters."""
 
     model: str
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
@@ -43,7 +43,7 @@ class TrueMaterial(Table):
 
 
 class TrueBench(Table):
-    """The properties in which a virtual bench differs from its specimen file and its calibration."""
+    """The properties of a virtual bench that differ from its specimen file and its calibration."""
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle by which the magnetisation is turned from its stated direction."""

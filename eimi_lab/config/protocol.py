@@ -67,7 +67,7 @@ class Currents(Table):
         return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
-        """Return the key in the file that defines a set-point at an end of the range."""
+        """Return the key in the file that defines the set-point at one end of the range."""
         if self.values_A is not None:
             return "values_A"
         forward_A = abs(current_A) if self.both_polarities else current_A
@@ -83,7 +83,7 @@ class Currents(Table):
 
 
 class Ramp(Table):
-    """How the current moves between states, and how exactly it must reach its set-point."""
+    """How the current moves between states, and how closely the measured current must agree with its set-point."""
 
     rate_A_per_s: float = Field(gt=0)
     """Rate of the current between states."""
@@ -235,7 +235,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of the run, of the conditioning and of the ring-downs, each with its key in the file."""
+        """The extreme currents of the run, the conditioning and the ring-downs, each with the key that defines it."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None
@@ -244,7 +244,7 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of states and ring-downs of a run."""
+        """The number of recordings of a run: its states and its ring-downs."""
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 
     @property

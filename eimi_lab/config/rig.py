@@ -56,7 +56,7 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """Current limit, voltage limit and off limit for opening the driver."""
+        """The current limit, the voltage limit and the off limit with which the driver is opened."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -257,7 +257,7 @@ class Rig(Document):
 
     @property
     def simulated(self) -> bool:
-        """Whether the supply is virtual as well as the camera, so that time is simulated."""
+        """Whether both the supply and the camera are virtual, so that time is simulated."""
         return self.supply.driver == VIRTUAL
 
 

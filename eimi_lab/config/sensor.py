@@ -93,7 +93,7 @@ class RigSensor(Table):
 
 
 def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
-    """Raise ValueError if two sensors have one name or one role, or an emulated one is on a real bench.
+    """Raise ValueError if two sensors have the same name or role, or if an emulated sensor is on a real bench.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ class SizeAlong(float):
 
 
 def rows_of(size_mm: float) -> Rows:
-    """Return the table of a size; empty if it is the same everywhere."""
+    """Return the table of a size; an empty table if the size is the same everywhere."""
     return size_mm.rows if isinstance(size_mm, SizeAlong) else ()
 
 
@@ -58,5 +58,5 @@ def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
 
 
 def written(size_mm: float) -> float | list[list[float]]:
-    """Return a size as a file states it."""
+    """Return a size in the form of the file: a number or a table."""
     return [list(row) for row in size_mm.rows] if isinstance(size_mm, SizeAlong) else float(size_mm)

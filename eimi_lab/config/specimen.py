@@ -209,7 +209,7 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return, for each key of [uncertainty] that is checked against a value, the value's key and the value."""
+        """Return, for each key of [uncertainty] that is compared with a value, the key of this value and the value."""
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
         return {
@@ -219,7 +219,7 @@ class SpecimenFile(Document):
         }
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys that have a value here and may have an uncertainty."""
+        """Return the keys that have a value in this specimen and may have an uncertainty."""
         keys = tuple(key for key, (_, value) in self._values().items() if value is not None)
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 

@@ -78,7 +78,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"  # HDF5 File Format Specification, II.A: the signat
 
 
 def is_dataset(path: Path) -> bool:
-    """Return whether a file begins as a dataset does, which is HDF5."""
+    """Return whether a file begins like an HDF5 file, as every dataset does."""
     if not path.is_file():
         return False
     try:
@@ -171,7 +171,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def _decimal_comma(text: str) -> str:
-    """Return a hint at the first number with a decimal comma; an empty text if there is none."""
+    """Return a hint about the first number with a decimal comma; an empty text if there is none."""
     for number, line in enumerate(text.splitlines(), 1):
         if stated := _DECIMAL_COMMA.fullmatch(line):
             right = stated["value"].replace(",", ".")
@@ -237,7 +237,7 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _one_line(model: type[BaseModel], error: ValidationError) -> str:
-    """Describe one fault in one line; an unknown key comes first, since it usually is the missing key misspelt."""
+    """Describe one fault in one line; an unknown key comes first, because it is usually misspelt."""
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])
     location = tuple(str(part) for part in fault["loc"])

@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function such that the error for an unknown option suggests an existing one."""
+    """Decorate a function so that the error about an unknown option suggests an existing option."""
     names = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)
@@ -44,14 +44,14 @@ def named_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def several(given: Any) -> list[Any]:
-    """Return the elements of a list or tuple as a list, or a list with the single given object, such as a text."""
+    """Return the elements of a list or tuple as a list; put any other object, such as a text, into a list."""
     if isinstance(given, list | tuple):
         return list(given)
     return [given]
 
 
 def path_of(given: AnyDataset) -> Path:
-    """Return the path of a dataset."""
+    """Return the path of a dataset that is given as a path or as an open dataset."""
     return given.path if isinstance(given, Dataset) else Path(given)
 
 
@@ -96,6 +96,6 @@ def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path
 
 
 def files(*given: object) -> list[Path]:
-    """Return the arguments that are paths, without duplicates."""
+    """Return those of the arguments that are paths, without duplicates."""
     paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

@@ -358,7 +358,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Let the message of a signal say what an interrupted fit leaves."""
+    """Add to the message of a signal what an interrupted fit leaves behind."""
     try:
         yield
     except Stopped as stopped:

@@ -1,4 +1,4 @@
-"""Classes of the values that functions of this package return; they print themselves and show as HTML in a notebook."""
+"""Classes of the values that the functions of this package return, printed as text and shown as HTML in a notebook."""
 
 from __future__ import annotations
 

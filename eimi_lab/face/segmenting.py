@@ -52,8 +52,8 @@ def import_pictures(
     average : bool
         Store the mean frame of each state instead of every frame.
     every : int
-        Of a video, import every n-th frame. Each load of the table acts from its time_s or frame until the next row, or
-        until its until_s.
+        Of a video, import every n-th frame. Each load of the table acts from the time_s or the frame of its row until
+        the next row, or until the until_s of its row.
     dark : str or Path
         Image without light, subtracted from every frame. The dataset stores it.
     flat : str or Path
@@ -71,8 +71,8 @@ def import_pictures(
     beam_colour : (float, float, float)
         Colour of the beam: red, green and blue, each from 0 to 255.
     along : sequence of (float, float)
-        Two to six points on the centre line of the beam in the first image, from clamp to tip, px. They guide the
-        search, and are no edges. Later images are searched near the beam of the image before.
+        Two to six points on the centre line of the beam in the first image, from clamp to tip, px. The points guide the
+        search and are not used as edges. In each later image the search begins near the beam of the image before.
     force : bool
         Replace an existing dataset.
 
@@ -208,7 +208,7 @@ def segment(
     Returns
     -------
     Dataset
-        The dataset with edges, open. If the given dataset was open, it is the same object.
+        The dataset with edges, open. If an open dataset was given, the same object is returned.
 
     Raises
     ------
@@ -255,7 +255,7 @@ def _changes(
     beam_colour: tuple[float, float, float] | None,
     along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
-    """Return the values that replace those of a calibration, see `config.calibration.Changes`."""
+    """Return the values that replace values of a calibration, see `config.calibration.Changes`."""
     picture = {
         "region_px": region,
         "polarity": polarity,

@@ -346,7 +346,7 @@ def publish(
     Returns
     -------
     Publication
-        The archive, its files, and what a reader of it would miss.
+        The archive, its files, and the items that its reader would miss.
 
     Raises
     ------

@@ -79,7 +79,7 @@ class Admission:
     token: str = field(repr=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with a refusal, or with the application's answer and the headers that restrict the browser."""
+        """Answer with a refusal, or with the answer of the application and the headers that restrict the browser."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -136,7 +136,7 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that receives this message first, and then the messages of `receive`."""
+    """Return a function that receives this message first, and then those of `receive`."""
     waiting = [first]
 
     async def received() -> Message:

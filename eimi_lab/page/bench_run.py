@@ -95,7 +95,7 @@ class Progress:
     """The state of a run as the page shows it.
 
     The attribute ``number`` distinguishes two runs of one page, also if they write a dataset of the same name. ``coil``
-    is "off", "on", "switching off" (from STOP to the event that answers it) or "unknown"; ``off_by`` is "measured" or
+    is "off", "on", "switching off" (from STOP to the event that ends it) or "unknown"; ``off_by`` is "measured" or
     "commanded" and says how it was confirmed as off; ``coil_A`` is the current that was measured for this, or None.
     ``phase`` is "beginning", "running", "pausing", "paused", "ending" (with a ramp), "stopping" or "ended".
     """
@@ -200,13 +200,13 @@ class BenchRun:
             self._type("")
 
     def end(self) -> None:
-        """Ask for the end, with a ramp down. Stored states stay, and the run can be resumed."""
+        """Ask the run to end, with a ramp down. Stored states stay, and the run can be resumed."""
         if self.going_on:
             self._signal(signal.SIGINT)
             self._phase("ending")
 
     def stop(self) -> asyncio.Task[str]:
-        """Set the coil to zero and switch it off at once; the returned task gives the outcome in words."""
+        """Set the current to zero and switch the coil off at once; the returned task gives the outcome in words."""
         if self.going_on:
             for number in AT_ONCE:
                 self._signal(number)
@@ -298,7 +298,7 @@ class BenchRun:
                 self.heard(from_line(line))
 
     def heard(self, event: Event | None) -> None:
-        """Update the state from an event; None stands for an event that only a later release defines."""
+        """Update the state from an event; None stands for an event that only a later release knows."""
         progress = self.progress
         match event:
             case RunBegun():
@@ -327,7 +327,7 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """Estimate the time left from the time per state, measured after the first state (which includes the start)."""
+        """Estimate the remaining time from the time per state, measured from the end of the first state on."""
         if self._taking is None:
             self._taking = at_s, self.progress.stored
             return
@@ -336,7 +336,7 @@ class BenchRun:
         self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
 
     async def _hear_words(self) -> None:
-        """Keep the last line on standard error for the person."""
+        """Keep the last line of standard error, which the page shows to the person."""
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():

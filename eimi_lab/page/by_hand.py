@@ -97,7 +97,7 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return the calibration of the page; keys that it cannot change come from the folder's calibration.toml."""
+    """Return the calibration of the page; keys that the page cannot change come from the folder's calibration.toml."""
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}
     return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
@@ -175,6 +175,6 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset from the images of a folder and the files saved there; return the number of states."""
+    """Make a dataset from the images of a folder and from its saved files; return the number of states."""
     stated = load_calibration(path / CALIBRATION)
     return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)

@@ -186,7 +186,7 @@ def _day(file: Path) -> date:
 
 
 def _shown(measured: MeasuredBench) -> list[list[str]]:
-    """Return key, value with its uncertainty, and source of each number of the calibration."""
+    """Return, for each number of the calibration: key, value with uncertainty, and source."""
     table, sigma = measured.calibration.model_dump(), measured.calibration.uncertainty or {}
     return [[key, f"{_words(table[key])} ± {sigma[key]:g}", source] for key, source in measured.sources.items()]
 

@@ -30,7 +30,7 @@ LOOK_EVERY_S = 1.0
 
 @dataclass
 class View:
-    """The live camera: what it shows, whether it is open, and the last line that its process wrote."""
+    """The live camera: the image that it shows, whether it is open, and the last line that its process wrote."""
 
     rig: str
     specimen: str
@@ -39,7 +39,9 @@ class View:
 
 
 class CameraDesk:
-    """Show the camera of one rig. It is closed for a run, and when no tab is open any more.
+    """Show the live image of the camera of one rig.
+
+    The camera is closed for a run, and when no tab is open any more.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ class CameraDesk:
         self._watching = asyncio.create_task(self._watch(self._process, eyes, view))
 
     async def _watch(self, process: asyncio.subprocess.Process, eyes: OpenedEyes, view: View) -> None:
-        """Pass on what the eyes see until the camera is closed, and close it when no tab is open any more."""
+        """Send the results of the eyes to the tabs until the camera is closed; close it when no tab is open."""
         without_tabs = asyncio.create_task(self._end_without_tabs(process))
         seeing = asyncio.create_task(eyes.see())
         assert process.stderr is not None
@@ -132,6 +134,6 @@ class CameraDesk:
 
 
 def _let_go(process: asyncio.subprocess.Process) -> None:
-    """Close the standard input of the process, at which it closes the camera and ends."""
+    """Close the standard input of the camera's process, which then closes the camera and ends."""
     assert process.stdin is not None
     process.stdin.close()

@@ -51,7 +51,7 @@ class DataFolder:
     def inside(self, name: str) -> Path:
         """Return the path of a name that came from the page.
 
-        Links are followed before the check, so a link that leads outside is refused as ".." is.
+        Links are followed before the check, so that a link to a place outside is refused in the same way as "..".
 
         Raises
         ------

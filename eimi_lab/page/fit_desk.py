@@ -125,7 +125,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Fit, then write the report; inform the tabs of the end in every case."""
+        """Run the fit and write the report; inform the tabs of the end, also after an error."""
         log = dataset.with_suffix(LOG)
         done = False
         try:
@@ -139,7 +139,7 @@ class FitDesk:
             self._changed()
 
     async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
-        """Run both commands; return whether both succeeded."""
+        """Run `eimi fit` and `eimi report`; return whether both succeeded."""
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
         freed = [f"--free={name}" for name in fitting.free]
         fit = (f"--model={fitting.model}", *freed, f"--output={fits}", f"--checkpoint={log}", "--force")
@@ -154,7 +154,7 @@ class FitDesk:
         return await self._eimi(fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset))
 
     async def _eimi(self, fitting: Fitting, *arguments: str) -> bool:
-        """Run a command; return whether it succeeded."""
+        """Run a command of `eimi`; return whether it succeeded."""
         self._process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", "eimi_lab", *arguments),
             stdin=asyncio.subprocess.DEVNULL,

@@ -23,7 +23,7 @@ class OpenedEyes:
     Parameters
     ----------
     number : int
-        Number of the run, which goes with every frame; 0 for the live camera.
+        Number of the run, which is sent with every frame; 0 for the live camera.
     seen : callable
         Called with each frame and with each set of edges.
     """
@@ -52,7 +52,7 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass on frames and edges until both processes have ended, that of the frames first."""
+        """Pass on frames and edges until both processes have ended; the process of the frames ends first."""
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)

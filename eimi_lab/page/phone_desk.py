@@ -45,7 +45,7 @@ class PhoneDesk:
         return Response(await self._worker.do(by_weights.picture, path), media_type="image/jpeg")
 
     async def _receive(self, request: Request) -> Response:
-        """Store a photograph, which is the body of the request, in the folder; a different file is never replaced."""
+        """Store the photograph in the request's body; a different file of the same name is never replaced."""
         self._tabs.check_control(request)
         folder = self._inside(request.query_params.get("folder"))
         name = request.query_params.get("name", "")

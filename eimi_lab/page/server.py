@@ -106,11 +106,11 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """Answer with the delays of the last frames, in s, from their capture to the confirmation of a tab."""
+        """Answer with the delays (s) of the last frames, from their capture to the confirmation by a tab."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
-        """Answer with a report if the request has the key of the link to it."""
+        """Answer with a report if the request carries the key of a link to this report."""
         if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
             return PlainTextResponse(
                 "open the report from the page; a link is valid until its `eimi dashboard` ends", 403

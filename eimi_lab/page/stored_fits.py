@@ -1,4 +1,4 @@
-"""The fits of a result file, as the page shows them. The functions run in the process of the worker."""
+"""Read the fits of a result file for the page. The functions run in the process of the worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dataset as the page shows it. It is opened read-only, also while a run writes it.
+"""Read a dataset for the page; the file is opened read-only, also while a run writes it.
 
 The functions run in the process of the worker.
 """
@@ -136,7 +136,8 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Modulus and 95 % interval in kPa, what limits the interval, error in mm; None if there are too few states.
+        Modulus and 95 % interval in kPa, the largest contribution to the interval, and the error in mm; None if there
+        are too few states.
 
     Raises
     ------
@@ -186,7 +187,7 @@ def rounded(points: NDArray[Any]) -> list[list[float]]:
 
 
 def finite(value: float) -> float | None:
-    """Return a number for JSON: None replaces NaN and infinity, which JSON lacks."""
+    """Return a number for JSON: None replaces NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -46,9 +46,8 @@ async def body_of(request: Request) -> dict[str, Any]:
 class Tab:
     """A tab with its WebSocket.
 
-    The attribute ``waiting`` belongs to the frame that was sent and is not shown yet: the times at which it was sent
-    and captured, on the monotonic clock, in s. The attribute ``stale`` is true until the tab has received the newest
-    state.
+    The attribute ``waiting`` describes the frame that was sent but is not shown yet: the times at which it was sent and
+    captured, on the monotonic clock, in s. The attribute ``stale`` is true until the tab has received the newest state.
     """
 
     socket: WebSocket
@@ -77,7 +76,7 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Return whether the tab of this name is in control."""
+        """Return whether the tab with this name is in control."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:
@@ -86,7 +85,7 @@ class Tabs:
             raise InputError("this tab is not in control; take control first")
 
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
-        """Return a route that calls `act` with the JSON object of a request, if the tab in control sent it."""
+        """Return a route that calls `act` with the JSON object of a request if the tab in control sent the request."""
 
         async def answer(request: Request) -> Response:
             self.check_control(request)

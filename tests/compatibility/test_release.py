@@ -60,7 +60,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_its_calibration_has_the_same_hash() -> None:
-    """Edges and stated uncertainties name their calibration by it."""
+    """The dataset names the calibration of its edges and uncertainties by the hash."""
     with open_dataset(RELEASE / "run.h5") as dataset:
         edges, calibration = dataset.edges(), dataset.calibration
     assert edges is not None
@@ -135,7 +135,10 @@ def test_its_edges_are_found_again(release: Path, eimi: Callable[[str], None]) -
 
 
 def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """The header gets today's versions, because a checkpoint belongs to its versions; one generation is missing."""
+    """The header gets today's versions, because a checkpoint is continued by the same versions only.
+
+    One generation of the checkpoint is missing.
+    """
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})
     (release / "fits.log").write_text("\n".join([today, *logged[:-2]]) + "\n")

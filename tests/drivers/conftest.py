@@ -20,14 +20,14 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return every driver over every transport; those on real ports that are not in `quick` are marked slow."""
+    """Return every driver over every transport; combinations on real ports that are not in `quick` are marked slow."""
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return the context that serves a link and gives the address for its driver; None within this process."""
+    """Return the context that serves a link and gives the driver's address; None for a link within this process."""
     driver, _, where = link.partition(" ")
 
     @contextmanager
@@ -63,13 +63,13 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """Return each driver and transport in words."""
+    """The name of each driver and transport."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """Return links for checks that wait for seconds on a real port."""
+    """The name of each link for checks that wait for seconds on a real port."""
     return str(request.param)
 
 
@@ -96,7 +96,7 @@ def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Open the bench of a driver and a transport by its name."""
+    """Open the bench of a link, which is named by driver and transport."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

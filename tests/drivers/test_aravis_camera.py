@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Keep other tests from having a GigE camera."""
+    """Wait until no other test has a GigE camera, and keep other tests waiting."""
     with only_gige_camera():
         yield
 

@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Keep other tests from having a GigE camera."""
+    """Wait until no other test has a GigE camera, and keep other tests waiting."""
     with only_gige_camera():
         yield
 
@@ -53,7 +53,7 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """Hold the camera that several tests use one after another, because the start of its process takes time."""
+    """Hold a camera that several tests use one after another, because the start of its process takes long."""
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -62,7 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """Serve a camera of numbered pictures, or return the one of the test before if it still runs."""
+    """Serve a camera of numbered pictures; if the camera of the previous test still runs, return that camera."""
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -82,7 +82,7 @@ def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess
 
 @pytest.fixture
 def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
-    """End the camera of the test before."""
+    """End the camera of the previous test."""
     end(kept)
 
 
@@ -211,7 +211,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that takes half a second for a picture."""
+    """Return a function that takes half a second to return a picture."""
     picture = numbered()
 
     def slowly() -> np.ndarray:

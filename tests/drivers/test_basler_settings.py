@@ -24,7 +24,7 @@ class OutOfRange(Exception):
 
 
 class Node:
-    """A setting that takes a new value, or keeps the old one."""
+    """A setting that takes a new value, or keeps the old value."""
 
     def __init__(self, value: Any, stuck: bool = False) -> None:
         self._value, self._stuck = value, stuck
@@ -39,7 +39,7 @@ class Node:
 
 
 class Result:
-    """The result of a grab: a frame, or none in time."""
+    """The result of a grab: a frame, or None if no frame came in time."""
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -67,7 +67,7 @@ class Result:
 
 
 class Device:
-    """A camera with an exposure of 10 ms; a trigger gives one frame, which `late` polls do not find yet."""
+    """A camera with an exposure of 10 ms. A trigger gives one frame, which the first `late` polls do not find."""
 
     def __init__(self, stuck: str = "") -> None:
         defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}

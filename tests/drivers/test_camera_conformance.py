@@ -17,7 +17,7 @@ from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
 class Device:
-    """Replace a device of OpenCV: a frame every millisecond, until it hangs or is unplugged."""
+    """Replace a device of OpenCV: a frame comes every millisecond, until the device hangs or is unplugged."""
 
     frozen, unplugged = False, False
 

@@ -1,4 +1,4 @@
-"""Errors of the kinds of another package's driver are raised as an InstrumentError in one line."""
+"""Errors of the driver of another package are raised as an InstrumentError in one line."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Vendor:
 
 @pytest.fixture
 def vendor(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Set attributes of the driver, which is added for this test."""
+    """Return a function that sets attributes of the driver, which is added for this test."""
     SUPPLIES["vendor"] = Vendor
     yield lambda **values: [monkeypatch.setattr(Vendor, name, value) for name, value in values.items()]
     del SUPPLIES["vendor"]

@@ -1,6 +1,6 @@
-"""Fuzzed replies through every driver: a driver error or what the reply says, in time, and never a wrong set-point.
+"""Damaged replies through every driver: an error or the stated value, in time, and never a wrong set-point.
 
-The emulated supply obeys every message, or none (a locked front panel); what comes back on the wire is spoilt. The
+The emulated supply obeys every message, or none (a locked front panel); the replies are damaged on the line. The
 long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
 """
 
@@ -77,7 +77,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """Damage the reply to every query, in one way after the other, and keep the replies."""
+    """A line that damages the reply to every query, in one way after the other, and keeps the replies."""
 
     instrument: Responder
     spoils: list[Spoil]
@@ -123,7 +123,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     reset = (0.0,) if has_modes else ()  # a change of the mode sets both to zero
 
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
-        """Return the value of `act`, None after a driver error; `questions` of its stages may time out."""
+        """Return the value of `act`, None after a driver error; at most `questions` queries of `act` may time out."""
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()
         returned = None
@@ -162,7 +162,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Call the methods until this number of replies was damaged."""
+    """Call the methods of a driver until this number of replies was damaged."""
     figures: Counter[str] = Counter()
 
     @given(

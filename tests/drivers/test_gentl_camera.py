@@ -20,7 +20,7 @@ GRAB_S = 20.0
 
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Name the test producer in the environment, as an installer of a vendor does, and return its file."""
+    """Return the file of the test producer, which is named in the environment as a vendor's installer does it."""
     genicam = pytest.importorskip("genicam", reason="needs harvesters: pip install 'eimi-lab[gentl]'")
     folder = Path(genicam.__file__).parent
     if not list(folder.glob("*.cti")):

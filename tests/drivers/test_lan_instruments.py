@@ -27,7 +27,7 @@ TTI = announced(
 
 
 def announce_and_list(deadline: float) -> tuple[LanInstrument, ...]:
-    """Announce TTI on the loopback and list the instruments until one is there, at the latest until the deadline."""
+    """Announce a TTi supply on the loopback, and list the instruments until one appears or the time is over."""
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)
         instruments = list_lan_instruments(interfaces=LOOPBACK)

@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport,
 
 
 class Rounding(KoradDialect):
-    """Read a set-point back with an added error."""
+    """A supply whose set-point reads back with an added error."""
 
     more_A = 0.0
 

@@ -270,7 +270,7 @@ def test_a_grab_from_a_closed_camera_is_an_error(device):
 
 @pytest.fixture
 def bare_device(monkeypatch, tmp_path):
-    """Return a device that is not open yet."""
+    """Return a device that has not been opened."""
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     fake = FakeDevice(97)
     monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)

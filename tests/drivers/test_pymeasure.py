@@ -107,7 +107,7 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_the_class_for_the_pl_series_drives_an_aim_tti() -> None:
-    """The PL series has the commands of the others, except for its range of currents."""
+    """The PL series has the commands of the other series, except for its range of currents."""
     aimtti = importlib.import_module("pymeasure.instruments.aimtti")
     coil = CoilSupply(WallClock(), resistance_ohm=1.0)
     with serve_tcp(emulate("aim-tti", coil)) as address:

@@ -128,7 +128,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Let the instrument answer one query in this way from now on."""
+    """Replace the instrument's answer to one query from now on."""
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 

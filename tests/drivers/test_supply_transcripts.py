@@ -1,4 +1,4 @@
-"""The exact messages of every driver, with replies that are written here and do not come from an emulator."""
+"""The exact messages of every driver; the replies are written in this file and do not come from an emulator."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def scpi(
 ) -> list[tuple[str, str]]:
     """Return the exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog.
 
-    protected?: the queries that read the protections back, each with its answer after an equals sign. mode: the same
-    for the settings that decide what a set-point means. remote: the message before all others on a serial line,
-    and to an emulator in the same process.
+    protected?: the queries that read the protections back, each with its answer after an equals sign. mode: in the same
+    form, the queries of the settings that decide the meaning of a set-point. remote: the message that is sent before
+    all others on a serial line and to an emulator in the same process.
     """
     family = {
         "volt": "VOLT 12.00",

@@ -14,7 +14,7 @@ from eimi_drivers.supplies.transport import usb_serial_number
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a link as in /dev/serial/by-id, which leads to /dev/ttyACM7; three ports are connected."""
+    """Return a link as in /dev/serial/by-id, which leads to /dev/ttyACM7; three ports are attached."""
     ports = [
         SimpleNamespace(device="/dev/ttyACM7", serial_number="A1"),
         SimpleNamespace(device="/dev/ttyACM8", serial_number="B2"),

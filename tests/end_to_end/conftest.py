@@ -1,4 +1,4 @@
-"""Fixtures that run commands in this process, which saves the start of a program for each, and a tracked strip."""
+"""Fixtures: commands that run in this process, which saves the start of a program, and a tracked strip."""
 
 from __future__ import annotations
 

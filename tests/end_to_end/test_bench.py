@@ -1,4 +1,4 @@
-"""A whole run over real protocols: the two commands of the how-to on an emulated bench, as they are written there."""
+"""A whole run over real protocols: the commands of the how-to on an emulated bench, exactly as the page has them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ pytestmark = needs_aravis
 
 
 def commands() -> list[str]:
-    """Return the commands of the how-to: that of the bench, and that of the run and its fit."""
+    """Return the commands of the how-to: that of the bench, and those of the run and its fit."""
     return re.findall(r"```sh\n(.*?)```", HOWTO.read_text(encoding="utf-8"), re.S)
 
 
 @contextmanager
 def bench_served(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run the command of a bench until it has announced its rig file, and end it with Ctrl-C afterwards."""
+    """Run the command of a bench until the bench has announced its rig file; end it with Ctrl-C afterwards."""
     with (
         only_gige_camera(),
         subprocess.Popen(

@@ -144,7 +144,7 @@ def test_edges_become_labelled_arrays(demonstration):
 
 
 def test_a_validation_includes_the_freed_quantities(demonstration, done, tmp_path):
-    """On its own dataset the errors are those in the file of the fit; elsewhere all quantities are as stated."""
+    """On its own dataset the errors equal those of the fit; elsewhere all quantities have their stated values."""
     dataset = demonstration[0] / "dataset.h5"
     free = ["--free", "moment=0.02", "--free", "roll=0.1", "--free", "clamp=0.02"]
     plane = ["--section", "plane-stress"]  # for speed

@@ -1,4 +1,4 @@
-"""Define new kinds of load outside the package: each is one class, bends planar and solid beams, and can be fitted."""
+"""New kinds of load from outside the package: each is one class, bends planar and solid beams, and can be fitted."""
 
 from __future__ import annotations
 

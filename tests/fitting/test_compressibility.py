@@ -1,4 +1,4 @@
-"""What a Poisson's ratio below one half is worth: against Young's modulus of beam theory."""
+"""The effect of a Poisson's ratio below one half, compared with Young's modulus of beam theory."""
 
 from dataclasses import replace
 

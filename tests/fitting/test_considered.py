@@ -38,7 +38,7 @@ def seen(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Return noisy edges of a beam of 46 kPa."""
+    """Return the noisy edges of a beam of 46 kPa."""
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]

@@ -30,7 +30,7 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return the candidates of equally spaced fields with these sources."""
+    """Return candidate states of equally spaced fields with these sources of uncertainty."""
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
@@ -58,7 +58,7 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
-    """It agrees within 20 % with the plan from an earlier run of equally spaced fields in another mounting."""
+    """The interval agrees within 20 % with the plan from an earlier run, in another mounting and in equal steps."""
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))

@@ -41,7 +41,7 @@ def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the integral of psi(F) + p (J - 1), whose derivative at a given pressure are the forces."""
+    """Return the integral of psi(F) + p (J - 1), whose derivatives at a given pressure are the forces."""
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
     if batch.section == "plane-strain":
@@ -50,7 +50,7 @@ def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndar
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Return central differences of function(nodal) in the 18 nodal displacements."""
+    """Return central differences of function(nodal) with respect to the 18 nodal displacements."""
     steps = (np.eye(18) * H).reshape(18, 1, 1, 2, 9)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 

@@ -1,4 +1,4 @@
-"""The beam against exact and published results, and its behaviour when things go wrong."""
+"""The beam compared with exact and published results, and its behaviour when a computation fails."""
 
 from __future__ import annotations
 

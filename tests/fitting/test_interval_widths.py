@@ -41,7 +41,7 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return unit noise (D, K, 2, m) as the moving mean over neighbouring points and over neighbouring states."""
+    """Return unit noise (D, K, 2, m): the moving mean of white noise over neighbouring points and states."""
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
     both = np.lib.stride_tricks.sliding_window_view(over_edge, states, axis=1).mean(axis=-1)
@@ -60,7 +60,7 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the linearisation of these states about the optimum."""
+    """Return the linearisation of the linear states about the optimum."""
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,
@@ -85,7 +85,7 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 @pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
 @pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
-    """Correlated points count as one, and a prior counts with its variance.
+    """Correlated points count as one point, and a prior counts with its variance.
 
     share: precision of the prior relative to that of the data.
     """
@@ -224,7 +224,7 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
 
 
 def test_a_freed_number_is_held_by_its_prior_alone() -> None:
-    """One standard deviation of it costs as much as one standard deviation of any other quantity."""
+    """A deviation of a freed quantity by one standard deviation costs as much as that of any other quantity."""
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])

@@ -34,7 +34,7 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Return noisy edges of a known law in a field that is off by a factor, seen by a rolled camera."""
+    """Return the edges of a known law with noise, in a field that is off by a factor, seen by a rolled camera."""
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)
     fine = BeamModel(SPECIMEN, 52, 6)

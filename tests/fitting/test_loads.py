@@ -79,7 +79,7 @@ def beam(loads, **specimen):
 
 
 def check(computed, exact, accuracy=1e-3):
-    """Compare rotation and place of the tip with the exact ones."""
+    """Check that rotation and place of the tip agree with the exact ones."""
     assert abs(exact[0]) > 0.3  # a large deflection
     assert computed[0] == pytest.approx(exact[0], rel=accuracy)
     assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
@@ -140,7 +140,7 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
 @pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
 def test_a_tip_force_on_a_magnet_has_its_lever(section, beyond_face, across):
-    """A small force on the rigid magnet turns it by F l^2 / (2 E I) and by its moment about the inner face."""
+    """A small force on the rigid magnet turns the tip by F l^2 / (2 E I), plus its moment about the inner face."""
     magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))
     stiffness = 3 * 46e3 * 1e-6 * 5.0 * 3.0**3 / 12  # E I in N mm2

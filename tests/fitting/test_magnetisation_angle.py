@@ -1,8 +1,8 @@
-"""A magnet that is not magnetised along the beam: its torque, its share of an interval, and what both polarities show.
+"""A magnet that is magnetised at an angle to the beam: its torque, its share of an interval, and both polarities.
 
-The reference is the torque on a dipole, m x B: to turn the moment by an angle is to turn a uniform field back by it. An
-independent solid model, of 27-node hexahedra, puts three degrees at 10 per cent of the modulus of this beam at one
-polarity.
+The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
+rotation of a uniform field. In an independent solid model of 27-node hexahedra, three degrees change the modulus of
+this beam by 10 per cent at one polarity.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return the edges of the tilted beam beside the file of one that is not."""
+    """Return an experiment with the edges of a tilted magnet's beam, whose file states a magnet without a tilt."""
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
     sides = points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -51,7 +51,7 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return what follows a search, from a modulus that is a tenth too large."""
+    """Return the estimate without a search: the fit starts at a modulus that is a tenth too large."""
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))

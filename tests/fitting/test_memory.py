@@ -29,7 +29,7 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """Return the growth of the largest memory from few states to many, per state."""
+    """Return how much the largest memory grows per state, from few states to many."""
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()
@@ -44,13 +44,13 @@ def test_a_path_keeps_its_last_states_only() -> None:
 
 
 def test_states_solved_together_need_memory_for_a_block_only() -> None:
-    """The element stiffness matrices of all states together would take a hundred times the memory of the nodes."""
+    """The element stiffness matrices of all states together would need a hundred times the memory of the nodes."""
     every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
     assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES
 
 
 def test_states_are_compared_in_blocks() -> None:
-    """An ordinary lens needs both faces of every state at several depths, and points are compared with all stations."""
+    """With an ordinary lens, both faces of every state are compared at several depths, and points with all stations."""
     view = View(np.array([15.0, 0.0]), 300.0)
     shapes = {states: solved(states) for states in (FEW, MANY)}
     peaks = {}

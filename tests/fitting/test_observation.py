@@ -108,7 +108,7 @@ def test_points_of_each_state_are_compared_in_their_own_state():
 
 
 def test_many_states_are_compared_as_each_alone_is():
-    """States are compared in blocks; some points exist in some states only."""
+    """States are compared in blocks, with the result of each state alone; some points exist in some states only."""
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     loads = Loads.along(np.zeros(35), 90.0, 90.0, np.linspace(0, 2e-6, 35))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4], [8e4]]), loads)

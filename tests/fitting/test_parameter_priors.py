@@ -40,7 +40,7 @@ def alone():
 
 
 def spread(fit) -> float:
-    """Return the standard deviation of the only parameter, from its interval."""
+    """Return the standard deviation of the only parameter, computed from its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
@@ -103,7 +103,7 @@ def test_a_prior_on_the_initial_shear_modulus_is_one_on_the_sum(alone):
 
 
 def test_a_prior_goes_with_a_freed_nuisance(alone):
-    """Another stiffness has the same effect as another width; a prior on one of them determines the other."""
+    """A change of stiffness has the same effect as a change of width; a prior on one of them determines the other."""
     freed = [NuisancePrior("width", 0.1)]
     open_fit = identify("neo-hookean", [SEEN], free=freed)
     constrained = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])

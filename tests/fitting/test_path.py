@@ -32,7 +32,7 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Count runs of stable candidates in 12, 6, 4, 3 and 2 steps: another equilibrium than in 72 steps, failed, all."""
+    """Return how many runs of stable candidates in 12 to 2 steps differ from 72 steps, how many fail, and all runs."""
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
     stable = fine.converged
@@ -89,7 +89,7 @@ def test_none_of_a_thousand_candidates_leaps_to_another_equilibrium(name, sectio
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Count runs of the solid in 6 and 3 steps: different equilibrium than the solid alone in 24 steps, failed, all."""
+    """Return how many runs of the solid in 6 and 3 steps differ from 24 steps, how many fail, and all runs."""
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
     elsewhere = failed = total = 0
@@ -126,7 +126,7 @@ def test_none_of_a_hundred_solids_leaps_to_another_equilibrium(name, magnet):
 
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
-    """With a layer beside or beyond the magnet whole steps fail, and extrapolation does not predict small steps."""
+    """With a layer beside or beyond the magnet, whole steps fail, and extrapolation fails to predict small steps."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
         model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
@@ -137,7 +137,7 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """Extrapolation from two states overshoots by the square of the rotation, which small elements do not tolerate."""
+    """Extrapolation from two states overshoots by the square of the rotation, which small elements cannot bear."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (
         model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)

@@ -37,7 +37,7 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Many local minima around the one at OPTIMUM (Rastrigin 1974, as generalised by Mühlenbein et al. 1991)."""
+    """Return Rastrigin's function, with many local minima around that at OPTIMUM (Mühlenbein et al. 1991)."""
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 

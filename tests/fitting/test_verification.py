@@ -61,7 +61,7 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate the cylinder by a dead radial traction, pressure times stretch: the internal pressure at the solution."""
+    """Inflate the cylinder by a dead radial traction; return the pressure, which is the traction times the stretch."""
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)

@@ -123,7 +123,7 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """Draw every source in several measurements; `python -m benchmarks.coverage` has more of them.
+    """Draw every source of uncertainty in several measurements, and count the intervals that contain the truth.
 
     Intervals of 95 % contain the truth in less than 6 of 8 or 88 of 100 cases once in a thousand times. The short test
     uses Neo-Hookean beams, one of them a solid; the long one uses all laws.

@@ -83,7 +83,7 @@ timeout_s = 5.0
 
 
 def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
-    """(96, 128): a dark beam, 16 px wide, before a bright noisy background."""
+    """Draw a picture (96, 128): a dark beam, 16 px wide, in front of a bright noisy background."""
     rng = np.random.default_rng(seed)
     across = np.arange(128) - 64 - shift_px
     profile = 30 + 170 / (1 + np.exp(-(np.abs(across) - 8) / 0.7))
@@ -93,13 +93,13 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="session")
 def texts() -> dict[str, str]:
-    """The TOML files of the small bench, by what they are."""
+    """The TOML files of the small bench: for each kind of file, its text."""
     return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
 
 
 @pytest.fixture
 def files(tmp_path: Path, texts: dict[str, str]) -> Path:
-    """A folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
+    """Return a folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
@@ -107,13 +107,13 @@ def files(tmp_path: Path, texts: dict[str, str]) -> Path:
 
 @pytest.fixture(scope="session")
 def frame() -> Callable[..., NDArray[np.uint8]]:
-    """Draws a frame from a seed and a shift in pixels."""
+    """Return a function that draws a frame from a seed and a shift in pixels."""
     return draw
 
 
 @pytest.fixture
 def pictures(files: Path) -> Path:
-    """Four images in `frames/` and their states.csv, beside the TOML files."""
+    """Write four images to `frames/` and their states.csv, beside the TOML files."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -142,7 +142,7 @@ FRAME_S = 0.005
 
 
 class DrawnCamera:
-    """Looks at a drawn beam that swings out whenever the coil's current changes; `event` comes before each frame."""
+    """A camera of a drawn beam that swings when the coil's current changes; `event` is called before each frame."""
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
         self.coil, self.clock, self.draw = coil, clock, draw
@@ -190,7 +190,7 @@ class Setup:
     def run(
         self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = ignore_event, **options: Any
     ) -> list[str]:
-        """What a person reads of each state; `remark` is given the other words, `on_event` the events."""
+        """Run the protocol; return the printed line of each state. `remark` gets other lines, `on_event` the events."""
         said: list[str] = []
         terminal = on_terminal(said.append, remark)
 
@@ -234,7 +234,7 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 
 @pytest.fixture
 def dataset(files: Path) -> Path:
-    """Two states of a beam that stands still, drawn at 8 px/mm, one of them with a flag from its run."""
+    """Return a dataset of two states of a beam at rest, drawn at 8 px/mm; one state has a flag from its run."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)
     image = np.full((96, 128), 210.0)

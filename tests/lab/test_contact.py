@@ -1,4 +1,4 @@
-"""A run detects the loss of its supply, states what a lost connection would do, and answers signals with messages."""
+"""A run notices the loss of its supply, states the effect of a lost connection, and answers signals with messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WATCHDOG = (
 
 
 def restless(setup: Any) -> None:
-    """A beam that never settles, and a protocol that waits for it for a minute."""
+    """Return a beam that never settles, and a protocol that waits a minute for it."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
@@ -115,7 +115,7 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The state is still stored."""
+    """The coil is switched off first; the state is still stored afterwards."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:

@@ -1,4 +1,4 @@
-"""Tables with any text are read, or refused in one line."""
+"""CSV tables with random text are read, or refused in one line."""
 
 from __future__ import annotations
 

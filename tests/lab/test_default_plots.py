@@ -14,7 +14,7 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 
 def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
-    """The name of the NXdata that `default` leads to, and what that holds."""
+    """Return the name of the NXdata group to which the `default` attributes lead, and its contents."""
     with h5py.File(path, "r") as file:
         group = file
         while "default" in group.attrs:
@@ -24,7 +24,7 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """A beam of 10 mm that hangs and whose tip is a millimetre further to the right in each state; none in the last."""
+    """Store the edges of a hanging beam of 10 mm; its tip is 1 mm further right in each state; none in the last."""
     along = np.linspace(0.5, 10, 20)
     with open_dataset(path) as dataset:
         states = len(dataset.states)

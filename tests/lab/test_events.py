@@ -1,4 +1,4 @@
-"""Events of a run: their JSON, the run and the guardian that send them, and readers that are slow, gone or older."""
+"""Events of a run: their JSON, their senders, and readers that are slow, that are gone, or of an earlier release."""
 
 from __future__ import annotations
 
@@ -258,7 +258,7 @@ PICTURES, NAMES = 24, 3000
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):
@@ -270,7 +270,7 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 @contextmanager
 def emulated(bench: Path, driver: str = "scpi") -> Iterator[CoilSupply]:
-    """A supply in this process, and a rig.toml that names it."""
+    """Serve a supply in this process, and write a rig.toml that names it."""
     coil = CoilSupply(WallClock())
     serving = serve_pty if driver == "korad" else serve_tcp
     with serving(emulate(driver, coil)) as address:

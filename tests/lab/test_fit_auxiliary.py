@@ -36,7 +36,7 @@ section = "plane-strain"
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces, with changed places."""
+    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces; `changed` alters places."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     forces = [0.0, 0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, forces))
@@ -237,7 +237,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Replace the points of the last state by the points of the first state."""
+    """Return the dataset after the points of the last state were replaced by those of the first state."""
     return np.concatenate([places[:2], places[:1]])
 
 

@@ -1,4 +1,4 @@
-"""A fit that freed an input of the specimen is validated with the value that it found."""
+"""If a fit freed a quantity of the specimen, its validation uses the estimated value."""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without
 
 
 def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
-    """Hold a run and its guardian up for 1.5 s, as a computer that sleeps does."""
+    """Stop a run and its guardian for 1.5 s, as a computer that sleeps does."""
     with switching_off(coil, guardian) as stop_if_asked:
         stop_if_asked()
         os.kill(guardian._process.pid, signal.SIGSTOP)
@@ -243,7 +243,7 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Check a guardian repeatedly, as a run does; answers from before it was stopped may still be unread."""
+    """Check a guardian repeatedly, as a run does; reports from before it was stopped may still be unread."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         guardian.beat()

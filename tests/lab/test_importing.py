@@ -84,7 +84,7 @@ def test_images_that_no_row_lists_are_left_out_with_a_note(run: Run, pictures: P
 
 
 def test_paths_are_relative_to_the_table(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
-    """Paths may have backslashes. A name that exists in the folder and beside the table means the one in the folder."""
+    """Paths may have backslashes. If a name exists in the folder and beside the table, the folder's file is used."""
     (pictures / "elsewhere").mkdir()
     cv2.imwrite(str(pictures / "elsewhere" / "other.png"), frame(7))
     cv2.imwrite(str(pictures / "frame_1.png"), frame(8))

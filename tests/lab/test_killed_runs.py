@@ -1,6 +1,7 @@
-"""Whole runs through the command line on a supply behind a real transport, cut short in every way that can be caught.
+"""Whole runs through the command line on a supply with a real transport, interrupted by every signal and by a kill.
 
-The supply is emulated in the test's own process, so that it outlives the run and its coil can be looked at.
+The supply is emulated in the process of the test, so that it outlives the run and the current in its coil can be
+observed.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ PICTURES, NAMES = 24, 3000
 
 @dataclass
 class RunEnd:
-    """How a run ended: its status, the lines on stderr, and the states that it acknowledged there."""
+    """The end of a run: its status, its lines on standard error, and the states that it reported there."""
 
     status: int
     said: list[str]
@@ -41,7 +42,7 @@ class RunEnd:
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):
@@ -52,7 +53,7 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:
-    """Acquire, and act once `after` states are acknowledged."""
+    """Run `eimi acquire`, and call `act` after `after` states are reported as stored."""
     (bench / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"

@@ -1,4 +1,4 @@
-"""A Ctrl-C at a bad moment: while the first is being reported, or in a destructor, whose exceptions Python drops."""
+"""Ctrl-C while an earlier Ctrl-C is being reported, or in a destructor, whose exceptions Python ignores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imports go one way: pyproject.toml declares the layers under [tool.importlinter], and no module is in a circle."""
+"""Imports go one way: the layers are declared under [tool.importlinter], and no module is in a circle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FITTING_NEEDS = {"numpy", "scipy", "cma"}
 
 
 def modules() -> dict[str, Path]:
-    """Every module of the three packages by its name; a package by that of its folder."""
+    """Return every module of the three packages by its name; a package is named by its folder."""
     found = {}
     for package, folder in PACKAGES.items():
         for path in folder.rglob("*.py"):
@@ -35,7 +35,7 @@ MODULES = modules()
 
 
 def imported(path: Path) -> Iterator[str]:
-    """What a module imports, wherever in it, for types alone too; of a package the module meant."""
+    """Return the modules that a module imports, anywhere in its code, also for types only."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -48,7 +48,7 @@ def imported(path: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def imports() -> dict[str, set[str]]:
-    """What every module imports."""
+    """Return the imports of every module."""
     return {name: set(imported(path)) for name, path in MODULES.items()}
 
 

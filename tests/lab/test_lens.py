@@ -20,14 +20,14 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """(7, 2, n, 2) mm: edges of the middle plane of a silicone beam in seven fields."""
+    """Return the edges of the middle plane of a silicone beam in seven fields, (7, 2, n, 2) in mm."""
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
 
 
 def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the outline of both faces as a lens images it: the outer point of each pair."""
+    """Return the outline of both faces in a lens image: at each station the outer one of the two points."""
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]
         near, far = map(View(CENTRE_MM, stand_off_mm).seen, faces)

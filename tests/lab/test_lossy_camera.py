@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Keep other tests from having a GigE camera."""
+    """Wait until no other test has a GigE camera, and keep other tests waiting."""
     with only_gige_camera():
         yield
 

@@ -1,4 +1,4 @@
-"""What sensors measured is in the result file and in the report, and is compared between datasets fitted together."""
+"""Sensor readings are in the result file and in the report, and are compared between datasets of one fit."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def bent() -> Experiment:
 
 
 def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam") -> tuple[int, str]:
-    """Import the places under stated loads, and fit them."""
+    """Import the places under stated loads, and fit a law to them."""
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
         for k, state in enumerate(places() if seen is None else seen)

@@ -1,4 +1,4 @@
-"""Two runs never share a supply, and the computer does not go to sleep while one has it."""
+"""Two runs never share a supply, and the computer does not go to sleep during a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One writer at a time for each file, and files that are taken away from their writer."""
+"""One writer at a time for each file, and files that are moved or deleted while they are written."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def image(number: int) -> np.ndarray:
 
 @contextmanager
 def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
-    """Start another process that stores this number of states, and then one more for each line that it reads."""
+    """Start a process that stores this number of states, and then one more state for each line that it reads."""
     command = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         for _ in range(states):

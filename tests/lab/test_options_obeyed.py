@@ -41,7 +41,7 @@ OTHERS: dict[str, Any] = {
 
 @pytest.fixture
 def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A tensile curve in the folder of the test."""
+    """Return a tensile curve in the folder of the test."""
     rows = [f"{e:.2f},{60 * (1 + e - (1 + e) ** -2):.4f}" for e in np.linspace(0.02, 0.8, 40)]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
     monkeypatch.chdir(tmp_path)
@@ -61,7 +61,7 @@ def test_every_option_of_a_fit_has_another_value_here() -> None:
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """The head of a checkpoint holds the value of every option, because another value changes the search."""
+    """The head of a checkpoint holds every option, because an option with another value changes the search."""
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()
@@ -105,7 +105,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached(Exception):
-    """Carries the arguments of a call; it is raised instead of doing the work."""
+    """An exception with the arguments of a call; it is raised instead of the call."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]
@@ -246,7 +246,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
 
 
 def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path) -> None:
-    """The second state of the drawn dataset has a flag of its run; here it gets the good edges of the first."""
+    """The second state has a flag from its run; in this test it gets the good edges of the first state."""
     load_evidence(dataset, flagged=True)  # finds the edges
     with open_dataset(dataset) as found:
         first = (found.edges() or ())[0]

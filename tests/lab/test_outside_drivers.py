@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder with the package, where Python finds it; nothing announces it."""
+    """Return a folder that contains the package and is on Python's path; the package announces no driver."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """The module of the package."""
+    """Return the module of the package."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """The drivers, added by this program."""
+    """Add the drivers of the package by program."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -71,7 +71,7 @@ def added(lab: Any) -> Iterator[None]:
 
 @pytest.fixture
 def rig(files: Path) -> Callable[..., Path]:
-    """Writes a rig file with both drivers."""
+    """Return a function that writes a rig file with both drivers."""
 
     def write(address: str, supply: str = "mine", camera: str = "eye") -> Path:
         (files / "rig.toml").write_text(f"""

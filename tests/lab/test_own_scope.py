@@ -1,4 +1,4 @@
-"""A scope of its own for the guardian: what is asked of systemd, and what happens where there is none."""
+"""The systemd scope of the guardian: the request to systemd, and the behaviour without systemd."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put a program in place of busctl that writes down its arguments; return the file."""
+    """Replace busctl by a program that writes its arguments to a file; return the file."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

@@ -1,4 +1,4 @@
-"""A run that is paused, ended early, and repeated: the state of the coil and the messages."""
+"""Pause a run, end it during the pause, and pause repeatedly: the state of the coil and the messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PICTURES, NAMES = 24, 3000
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Types `p` in the first state with a current, and Enter after some reads of the terminal during the pause."""
+    """Return a person who types `p` in the first state with a current, and Enter some reads later, in the pause."""
     looks: list[bool] = []
 
     def typed() -> str | None:
@@ -135,7 +135,7 @@ def test_a_rerun_on_a_file_in_use_proposes_neither(setup: Any) -> None:
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):

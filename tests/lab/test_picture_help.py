@@ -1,4 +1,4 @@
-"""What a person says of the pictures: clamp, axis, region, polarity, colours; asked for where it is missing."""
+"""Values that a person states about the pictures: clamp, axis, region, polarity and colours, or an error without."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """(96, 128, 3: blue, green, red): a beam 16 px wide and 80 px long that hangs from (64, 8), with some noise."""
+    """Return a picture (96, 128, 3) with a beam 16 px wide and 80 px long that hangs from (64, 8), with some noise."""
     image = np.empty((96, 128, 3))
     image[:] = beside
     image[8:88, 56:72] = beam
@@ -46,7 +46,7 @@ def edge_points(files: Path) -> int:
 
 
 def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
-    """In the dataset's calibration, with what the file says; and it is an answer to what the file leaves out."""
+    """The stated values are stored in the dataset's calibration, also those that the calibration file lacks."""
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
     said = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
@@ -102,7 +102,7 @@ def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> N
 
 
 def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> None:
-    """Red of 204 on 214: in grey by the brightest channel there is nothing; green has 50 on 208."""
+    """A red beam on white has no contrast in the brightest channel (204 on 214), but in green (50 on 208)."""
     assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
     found = edge_points(files)
@@ -121,7 +121,7 @@ def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> N
 
 
 def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
-    """Pale on green: 119 on 113 in green, 120 on 55 in red; one state darker than the other."""
+    """A pale beam on green has 119 on 113 in green and 120 on 55 in red; one state is darker than the other."""
     calibration = load_calibration(files / "calibration.toml")
     images = [
         scene((90, 119, 120), (60, 113, 55)).astype(np.float32),

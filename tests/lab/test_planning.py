@@ -100,7 +100,7 @@ def test_an_impossible_plan_is_refused_in_one_line(
 
 
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
-    """Return the heading and the highest current of a plan, for given limits and uncertainty of the current."""
+    """Return the heading and the highest current of a plan with given limits and a given uncertainty of the current."""
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
     rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"

@@ -36,7 +36,7 @@ def with_both(protocol: Protocol, more: str = "") -> Protocol:
 
 @pytest.fixture
 def bench(setup: Any) -> Any:
-    """A bench whose supply cannot reverse its current, with a protocol of both polarities."""
+    """Return a bench whose supply cannot reverse its current, with a protocol of both polarities."""
     setup.protocol = with_both(setup.protocol)
     return setup
 

@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return type1 with other values of some keys of [specimen]."""
+    """Return the specimen type1 with other values of some keys of [specimen]."""
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
@@ -43,7 +43,7 @@ def stated(**keys: str) -> SpecimenFile:
 
 
 def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
-    """Return noisy edges of a hidden beam, with the model of type1 as stated."""
+    """Return an experiment with noisy edges of a hidden beam, and with the stated specimen type1."""
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]

@@ -1,4 +1,4 @@
-"""Correction of the specimen and the calibration of a dataset after the run."""
+"""Corrections of the specimen and the calibration of a dataset after the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def changed(file: Path, key: str, value: object) -> Path:
-    """Write a copy of a file with another value of one key beside it."""
+    """Write, beside a file, a copy in which one key has another value."""
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
     beside = file.with_name(f"other_{file.name}")
     beside.write_text("\n".join(lines) + "\n")

@@ -22,7 +22,7 @@ Eimi = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
-    """Return a function that runs the command line in this process: exit status, standard output, standard error."""
+    """Return a function that runs the command line in this process; it returns status, standard output and error."""
 
     def eimi(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])

@@ -1,4 +1,6 @@
-"""What stands behind the first line: the wait for rest, the measured current, the guardian, limits from two files.
+"""The wait for rest, the measured current, the guardian and the limits, each tested alone.
+
+The instruments are made for the tests, and time is simulated.
 
 Each alone, with instruments made for the purpose, in simulated seconds.
 """
@@ -47,7 +49,7 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 
 
 class FilmedBeam:
-    """A camera that shows a beam where `place_px` says, of the frames since the last flush; some may be buffered."""
+    """A camera that shows a beam at `place_px` of the frames since the last flush; some frames may be buffered."""
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
         self.clock = SimulatedClock()
@@ -133,7 +135,7 @@ def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) ->
 
 
 class Obstinate:
-    """A supply that accepts every set-point and measures another current."""
+    """A supply that accepts every set-point but measures another current."""
 
     limits = Limits(1.0, 10.0)
 
@@ -259,7 +261,7 @@ OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"
 
 
 class Interrupting(KoradDialect):
-    """Send this number of signals while the current is set to 0.7 A."""
+    """A supply that sends this number of signals to the process while the current is set to 0.7 A."""
 
     signals = 0
 
@@ -271,7 +273,7 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """Return a Korad supply whose output is on, on an emulator, and a list that collects every message sent to it."""
+    """Return an emulated Korad supply whose output is on, and the list of all messages sent to it."""
     coil = CoilSupply(clock)
     coil.set_voltage(5.0)
     coil.switch(True)

@@ -66,7 +66,7 @@ def test_a_kept_band_gives_the_same_value() -> None:
 
 
 class Swinging:
-    """A camera and its clock: the beam moves far from its first place, stands there, and is then at rest."""
+    """A camera and its clock: the beam moves far from its first place in small steps, and is then at rest."""
 
     def __init__(self, shifts_px: list[float]) -> None:
         self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0
@@ -75,7 +75,7 @@ class Swinging:
         return self.taken * 0.1
 
     def flush(self) -> None:
-        """Forget nothing: every frame is new."""
+        """Do nothing: every frame is new."""
 
     def grab(self, timeout_s: float) -> Frame:
         shift_px = self._shifts_px[min(self.taken, len(self._shifts_px) - 1)]

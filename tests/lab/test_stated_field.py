@@ -1,4 +1,4 @@
-"""The field of a coil in calibration.toml, and what a virtual bench does that its files do not state."""
+"""The field of a coil in calibration.toml, and a virtual bench that differs from its files."""
 
 from __future__ import annotations
 

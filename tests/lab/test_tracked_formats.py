@@ -1,4 +1,4 @@
-"""Import of points tracked by other programs, from small files in the format of each; its reader cites the sources."""
+"""Import of points from other tracking programs; the files have the format of each program."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (2, 3, 2) of the points at rest and bent, according to calibration.toml."""
+    """Return the pixels (2, 3, 2) of the points at rest and bent, as calibration.toml maps them."""
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 

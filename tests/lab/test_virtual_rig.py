@@ -32,7 +32,7 @@ def rig(seed: int = 1, **of_calibration: Any) -> Rig:
 
 
 def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
-    """Return a frame at a current, and a few readings of the supply."""
+    """Return a frame at a current, and several readings of the supply."""
     supply, camera, clock, _ = open_virtual_rig(of, specimen)
     supply.set_voltage(of.supply.limits.voltage_V)
     supply.set_current(current_A)

@@ -82,7 +82,7 @@ def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
 
 
 def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
-    """A hundred points on a side of a beam thirty times as long as wide are more than a tenth of its width apart."""
+    """A hundred points on one side of a beam of aspect ratio thirty are more than a tenth of its width apart."""
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)

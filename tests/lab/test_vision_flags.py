@@ -1,4 +1,4 @@
-"""Every flag has a picture that raises it, and ordinary frames raise no flag."""
+"""The pictures of the benchmark raise every flag, and ordinary frames raise no flag."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -32,7 +32,7 @@ def calibration_with(**help_given: object) -> object:
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Points (n, 2) px of an edge with the shape of one and a half waves, with a random scatter of half a pixel."""
+    """Return points (n, 2) px of an edge shaped like one and a half waves, with a random scatter of half a pixel."""
     rng = np.random.default_rng(seed)
     return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
 
@@ -96,7 +96,7 @@ def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
 
 
 def test_an_earlier_state_does_not_outweigh_the_picture() -> None:
-    """Of two stripes beside the clamp, the one that was the beam before now ends 30 px before the other one."""
+    """Of two stripes beside the clamp, the one that earlier was the beam now ends 30 px before the other one."""
 
     def two(left_px: int, right_px: int) -> Array:
         image = np.full((720, 960, 3), 120.0)
@@ -201,7 +201,7 @@ def test_corners_found_in_a_region_are_in_pixels_of_the_whole_picture() -> None:
 
 
 def shadowed(softness_px: float) -> Array:
-    """A grey beam with the border of a shadow on its right, 6 px away, blurred by `softness_px`."""
+    """Return a grey beam with the border of a shadow 6 px to its right, blurred by `softness_px`."""
     image = np.full((720, 960), 200.0)
     image[95:516, 459:507] = 90.0
     image = cv2.GaussianBlur(image, (0, 0), softness_px)

@@ -102,7 +102,7 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 
 
 def test_an_edge_with_short_gaps_is_doubtful_and_one_with_a_long_gap_unusable():
-    """Half of the edge is sure in both cases: ten of every twenty stations, or the first half."""
+    """In both cases half of the edge is sure: ten of every twenty stations, or the first half."""
     place = np.arange(400)
     flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
@@ -163,7 +163,7 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment states and name the stripe that each one's edges belong to, and whether ROOT_AMBIGUOUS was raised."""
+    """Segment states; for each state name the stripe on which its edges lie, and whether ROOT_AMBIGUOUS was raised."""
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):

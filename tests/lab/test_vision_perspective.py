@@ -25,7 +25,7 @@ CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges in rendered frames of a virtual beam, imaged by the lens of the calibration, and its view."""
+    """Return the edges in rendered frames of a virtual beam, and the view of the lens that the calibration states."""
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)

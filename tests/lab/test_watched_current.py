@@ -1,4 +1,4 @@
-"""The current is watched throughout a run: one that departs from its set-point ends the run with the coil off."""
+"""The current is watched throughout a run: if it departs from its set-point, the run ends with the coil off."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WITHIN_S = 3.0
 
 
 def restless(setup: Any) -> None:
-    """Make a beam that never settles, and a protocol that waits for it for a minute."""
+    """Return a beam that never settles, and a protocol that waits a minute for it."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
@@ -127,7 +127,7 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
 
 
 def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
-    """Return an emulated supply and its coil at 0.5 A; each set-point then takes a time (s) to read back."""
+    """Return an emulated supply and its coil at 0.5 A; later set-points need a given time (s) to read back."""
     clock = SimulatedClock()
     supply = CoilSupply(clock)
     coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)

@@ -1,4 +1,4 @@
-"""What Windows needs of a path and of the events of its console, as far as it can be computed on any system."""
+"""Paths and console events of Windows, as far as they can be tested on any system."""
 
 from __future__ import annotations
 

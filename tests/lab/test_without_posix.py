@@ -1,4 +1,4 @@
-"""No module needs what only POSIX systems have in order to be imported."""
+"""Every module can be imported on a system without POSIX."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Distribution of tasks to processes: further tasks, workers that die, processes that start early."""
+"""Distribution of tasks to processes: additional tasks, workers that die, processes that start early."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_further_tasks_are_done_although_a_worker_dies(tmp_path: Path) -> None:
 
 
 def test_workers_get_further_tasks_before_the_result_is_yielded() -> None:
-    """Otherwise the workers would be idle while the caller uses the result."""
+    """Workers would be idle while the caller uses a result if their next task came later."""
     submitted: list[int] = []
 
     class Noting(ThreadPoolExecutor):

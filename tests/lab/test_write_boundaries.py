@@ -1,4 +1,6 @@
-"""The file at every write boundary of a run: what a power cut or a kill could leave behind, write by write.
+"""The file at every write of a run: the contents that a power cut or a kill could leave behind.
+
+The writes are traced below HDF5, by a library preloaded into the writer, and the file is rebuilt from them.
 
 The writes are traced below HDF5, by a library preloaded into the writer, and the file is built again from them.
 """
@@ -50,7 +52,7 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 
 
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
-    """Letter, offset and bytes of each record; A stands where a state was acknowledged."""
+    """Yield letter, offset and bytes of each record; the letter A marks the moment at which a state was reported."""
     at = 0
     while at < len(trace):
         offset, length = struct.unpack_from("<qq", trace, at + 1)

@@ -1,6 +1,6 @@
 """An emulated GigE Vision camera in a process of its own, one at a time on this computer.
 
-A camera of GigE Vision needs a fixed port of a network interface, so that two tests cannot have one each.
+A camera of GigE Vision needs a fixed port of a network interface, so that two tests cannot each have a camera.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
 
 @contextmanager
 def only_gige_camera() -> Iterator[None]:
-    """Wait until no other test on this computer has a GigE camera, and keep them waiting."""
+    """Wait until no other test on this computer has a GigE camera, and keep other tests waiting."""
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
 
@@ -73,7 +73,7 @@ class NoisyPictures:
 
 
 def noisy_picture(number: int) -> NDArray[np.uint8]:
-    """Return the picture of an exposure, the first of which has number 1."""
+    """Return the picture of an exposure; exposures are counted from 1."""
     across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
     profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
     noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])

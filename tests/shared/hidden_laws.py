@@ -68,12 +68,12 @@ class Hidden:
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Return its tensile test; noise: as a share of the largest stress."""
+        """Return the tensile test of the law; noise: standard deviation as a share of the largest stress."""
         stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return a bent specimen of another lot; raise NoEquilibrium if the beam has none."""
+        """Return a bent specimen of another lot; raise NoEquilibrium if the beam has no equilibrium."""
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
         fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)

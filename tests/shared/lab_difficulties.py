@@ -146,7 +146,7 @@ def _markers(scene: Scene, picture: Array) -> Array:
 
 
 def _bands(scene: Scene, picture: Array) -> Array:
-    """Paint tape around the beam over its whole width."""
+    """Paint bands of tape around the beam over its whole width."""
     colour = scene.other_colour()
     for place in scene.rng.uniform(0.1, 0.9, 3):
         scene.paint(picture, scene.outline((place, place + 0.04)), colour)
@@ -160,7 +160,7 @@ def _other_tip(scene: Scene, picture: Array) -> Array:
 
 
 def _two_faces(scene: Scene, picture: Array) -> Array:
-    """Paint the upper face, which is lighter, beside the front one."""
+    """Paint the upper face of the beam, lighter than the front face, beside the front face."""
     scene.paint(picture, scene.outline(across=(-0.5, -0.5 + scene.rng.uniform(0.15, 0.4))), scene.own * 0.5 + 127.0)
     return picture
 
@@ -174,7 +174,7 @@ def _round(scene: Scene, picture: Array) -> Array:
 
 
 def _fading(scene: Scene, picture: Array) -> Array:
-    """Shade the beam as with a lamp at the clamp: the tip has half of the light."""
+    """Shade the beam as a lamp at the clamp does: the tip has half of the light."""
     inside = coverage(scene.outline(), scene.size)[..., None]
     x, y = np.meshgrid(*(np.arange(extent, dtype=np.float64) for extent in scene.size))
     away = np.hypot(x - scene.calibration.clamp_midpoint_px[0], y - scene.calibration.clamp_midpoint_px[1])
@@ -182,7 +182,7 @@ def _fading(scene: Scene, picture: Array) -> Array:
 
 
 def _clear(scene: Scene, picture: Array) -> Array:
-    """Show half of the background through the silicone, with darker edges."""
+    """Let half of the background shine through the silicone, with darker edges."""
     rest = cloth(scene)
     inside = coverage(scene.outline(), scene.size)[..., None]
     picture += 0.5 * inside * (rest - picture)

@@ -1,4 +1,4 @@
-"""A rendered bench: a beam of known shape in front of cloth, with things painted behind, on and in front of it."""
+"""A rendered bench: a beam of known shape in front of cloth, with objects behind, on and in front of the beam."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ _APART = 70.0  # smallest distance of two colours that an eye distinguishes clea
 
 @dataclass(frozen=True)
 class Scene:
-    """One bench.
+    """A bench.
+
+    size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
 
     size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
     """

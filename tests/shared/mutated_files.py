@@ -88,7 +88,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def _tables_and_pictures(folder: Path) -> list[Path]:
-    """Write a tensile curve, the fit of it, and a picture in each format."""
+    """Write a tensile curve, a fit of this curve, and a picture in each format."""
     rows = [f"{0.05 * k},{0.012 * k}" for k in range(1, 30)]
     (folder / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows]) + "\n")
     Fits.of([fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)]).write(folder / "fits.json")
@@ -100,7 +100,7 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
 
 
 def _motion_capture(folder: Path) -> list[Path]:
-    """Write four markers in three frames, if the package that reads them is installed."""
+    """Write four markers in three frames as a motion-capture file, if the package that reads it is installed."""
     if find_spec("ezc3d") is None:
         return []
     import ezc3d
@@ -215,7 +215,7 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """How the program takes a C3D file, which it reads in a process of its own."""
+    """Read a C3D file in a separate process, as the program does."""
     try:
         read_c3d(path)
     except InputError as error:

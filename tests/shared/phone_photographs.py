@@ -38,7 +38,7 @@ _DISTANT = 90.0  # smallest distance of the colours of beam and wall
 
 @dataclass(frozen=True)
 class PhoneScene:
-    """What a person does not know of a set of photographs.
+    """The properties of a set of photographs that a person does not know.
 
     Attributes
     ----------
@@ -90,13 +90,13 @@ class PhoneScene:
         return np.asarray(self.focal_px * plane + (np.array(self.size) - 1.0) / 2.0)
 
     def in_world(self, places_mm: Array) -> Array:
-        """Return places (..., 3) of the beam frame (y down) in the world, turned as the clamp is."""
+        """Return places (..., 3) of the beam frame (y down) in the world, rotated with the clamp."""
         angle = np.radians(self.clamp_deg)
         c, s = np.cos(angle), np.sin(angle)
         return places_mm @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def ruler(self, at_mm: Array) -> Array:
-        """Return places on the ruler's edge (n, 3) mm at distances from its first tick."""
+        """Return the places (n, 3) mm on the ruler's edge at given distances from its first tick."""
         angle, start = np.radians(self.ruler_deg), np.array([2.0, -0.55 * self.specimen.length_mm])
         line = start + np.asarray(at_mm)[:, None] * np.array([np.cos(angle), np.sin(angle)])
         return np.column_stack([line, np.full(len(line), self.ruler_z_mm)])
@@ -137,13 +137,13 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
 
 @dataclass(frozen=True)
 class BentBody:
-    """The lines of the surface of the bent beam: (layers, n, 3) mm in the world, around from clamp to clamp."""
+    """The surface of the bent beam as lines from clamp to clamp: (layers, n, 3) mm in the world."""
 
     around: Array
 
     @property
     def tip(self) -> Array:
-        """Middle of the tip, (3,)."""
+        """The middle of the tip, (3,) in mm."""
         middle = self.around[len(self.around) // 2]
         return np.asarray(middle[len(middle) // 2])
 
@@ -221,7 +221,7 @@ def write_photographs(scene: PhoneScene, folder: Path) -> list[str]:
 
 
 def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Generator, sigma_px: float) -> dict[str, Any]:
-    """Return what a person clicks on the first photograph, with normal errors."""
+    """Return the points that a person clicks on the first photograph, with normal errors."""
     ends = scene.ruler(np.array([0.0, ruler_mm]))
     nearer = BEYOND_MM if scene.camera_mm[0] < 0.0 else 0.0  # from the left, the near face of the clamp hides the line
     at_clamp = np.array([[0.0, 0.0, -0.5 * scene.specimen.depth_mm - nearer]])
@@ -246,7 +246,7 @@ def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, flo
 
 
 def _clamp(scene: PhoneScene) -> Array:
-    """Return the near and the far face of the clamp, (2, 5, 3) mm in the world."""
+    """Return the near and the far face of the clamp, (2, 5, 3) in mm in the world."""
     half, z = 0.5 * scene.specimen.width_mm, 0.5 * scene.specimen.depth_mm + BEYOND_MM
     face = np.array([[0.0, -4 * half], [0.0, 4 * half], [-40.0, 4 * half], [-40.0, -4 * half], [0.0, -4 * half]])
     return scene.in_world(np.stack([np.column_stack([face, np.full(5, depth)]) for depth in (-z, z)]))
@@ -271,7 +271,7 @@ def _wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray
 
 
 def _silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
-    """Return polygons (n, 2) px whose union is the silhouette: all layers, and the faces between them."""
+    """Return polygons (n, 2) px whose union is the silhouette of the body: its layers and the faces between them."""
     layers = scene.to_px(body.around)
     polygons = list(layers)
     for one, other in pairwise(layers):

@@ -138,6 +138,9 @@ def _light(rng: np.random.Generator) -> Array:
 class Outcome:
     """The result for one photograph.
 
+    kind: the kind of photograph; rms_px, pull (RMS of error over stated deviation) and coverage if edges were detected;
+    usable: whether a fit uses the edges; doubtful: whether a flag marks them as doubtful.
+
     kind; rms_px, pull (RMS of error over stated deviation) and coverage if there are edges; usable by a fit; doubtful:
     whether a flag says so.
     """
@@ -152,7 +155,7 @@ class Outcome:
 
 
 def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
-    """Measure the errors along the normal."""
+    """Return the outcome of one photograph, with the errors measured along the normal."""
     usable = len(edges.left.points_mm) > 0 and all(flag.severity is not Severity.UNUSABLE for flag in edges.flags)
     errors = np.concatenate(errors_px(edges, photo.beam, CALIBRATION)) if usable else np.array([np.nan])
     sigma = np.concatenate([edges.left.sigma_mm, edges.right.sigma_mm]) * CALIBRATION.pixels_per_mm

@@ -49,7 +49,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Bench:
-    """The stated uncertainties, and the standard deviation of each of the two parts of the noise."""
+    """The stated uncertainties of a bench, and the standard deviation of each of the two parts of the noise."""
 
     stated: tuple[StatedSource, ...]
     noise_mm: float
@@ -74,7 +74,7 @@ def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Genera
 
 
 def fitted(experiment: Experiment) -> Estimate:
-    """Return the estimate as `eimi fit` ends; the fit starts at the truth instead of the result of a search."""
+    """Return the estimate as `eimi fit` computes it; the fit starts at the truth, without a search."""
     unknowns, unit = KnownLaw(LAWS["neo-hookean"], np.array([TRUTH_PA])).unknowns()
     return refine(Problem(LAWS["neo-hookean"], unknowns, (experiment,)), unit, 1).estimate
 
@@ -86,7 +86,7 @@ def half_percent(estimate: Estimate) -> float:
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """Return the states that could be measured in a setting, planned from a fit of an earlier run."""
+    """Return the states that can be measured in a setting, planned from the fit of an earlier run."""
     noise = EdgeNoise.of(estimate.identifiability, states)
     law = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))
     return candidates(law, setting.specimen, setting.loads(), bench.stated, noise, along=ALONG)

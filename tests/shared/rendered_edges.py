@@ -208,7 +208,7 @@ def measure(
 
 
 def _mean(values: Array) -> float:
-    """Return the mean, or NaN if a side has no points."""
+    """Return the mean; NaN if a side has no points."""
     return float(values.mean()) if len(values) else math.nan
 
 

@@ -69,7 +69,7 @@ def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, 
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Return the largest error of a distorted patch that dead tractions on two faces pull to the stretches."""
+    """Return the largest error of the stretches of a distorted patch that dead tractions on two faces pull."""
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)
     mesh = brick_mesh(lines, lines, lines, distorted)
@@ -83,7 +83,7 @@ def even_stretch(name: str, along: float, across: float) -> float:
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """Turn the surface of a unit cube about z by ``twist`` z; return the inner error and the torque over the exact one.
+    """Turn the surface of a unit cube about z by ``twist`` z; return the inner error and the relative torque.
 
     Pure torsion of an isotropic, incompressible body is possible under tractions on its surface alone (Rivlin 1948,
     Phil. Trans. R. Soc. A 241:379). Neo-Hookean: shear stress mu twist r, torque mu twist a^4 / 6 of a square.
@@ -197,7 +197,10 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
 
 
 def felupe_drop(specimen: Specimen, mu: float, cells: tuple[int, int, int]) -> float:
-    """Return the same by FElupe: bilinear bricks with mean dilatation; cells along, across and over half the depth."""
+    """Return how far the tip sinks as FElupe computes it with bilinear bricks with mean dilatation.
+
+    The cells are counted along, across and over half the depth.
+    """
     import felupe
 
     half = 0.5 * specimen.depth_mm

@@ -34,7 +34,7 @@ def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np
 
 
 def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
-    """Write frames into the ring until the parent sets the last count; the other process's whole work."""
+    """Write frames into the ring until the parent sets the last count: the whole work of the other process."""
     width, height = size
     images = noisy_frames(width, height)
     memory = shared_memory.SharedMemory(name)
@@ -55,7 +55,7 @@ def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, read
 
 
 class StreamingCamera:
-    """The camera. `grab` copies the oldest frame out of the ring."""
+    """A camera whose `grab` copies the oldest frame out of the ring."""
 
     def __init__(self, width: int, height: int, rate_Hz: float, buffers: int = 32) -> None:
         context = multiprocessing.get_context("spawn")

@@ -55,14 +55,14 @@ NORMAL = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """One experiment, counted from 0; law, noise, specimen and section alternate."""
+    """One experiment, counted from 0; law, noise, specimen and section change from one to the next."""
 
     number: int
     seed: int
 
     @property
     def model(self) -> str:
-        """A key of LAWS."""
+        """The law of the experiment, a key of LAWS."""
         return list(COORDINATES)[self.number % 4]
 
     @property
@@ -121,7 +121,7 @@ def true_parameters(model: str) -> Array:
 
 
 def begun_at(model: str, rng: np.random.Generator) -> Array:
-    """Return the unit coordinates (n,) at which the polish starts."""
+    """Return the unit coordinates (n,) at which the refinement of the fit starts."""
     space = search_space(LAWS[model])
     modulus = COORDINATES[model][0] * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
     unit = rng.uniform(0.25, 0.75, len(space.names))
@@ -144,7 +144,7 @@ def deviations_drawn(rng: np.random.Generator) -> dict[str, Array]:
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """Return an experiment with the stated values and the edges of the hidden beam."""
+    """Return an experiment with the stated values and with the edges of the hidden beam."""
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)
     beam = specimen_under(case.specimen, deviations)
@@ -184,7 +184,7 @@ def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeO
 
 
 def outcome(case: Case) -> Outcome:
-    """Simulate one measurement and fit it."""
+    """Return the outcome of one simulated measurement and its fit."""
     start_s = time.process_time()
     rng = np.random.default_rng([case.seed, case.number])
     deviations, law = deviations_drawn(rng), LAWS[case.model]
@@ -245,7 +245,7 @@ class Row:
 
 
 def row(name: str, outcomes: Sequence[Outcome]) -> Row:
-    """Return the row of some outcomes; the half-width is that on the side of the truth."""
+    """Return the statistics of some outcomes; the half-width is that on the side of the truth."""
     logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
     value, low, high, fit_low, fit_high = logs.T
     contains_truth = (low <= 0) & (high >= 0)

@@ -1,4 +1,4 @@
-"""What differs on Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` runs this under Wine."""
+"""Differences of Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` runs them in Wine."""
 
 from __future__ import annotations
 

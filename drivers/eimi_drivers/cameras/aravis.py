@@ -213,7 +213,7 @@ class AravisCamera:
             self._aravis.stream_push_buffer(self._stream, buffer)
 
     def _popped(self, timeout_s: float) -> int | None:
-        """Return the next filled buffer of the ring, or None if no buffer is filled within `timeout_s`."""
+        """Return the next filled buffer of the ring, or None if no buffer was filled within `timeout_s`."""
         if timeout_s > 0:
             buffer = self._aravis.stream_timeout_pop_buffer(self._stream, max(round(1e6 * timeout_s), 1))
         else:
@@ -223,7 +223,7 @@ class AravisCamera:
         return buffer
 
     def _discard_late_frames(self, until_s: float) -> None:
-        """Wait for the frames that earlier calls triggered but did not receive, and discard them."""
+        """Wait for the frames of earlier triggers that no `grab` received, and discard them."""
         self.flush()
         while self._awaited and (left_s := until_s - time.monotonic()) > 0:
             if buffer := self._popped(left_s):

@@ -59,7 +59,7 @@ MODELS = {model.name: model for model in (CPX400DP, QPX1200SP, MX100TP, QL355TP)
 class AimTtiDialect:
     """Answer as an Aim-TTi supply whose output number `channel` feeds the coil.
 
-    The registers ``*ESR?``, ``EER?`` and ``LSR1?`` are cleared when they are read. If the front panel is in use
+    The registers ``*ESR?``, ``EER?`` and ``LSR1?`` are cleared when they are read. If a person uses the front panel
     (`CoilSupply.locked`) or another interface holds the lock, commands are refused with error 200.
 
     Parameters

@@ -14,7 +14,7 @@ SHORTED_A, DRIFTS_TO_A, OFFSET_A, HUNTING_A = 0.8, 2.4, 0.015, 0.2
 
 
 class Fault(Enum):
-    """Name a fault of an emulated instrument, with its effect and with the behaviour of a correct program.
+    """A fault of an emulated instrument, with its effect and with the behaviour of a correct program.
 
     The first group concerns the line, see `FaultyInstrument`. The second group concerns the supply or its coil, see
     `eimi_drivers.emulators.spoiling`.
@@ -103,7 +103,7 @@ class Fault(Enum):
 
     @property
     def word(self) -> str:
-        """Return the name on the command line."""
+        """Return the name of the fault on the command line."""
         return self.name.lower()
 
 

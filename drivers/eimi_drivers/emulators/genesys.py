@@ -138,7 +138,7 @@ class GenesysDialect:
         return "OK" if taken or supply.locked else OUT_OF_RANGE
 
     def _set(self, header: str, value: float) -> str:
-        """Take a set-point, or return the error if another set-point forbids it (user manual, programming errors)."""
+        """Store a set-point, or return the error if another set-point forbids it (user manual, programming errors)."""
         supply, set_V = self.supply, self.supply.state.set_voltage_V
         if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):
             return ABOVE_RANGE

@@ -42,7 +42,7 @@ class GigECamera:
         """The error that the function `picture` raised; the camera serves black pictures from then on."""
 
     def lose_packets(self, share: float) -> None:
-        """Lose this share of the packets of the pictures from now on; 1 loses all of them."""
+        """From now on, lose this share of the packets of the pictures; 1 loses all of them."""
         load_aravis().set_double(self._gv_camera, "gvsp-lost-ratio", share)
 
 
@@ -144,7 +144,7 @@ def _refuse_taken(address: str) -> None:
 
 
 def encode(pixel_format: PixelFormat, image: NDArray[np.uint8]) -> bytes:
-    """Return the data of an 8-bit picture in a pixel format; values with more bits are shifted to their full scale.
+    """Count the time from the moment of this call.
 
     A Bayer mosaic of a grey picture is the picture itself.
     """

@@ -35,7 +35,7 @@ class CameraProcess:
         return self._process.is_alive()
 
     def lose_packets(self, share: float) -> None:
-        """Lose this share of the packets of the pictures from now on; 1 loses all of them."""
+        """From now on, lose this share of the packets of the pictures; 1 loses all of them."""
         self._line.send(share)
         self._line.recv()
 

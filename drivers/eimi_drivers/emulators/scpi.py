@@ -98,7 +98,7 @@ class ScpiDialect:
         self._is_local = False
 
     def connect_serially(self) -> None:
-        """Begin on a serial line; see `serial_line_begins_local`."""
+        """Begin a connection over a serial line, see `serial_line_begins_local`."""
         self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:

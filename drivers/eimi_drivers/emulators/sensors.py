@@ -26,7 +26,7 @@ class SensorFault(Enum):
 
     @property
     def word(self) -> str:
-        """Return the name on the command line."""
+        """Return the name of the fault on the command line."""
         return self.name.lower()
 
 
@@ -90,7 +90,7 @@ class SensorDialect:
         self._pending = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers; a query that the family does not know has none."""
+        """Receive bytes and return the answers; a query that is unknown to the family has no answer."""
         *queries, self._pending = (self._pending + data).split(b"\n")
         answers = (self._answer(query.decode("ascii", "replace").strip()) for query in queries)
         return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer)
@@ -99,7 +99,7 @@ class SensorDialect:
         return self.identification if query == "*IDN?" else self.answer(query)
 
     def answer(self, query: str) -> str:
-        """Return the answer to a query of the family, empty if it has none."""
+        """Return the answer to a query of the family; an empty text if there is no answer."""
         raise InstrumentError(f"a dialect of a sensor has no answer to {query}")
 
 
@@ -196,7 +196,7 @@ SENSOR_DIALECTS: dict[str, Callable[[EmulatedQuantity], SensorDialect]] = {
 
 
 def emulate_sensor(driver: str, quantity: EmulatedQuantity) -> Responder:
-    """Return an emulated sensor with the dialect of a driver. Raises InstrumentError if there is none of this name."""
+    """Return an emulated sensor with the dialect of a driver. Raises InstrumentError if no dialect has this name."""
     if driver not in SENSOR_DIALECTS:
         raise InstrumentError(
             f"there is no emulated sensor {driver!r}; those that exist: {', '.join(SENSOR_DIALECTS)}"

@@ -110,7 +110,7 @@ def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSup
 
 
 def open_terminal() -> tuple[int, int, str]:
-    """Open a pseudo-terminal; return the instrument's end, the driver's end and the path of the driver's end.
+    """Open a pseudo-terminal; return the instrument's end, the driver's end and its path.
 
     Raises
     ------

@@ -61,7 +61,7 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 
 
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
-    """End every fault that has no end of its own; a swapped supply stays swapped."""
+    """End all faults that last until they are ended; a supply that was exchanged stays exchanged."""
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False
     coil.drift(0.0, 0.0)

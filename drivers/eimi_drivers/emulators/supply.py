@@ -144,7 +144,7 @@ class CoilSupply:
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def coil_current_at_A(self, time_s: float) -> float:
-        """Return the true current (A) at a time not after now; before the last change, the current at this change."""
+        """Return the true current (A) at a past time; for a time before the last change, the current at that change."""
         if time_s < self.state.at_s:
             return self.state.coil_current_A
         return self._settling_current_A(time_s - self.state.at_s) if self._is_plain() else self.coil_current_A()
@@ -201,7 +201,7 @@ class CoilSupply:
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
-        """Let the current rise to `to_A` at this rate from now on, while the output is on; a rate of 0 ends it."""
+        """Let the current rise to `to_A` at this rate while the output is on; a rate of 0 ends the drift."""
         self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 
     def trip(self) -> None:

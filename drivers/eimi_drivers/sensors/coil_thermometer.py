@@ -52,11 +52,11 @@ class CoilThermometer:
         self._last = SensorReading(at_rest_degC, "degC", clock.now())
 
     def identify(self) -> Identity:
-        """Return what the thermometer is; it has no line of its own."""
+        """Return the identity of the thermometer, which has no line to an instrument."""
         return Identity(self.name, f"copper coil, {self.at_rest_degC:g} °C at rest", "supply")
 
     def measure_at_rest(self, between_readings: Callable[[], None]) -> None:
-        """Measure the resistance at rest; the current `at_rest_A` flows.
+        """Measure the resistance of the coil at rest, while the current `at_rest_A` flows.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class CoilThermometer:
         self._share_at_rest = math.hypot(self._scatter / math.sqrt(READINGS_AT_REST), _digits_share(readings[-1]))
 
     def read(self) -> SensorReading:
-        """Return the temperature, or the last one while hardly any current flows."""
+        """Return the temperature; while hardly any current flows, return the last temperature."""
         reading = self._measure()
         if self._at_rest_ohm is None or abs(reading.current_A) < LEAST_SHARE * self.at_rest_A:
             return self._last

@@ -20,7 +20,7 @@ class LakeShore425(SensorBase):
 
     ``*IDN?`` answers with maker, model, serial number and firmware (Model 425 User's Manual, section 6.3.1, page 52),
     ``UNIT?`` with the unit of all readings (page 57), ``RDGFIELD?`` with the field, such as ``+123.450E-03`` (section
-    6.3.1, table of commands). The meter states no uncertainty of a reading; the rig file can.
+    6.3.1, table of commands). The meter states no uncertainty of a reading; the rig file can state one.
     """
 
     name: str = "lakeshore-425"

@@ -108,7 +108,7 @@ class SupplyBase(ABC):
     def reads_zero_within_A(self) -> float:
         """Return the largest current (A) that a healthy unit of the family shows when no current flows.
 
-        The value 0 means that it is below `off.LEAST_OFF_A`, or not stated here.
+        The value 0 means that this current is below `off.LEAST_OFF_A`, or that it is not known.
         """
         return 0.0
 
@@ -165,7 +165,7 @@ class SupplyBase(ABC):
         """Raise InstrumentError with the errors in the instrument's error queue."""
 
     def _enabled(self) -> bool:
-        """Return whether the output is switched on; differs from `output_on` if "off" is a current of zero."""
+        """Return whether the output is switched on. It differs from `output_on` if a current of zero counts as off."""
         return self.output_on()
 
     def _trip(self) -> str:
@@ -253,7 +253,10 @@ class SupplyBase(ABC):
         return off
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the line and compare, see `_compare`. A line that cannot be reopened leads to the same supply."""
+        """Reopen the line and compare the supply, see `_compare`.
+
+        A line that cannot be reopened leads to the same supply.
+        """
         try:
             if not self._link.reopen() or self._bound is None:
                 return False
@@ -342,7 +345,7 @@ class SupplyBase(ABC):
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
         """Send a query, wait `pause_s` (s), and read the answer as `Transport.read` does.
 
-        If the previous query had no answer, wait first, so that its late answer is not used for this query.
+        If the previous query had no answer, the function first waits, so that a late answer is not used for this query.
         """
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
             self._clock.sleep(remaining_s)

@@ -21,7 +21,9 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """Call the function of `open_supply` between messages, and remember its errors, which are no errors of the driver.
+    """Call the function of `open_supply` between messages, and remember the errors that the function raises.
+
+    These errors are not errors of the driver.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ class Interruptions:
 
 
 class ForeignSupply:
-    """Call a supply of another package, and raise its own errors as InstrumentError.
+    """Call a supply of another package, and raise the errors of its driver as InstrumentError.
 
     Errors of `eimi_drivers.interfaces`, interruptions between two messages, and exceptions that are no `Exception` pass
     unchanged. An error in `safe_off` becomes SwitchOffFailed.

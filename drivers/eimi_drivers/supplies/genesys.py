@@ -174,7 +174,7 @@ class GenesysSupply(SupplyBase):
             raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Return a level (V) above the limit by the margin, and by at least 5 % of the rating, see E04."""
+        """Return the protection level (V): above the limit by the margin, and by at least 5 % of the rating (E04)."""
         identity = self._model()
         rating = _RATING.search(identity)
         if rating is None:
@@ -205,7 +205,7 @@ class GenesysSupply(SupplyBase):
             raise
 
     def _send_off_unread(self) -> None:
-        """Address the unit and switch it off without reading answers, because only the answers may be lost."""
+        """Address the unit and switch it off without reading answers, because perhaps only the answers are lost."""
         for message in (*self._greeting, "OUT OFF"):
             self._link.write(message.encode("ascii") + b"\r")
             self._clock.sleep(BLIND_GAP_S)

@@ -1,4 +1,4 @@
-"""Interrupt the messages to an instrument between two messages, when no answer is expected."""
+"""Interrupt the exchange with an instrument between two messages, when no answer is expected."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ MOST_REFUSALS = 3
 
 
 class OwonSpeSupply(ScpiSupply):
-    """Drive an Owon SPE. A set-point that is not accepted is noticed when it is read back."""
+    """Drive an Owon SPE. A set-point that the supply did not accept is noticed when it is read back."""
 
     name = "owon-spe"
     profile = Profile(
@@ -46,7 +46,7 @@ class OwonSpeSupply(ScpiSupply):
     without_contact = STAYS_ON + armed_in_words(protections)
 
     def _ask(self, question: str) -> bytes:
-        """Ask a question; skip the refusals of the commands before it, which may arrive late.
+        """Send a query and return its answer; skip late ERR answers to the commands before the query.
 
         If only refusals arrive within the timeout of an answer, the supply refused the question itself.
         """

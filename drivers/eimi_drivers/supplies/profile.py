@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Watchdog:
-    """State the messages of a timer in the supply that switches the output off even if the computer has failed.
+    """State the messages of a timer in the supply that switches the output off if the computer has failed.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ class ScpiSupply(SupplyBase):
         self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Set what decides the meaning of a set-point, see `Profile.modes`. Raises SetPointNotTaken."""
+        """Set the modes that decide the meaning of a set-point, see `Profile.modes`. Raises SetPointNotTaken."""
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))
             if self._mode(question).startswith(beginnings):
@@ -241,5 +241,5 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
 
 
 def effect_without_contact(watchdog: Watchdog | None) -> str:
-    """Return what becomes of the output without the computer, in words."""
+    """Return, in words, the effect on the output if the computer fails or the cable is pulled."""
     return watchdog.effect.format(seconds=watchdog.seconds) if watchdog else STAYS_ON

@@ -77,7 +77,7 @@ class Transport(Protocol):
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Split an address into the place and the channel that ``#2`` at its end names, or None."""
+    """Return the place and the channel of an address; ``#2`` at its end names channel 2, without it None."""
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
 
@@ -97,7 +97,7 @@ def usb_serial_number(address: str) -> str:
 
 
 def serial_port(address: str) -> str:
-    """Return a serial port as pyserial names it; a VISA resource of a serial port or a socket is translated."""
+    """Return pyserial's name of a serial port, also for a VISA resource of a serial port or a socket."""
     place = split_address(address)[0].removeprefix("\\\\.\\")  # how Windows writes COM10 and above; pyserial adds it
     if match := _VISA_SERIAL.fullmatch(place):
         return f"COM{match[1]}" if match[1].isdecimal() else match[1]
@@ -209,7 +209,7 @@ class SerialTransport:
         return received
 
     def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
-        """Read without a timeout of the port: under Wine, a read that times out is an error of the line."""
+        """Read by polling: under Wine, a read of the port that times out is an error of the line."""
         self._port.timeout = 0
         until = time.monotonic() + timeout_s
         received = b""
@@ -349,7 +349,7 @@ class VisaTransport:
 def _wait_by_the_monotonic_clock() -> None:
     """Make pyvisa-py measure its timeouts with the monotonic clock.
 
-    It uses the wall clock. If that clock is set back, a timeout is extended by the same amount.
+    pyvisa-py uses the wall clock. If the wall clock is set back, a timeout is extended by the same amount.
     """
     from pyvisa_py import sessions, tcpip
     from pyvisa_py.protocols import rpc

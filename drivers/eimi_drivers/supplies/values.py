@@ -1,4 +1,4 @@
-"""Set-points as text, and the numbers and lines in answers."""
+"""Convert set-points to text, and find the numbers and lines in answers."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def set_point_text(value: float, step: str) -> str:
 
 
 def number_in(reply: bytes) -> float | None:
-    """Return the number that an answer consists of; None if it is none, or no measurement."""
+    """Return the number that is the whole answer; None if the answer is not a number, or not a finite measurement."""
     if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(_PADDING))) > _NOT_A_MEASUREMENT:
         return None
     return number
 
 
 def line_in(reply: bytes) -> str | None:
-    """Return the line of printable text that an answer consists of; None if it is none."""
+    """Return the line of printable text that is the whole answer; None if the answer is anything else."""
     text = reply.strip(_PADDING).decode("latin-1")
     return text if text.isascii() and text.isprintable() and text else None

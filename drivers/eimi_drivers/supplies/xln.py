@@ -32,7 +32,7 @@ STATUS_DIGITS = 6
 
 
 class XlnSupply(ScpiSupply):
-    """Drive a BK Precision XLN. It has no error queue; a set-point that is not accepted is noticed when read back."""
+    """Drive a BK Precision XLN. Without an error queue, its refusal of a set-point is noticed at the read-back."""
 
     name = "bk-xln"
     ends_with = b"\r\n"

@@ -7,7 +7,8 @@ supply_bench    a supply driver on an emulated instrument with a coil
 claims          the claim of a check, and the error if the claim does not hold
 
 `check_supply`, `check_camera` and `check_sensor` raise one AssertionError that lists every failed check.
-`SUPPLY_CHECKS`, `CAMERA_CHECKS` and `SENSOR_CHECKS` are the single checks, for a framework that reports each as a test.
+`SUPPLY_CHECKS`, `CAMERA_CHECKS` and `SENSOR_CHECKS` are the single checks, for a test framework that reports each of
+them separately.
 """
 
 from eimi_drivers.testing.camera_checks import CAMERA_CHECKS, check_camera

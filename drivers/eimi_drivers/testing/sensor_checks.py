@@ -111,7 +111,7 @@ def understands_no_garbage(bench: SensorBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
-    """Check that the driver waits for an answer after 0.3 s, and discards one that comes after its time limit."""
+    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after the time limit."""
     bench.line.inject(Fault.SLOW)
     bench.reads(1.0)
     bench.line.late_s = bench.sensor.timeout_s + 0.3
@@ -122,7 +122,7 @@ def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
 
 
 def reports_a_cut_line(bench: SensorBench) -> None:
-    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout, also the second time."""
+    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout at the first and at the second read."""
     bench.reads(1.0)
     bench.line.inject(Fault.DISCONNECT)
     for _ in range(2):

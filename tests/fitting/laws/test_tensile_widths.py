@@ -16,7 +16,10 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """The half width is t(n/tau - 1) sigma sqrt(tau)/|slope|, where sigma² is the sum of squares over n - 1."""
+    """The half width is t sigma sqrt(tau) / |slope|, with t for n/tau - 1 degrees of freedom.
+
+    sigma² is the sum of squares divided by n - 1.
+    """
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
     noise = np.random.default_rng(rows).normal(0, 500, rows)
@@ -37,7 +40,7 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """The curve has one term; the intervals of the absent terms' moduli reach as far as the noise would hide them."""
+    """The curve has one term; the intervals of the absent terms' moduli are as wide as the noise could hide."""
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
     truth = np.array([30e3, 2.0, 0.0, 6.0, 0.0, -2.0])

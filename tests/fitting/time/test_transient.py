@@ -1,4 +1,4 @@
-"""The motion in time with inertia and internal variables, beside the small vibrations that approximate it."""
+"""The motion in time with inertia and internal variables, compared with the theory of small vibrations."""
 
 from __future__ import annotations
 

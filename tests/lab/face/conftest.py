@@ -1,4 +1,4 @@
-"""A run on the virtual rig, small enough for many tests: three states, a coarse mesh, a beam in plane stress."""
+"""Fixtures: a small run on the virtual rig with three states, a coarse mesh and a beam in plane stress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIPPED = Path(str(files("eimi_lab.protocols")))
 
 @pytest.fixture(scope="package")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with protocol.toml, specimen.toml, rig.toml and the run that they give, run.h5, with edges."""
+    """Return a folder with protocol.toml, specimen.toml, rig.toml and their run with edges, run.h5."""
     folder = tmp_path_factory.mktemp("bench")
     protocol = (SHIPPED / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -35,11 +35,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(bench: Path, tmp_path: Path) -> Path:
-    """A copy of the run that a test may change."""
+    """Return a copy of the run, which a test may change."""
     return Path(shutil.copy(bench / "run.h5", tmp_path))
 
 
 @pytest.fixture(scope="package")
 def fitted(bench: Path) -> FitRecord:
-    """One law fitted to the run."""
+    """Return the fit of one law to the run."""
     return eimi.fit(bench / "run.h5", "neo-hookean")

@@ -1,4 +1,4 @@
-"""Every function of the face in a chain on the virtual rig, given as texts, paths and objects."""
+"""Every public function in a chain on the virtual rig; arguments are texts, paths and objects."""
 
 from __future__ import annotations
 

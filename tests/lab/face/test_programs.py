@@ -25,13 +25,13 @@ PUBLIC = {"eimi_lab", "eimi_fitting", "eimi_fitting.laws"}
 
 
 def code_lines(text: str) -> int:
-    """Lines of a program without its title and without empty lines."""
+    """Return the lines of a program without its docstring and without empty lines."""
     return len([line for line in text.split('"""', 2)[2].splitlines() if line.strip()])
 
 
 @pytest.fixture
 def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a run, its TOML files, two runs in `runs`, and its frames as another program stores them."""
+    """Return a folder with a run, its TOML files, two runs in `runs`, and its frames as another program stores them."""
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
@@ -45,7 +45,7 @@ def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """The small bench of the tests with an emulated supply on a serial line, and what its rig.toml says."""
+    """Return the small bench of the tests with an emulated supply on a serial line, and the text of its rig.toml."""
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
         playback = ", playback = { picture_a_state = true }" if camera == "opencv" else ""

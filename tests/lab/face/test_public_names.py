@@ -1,4 +1,4 @@
-"""What `import eimi_lab as eimi` offers: nothing hides a name, nothing is loaded before it is asked for."""
+"""The public names of `import eimi_lab as eimi`: no module hides a name, and modules are loaded on demand only."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ print(*(name for name in eimi.__all__ if getattr(eimi, name) is None))
 
 
 def loaded_by(statement: str) -> set[str]:
-    """The modules that a fresh interpreter has loaded after a statement."""
+    """Return the modules that a fresh interpreter has loaded after a statement."""
     words = f"import sys\n{statement}\nprint(*sys.modules)"
     told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     return set(told.stdout.split())

@@ -64,7 +64,7 @@ WRONG = {
 
 
 def checked(text: str, folder: Path) -> str:
-    """What mypy says of a program that stands outside of the repository."""
+    """Return mypy's output for a program outside the repository."""
     (folder / "client.py").write_text(text, encoding="utf-8")
     environment = os.environ | {"MYPYPATH": os.pathsep.join(map(str, (ROOT, ROOT / "drivers", ROOT / "fitting")))}
     options = ["--strict", "--follow-imports=silent", "--no-error-summary", "--config-file=", f"--cache-dir={CACHE}"]

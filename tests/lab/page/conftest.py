@@ -42,7 +42,7 @@ class Answer:
 
 @dataclass
 class Served:
-    """A page that is being served. `ask` sends the token unless another is given; an empty header is not sent."""
+    """A page that is being served. `ask` sends the token unless another token is given; an empty header is not sent."""
 
     folder: Path
     port: int
@@ -116,7 +116,7 @@ def served(data_folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """Start Chromium of the system, or the one that Playwright installed."""
+    """Start the Chromium of the system, or the browser that Playwright installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
         own = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -185,7 +185,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @pytest.fixture
 def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]:
-    """Return a function that starts `eimi dashboard` on a folder and returns its process and the printed address."""
+    """Return a function that starts `eimi dashboard` on a folder, and returns the process and the printed address."""
     begun: list[subprocess.Popen[str]] = []
 
     def begin(folder: Path) -> tuple[subprocess.Popen[str], str]:

@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> None:
-    """A browser sends a cookie to every port of a host, so that another user's server would get it."""
+    """The browser would send a cookie to every port of the host, so that another user's server would receive it."""
     for path in ("/", f"/?token={'t' * 43}", "/static/main.js", "/api/folder"):
         answer = served.ask(path)
         assert answer.status == 200

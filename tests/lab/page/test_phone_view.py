@@ -42,7 +42,7 @@ def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactor
 
 
 class Phone:
-    """The view in a tab."""
+    """The view "Weights and a phone" in a tab."""
 
     def __init__(self, page: Any, size: tuple[int, int]) -> None:
         self.page, self.size = page, size
@@ -133,7 +133,7 @@ def check_files(folder: Path, scene: Any) -> None:
 def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
     served: Any, tab: Any, photographs: list[Path]
 ) -> None:
-    """Arrow keys move a cross, Enter sets a point, Backspace takes it back; the page is as wide as the screen."""
+    """Arrow keys move a cross, Enter sets a point, Backspace removes it; the page is as wide as the screen."""
     page = tab(f"{served.address}#phone")
     page.set_viewport_size({"width": 390, "height": 844})
     (served.folder / "hand").mkdir(exist_ok=True)

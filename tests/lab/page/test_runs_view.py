@@ -25,7 +25,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """Return the dataset rods/rod.h5: the tip of a cantilever under three small forces, by slender-beam theory."""
+    """Write rods/rod.h5: the tip of a cantilever under three small forces, by slender-beam theory; return its path."""
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()

@@ -22,7 +22,7 @@ class Said(logging.Handler):
 
 @pytest.fixture
 def said() -> Iterator[list[str]]:
-    """Collect the messages of the server."""
+    """Collect the messages of the server's log."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
     logger.addHandler(handler)

@@ -36,7 +36,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """Simulate tracked points of a beam of 50 kPa in three fields."""
+    """Return simulated tracked points of a beam of 50 kPa in three fields."""
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
@@ -57,7 +57,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """Return the fit with replaced numbers."""
+    """Return the small fit with replaced numbers."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return replace(

@@ -1,7 +1,7 @@
 """Every number that is printed comes from the field and with the factor that `traced_numbers.txt` lists.
 
-A failure prints a `diff` command with the paths of the new and the old list. Read the differences before you copy the
-new list over the old one.
+If the test fails, it prints a `diff` command with the paths of the new and the old list. Read the differences before
+you copy the new list over the old one.
 """
 
 from __future__ import annotations

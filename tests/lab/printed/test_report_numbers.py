@@ -206,7 +206,7 @@ def test_the_smallest_error_on_a_specimen_is_bold(
 
 
 def test_the_interval_names_what_scatters(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
-    """Tracked points have no edges."""
+    """For tracked points, the report must not call edges the source of the scatter."""
     report = report_of(replace(fit, budget=()), evidence)
     (finding,) = findings.findings(report)
     assert finding.limit.startswith("The scatter of the tracked points and the error of the mesh limit the interval")

@@ -64,7 +64,7 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy in which the number at a path is larger; an integer by 7."""
+    """Return a copy in which the number at a path is larger; an integer becomes larger by 7."""
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
     keys = [int(key) if key.isdigit() else key for key in rest]
@@ -77,7 +77,7 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Return for each text its numbers in order, each as field, factor and unit; if derived, with the printed number.
+    """Return for each text its numbers in order: field, factor and unit, and the number itself if it is derived.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Fit every dataset of a folder apart and put the moduli into one table."""
+"""Fit every dataset of a folder separately, and put the moduli into one table."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Run a protocol before a camera that the package does not know: four functions, and nothing is inherited."""
+"""Run a protocol with a camera that the package does not know: four functions without a base class."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Fit a law that is no part of the package: energy, search coordinates and initial shear modulus are all it needs."""
+"""Fit a law that is not part of the package; it has an energy, search coordinates and an initial shear modulus."""
 
 import eimi_lab as eimi
 from eimi_fitting.laws import Coordinate, InvariantLaw

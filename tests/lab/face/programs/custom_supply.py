@@ -1,4 +1,4 @@
-"""Run a protocol on a supply that the package does not know; its family speaks SCPI in words of its own."""
+"""Run a protocol on a supply that the package does not know, whose SCPI commands differ from those of others."""
 
 import eimi_lab as eimi
 from eimi_drivers.supplies.profile import Profile

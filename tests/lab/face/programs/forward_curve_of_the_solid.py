@@ -1,4 +1,4 @@
-"""Compute by how much the tip turns in each field, of the solid beam and of its planar model."""
+"""Compute the rotation of the tip in each field, for the solid beam and for its planar model."""
 
 from dataclasses import replace
 

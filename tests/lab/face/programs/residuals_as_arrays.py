@@ -1,4 +1,4 @@
-"""Where along the beam, and in which state, are the measured edges off the simulated ones?"""
+"""Find where along the beam, and in which state, the measured edges differ from the simulated edges."""
 
 import numpy as np
 
