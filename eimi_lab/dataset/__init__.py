@@ -13,7 +13,7 @@ tip_force_angles  directions of tip forces in the file
 reading           `open_dataset`, for finished files, for files in use and for crashed files
 containment       check that a file holds all its data itself and claims no absurd amounts
 rewriting         safe change of a finished file by way of a copy
-restating         correction of specimen and calibration after a run; the former ones stay in the file
+restating         correction of specimen and calibration after a run; the replaced files stay in the dataset
 segmentation      search for the edges of every state
 logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and what it measured
 sensor_logs       the logs of sensors in the file

@@ -42,7 +42,7 @@ READ = (
 
 
 def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
-    """Raise InputError if data of a dataset are in another place, or claim to be larger than could be read.
+    """Raise InputError if data of a dataset are in another place, or claim to be larger than memory.
 
     Only the places in `READ` are checked; a user may have added other things to the file.
     """

@@ -24,7 +24,7 @@ Images = Mapping[str, NDArray[Any]]
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from files; raise InputError if they cannot serve as a correction."""
+    """Read a dark frame and a flat field from files; raise InputError if they cannot correct a frame."""
     from eimi_lab.vision.image_files import (
         read_image,
     )  # OpenCV loads slowly, and a fit of stored edges does not need it
@@ -38,7 +38,7 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 
 
 def correction_by(images: Images) -> FieldCorrection | None:
-    """Return the correction by these images, None without images; raise ValueError if they cannot serve as one."""
+    """Return the correction by these images; None without images. Raises ValueError if they cannot correct a frame."""
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
 

@@ -28,7 +28,7 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
 
 
 def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the deflection of the tip, the last point of the middle line; NaN for a state without edges."""
+    """Write the deflection of the tip, which is the last point of the middle line; NaN for a state without edges."""
     middles = [edges.middle_mm for edges in edge_sets]
     across = np.array([middle[-1, 1] if len(middle) else np.nan for middle in middles])
     order = np.argsort(field_mT[: len(across)], kind="stable")

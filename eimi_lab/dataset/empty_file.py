@@ -1,4 +1,4 @@
-"""A dataset of frames before its first state: everything that is created before the file is opened for its writer."""
+"""A dataset of frames before its first state: the contents that are created before the writer opens the file."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class FrameStream:
         return self
 
     def put(self, image: NDArray[Any], meanwhile: Callable[[], None] | None = None) -> None:
-        """Accept the next frame; it must not change afterwards.
+        """Accept the next frame, which must not change afterwards.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class FrameStream:
         ValueError
             If the frame has another size or depth than the stack.
         OSError, RuntimeError
-            If a frame before could not be written.
+            If an earlier frame could not be written.
         """
         if image.shape != self._shape or image.dtype != self._dtype:
             raise ValueError(

@@ -161,14 +161,14 @@ def _append_states(
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """Return advice for an image whose size or depth differs from the first one's."""
+    """Return advice for an image whose size or depth differs from that of the first image."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
         return "rotate it by 90 degrees, or remove it from states.csv"
     return "export all pictures in the same way, or remove it from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
-    """Return when the oldest file was last written, as ISO 8601."""
+    """Return the time at which the oldest of the files was written, as ISO 8601."""
     seconds = min(file.stat().st_mtime for file in listing.files())
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
 
@@ -180,7 +180,7 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags that follow from comparing a state's images with each other and with the image before them."""
+    """Return the flags of a state from differences between its images, and from the image before the state."""
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
         numbers = list(range(len(names)))
@@ -199,7 +199,7 @@ def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
 
 
 def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
-    """Raise InputError for a clamp or a scale that pictures of this size cannot have; warn if the beam leaves them."""
+    """Raise InputError for a clamp or a scale impossible in pictures of this size; warn if the beam leaves them."""
     beam, scale = specimen.specimen, calibration.pixels_per_mm
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"
     if (clamp < -0.5).any() or (clamp > [width - 0.5, height - 0.5]).any():

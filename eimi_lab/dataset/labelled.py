@@ -80,7 +80,7 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Stack arrays of shape (n_i, ...) into one of shape (len(arrays), max n_i, ...), padded with NaN."""
+    """Stack arrays of shape (n_i, ...) into an array of shape (len(arrays), max n_i, ...), padded with NaN."""
     longest = max((len(a) for a in arrays), default=0)
     filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)
     for row, values in zip(filled, arrays, strict=True):

@@ -320,6 +320,7 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
     """Convert JSON back into flags, see `flags_to_text`.
 
-    A flag written by an earlier version has no severity; such a flag made its state unusable, which is the default.
+    A flag written by an earlier version has no severity; such a flag made its state unusable, which is the default
+    severity.
     """
     return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

@@ -60,7 +60,7 @@ class Listing:
     left_out: tuple[Path, ...] = ()
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Read the listed pictures one after another; each call starts at the first. Raises InputError."""
+        """Read the listed pictures in turn; each call starts with the first picture. Raises InputError."""
         if is_video(self.source):
             return read_video(self.source, [int(frame.path.name) for frame in self.frames])
         return (read_image(frame.path) for frame in self.frames)
@@ -145,14 +145,14 @@ def _named(name: str, images: list[Path]) -> list[Path]:
 
 
 def _near(row: Row, images: list[Path]) -> str:
-    """Suggest the image whose name differs only in case or folder; an empty text if there is none."""
+    """Return a suggestion of the image whose name differs only in case or folder; an empty text if there is none."""
     name = re.split(r"[/\\]", row.text("frame"))[-1].casefold()
     near = [image.name for image in images if name in (image.name.casefold(), image.stem.casefold())]
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _beside(row: Row) -> list[Path]:
-    """Return the image at a row's path relative to the table; an empty list if there is none."""
+    """Return the image at a row's path relative to the table, in a list; an empty list if there is no such image."""
     image = row.path.parent / Path(row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []
@@ -194,7 +194,7 @@ def _kind(source: Path) -> str:
 
 
 def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
-    """Return every n-th frame of a video with the row whose load acts on it; frames on which none acts are left out."""
+    """Return every n-th frame of a video with the row whose load acts on it; a frame without a load is left out."""
     times = frame_times(video)
     by_time = "time_s" in rows[0].cells
     column = "time_s" if by_time else "frame"

@@ -25,7 +25,8 @@ class LoggedSensor:
     at_magnet
         Field at the magnet divided by the field at the probe.
     uncertainty, uncertainty_share
-        Standard uncertainty of a reading, and the relative one that all share, as the rig file states them.
+        Standard uncertainty of a reading, and the relative standard uncertainty that all readings share, as the rig
+        file states them.
     """
 
     name: str
@@ -48,7 +49,8 @@ class SensorLog:
     state
         (n,) the state of each frame.
     time_s, value, standard_uncertainty
-        (n,) time on the run's clock, value, and the standard uncertainty that the sensor stated; NaN for none.
+        (n,) time on the run's clock, value, and the standard uncertainty that the sensor stated; NaN if the sensor
+        stated none.
     """
 
     sensor: LoggedSensor

@@ -1,4 +1,4 @@
-"""Measured fields' uncertainties and temperatures of the states of imported data, beside the table of states."""
+"""Uncertainties of measured fields, and measured temperatures, of imported states, stored beside their table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature
 
 
 class Measured(Protocol):
-    """A state's load with what was measured beside it; None where nothing was."""
+    """The load of a state with its measured quantities; None for a quantity that was not measured."""
 
     @property
     def field_sigma_mT(self) -> float | None:
@@ -27,7 +27,7 @@ class Measured(Protocol):
 
 
 def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
-    """Write the columns into an existing dataset, as `write_measured_columns` does."""
+    """Write the measured columns into an existing dataset, as `write_measured_columns` does."""
     with h5py.File(path, "r+") as file:
         write_measured_columns(file["entry/states"], loads)
 

@@ -1,9 +1,9 @@
 """Compare the measured temperature of the coil with the model by which a run predicts its heat.
 
-The model is that of `eimi_lab.acquisition.heating`: a body of first order, whose temperature rise is R h / I₀², where
-τ dh/dt = I² − h, I₀ is the continuous current and R the rise at this current. The initial temperature and R follow from
-the readings by least squares. The coil is taken as cold at the first reading, and each current as set at the last
-reading of the state before: ramps are neglected.
+The model is that of `eimi_lab.acquisition.heating`: a body of first order, whose temperature rise is R h / I₀², where τ
+dh/dt = I² − h, I₀ is the continuous current and R the rise at this current. The initial temperature and R follow from
+the readings by least squares. The coil is assumed to be cold at the first reading. Each current is assumed to begin at
+the last reading of the previous state, so that ramps are neglected.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class MeasuredHeating:
     rms_K : float
         Root mean square difference of the readings from the model with the stated time constant, K.
     time_constant_s, best_time_constant_s : float
-        The stated time constant, and the one that fits the readings best, s.
+        The stated time constant, and the time constant that fits the readings best, s.
     best_rms_K : float
         Root mean square difference with the best time constant, K.
     continuous_current_A : float

@@ -84,7 +84,7 @@ class Load:
     field_sigma_mT
         Standard uncertainty of the measured field; None if the field was not measured.
     temperature_degC
-        Measured temperature of the specimen, which does not distinguish two loads; None if it was not measured.
+        Measured temperature of the specimen, which is ignored when two loads are compared; None if it was not measured.
     """
 
     current_A: float | None

@@ -1,4 +1,4 @@
-"""Reading a dataset, also while it is being written or after a crash: every stored state can be read."""
+"""Reading of a dataset, also during a run or after a crash: every stored state can be read."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Dataset:
         self._file.close()
 
     def reopen(self) -> None:
-        """Open the file again, as it is now. Raises InputError."""
+        """Open the file again in its present state. Raises InputError."""
         self._file.close()
         file, finished = open_file(self.path)
         self.__init__(self.path, file, finished, self._if_damaged)  # type: ignore[misc]
@@ -106,7 +106,7 @@ class Dataset:
 
     @contextmanager
     def _naming_damage(self) -> Iterator[None]:
-        """Turn any error into an InputError that names the file: a damaged file can cause nearly every error."""
+        """Turn any error into an InputError that names the file, because a damaged file can cause nearly any error."""
         try:
             yield
         except (InputError, ImportError):
@@ -228,7 +228,7 @@ class Dataset:
             return images if images.ndim == 3 else images[..., ::-1]
 
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
-        """Yield the frames of a state one after another, as `images` does, so that only one is in memory."""
+        """Yield the frames of a state one after another, as `images` returns them, so that only one is in memory."""
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
             frames = self._entry["data/frames"]
@@ -257,13 +257,13 @@ class Dataset:
             return recorded_ring_downs(self._entry, len(self.states))
 
     def camera_setting(self, name: str) -> float | None:
-        """Return a setting that was read back from the camera, such as exposure_s; None if it was not."""
+        """Return a setting that was read back from the camera, such as exposure_s; None if it was not read back."""
         with self._naming_damage():
             stored = self._entry.get(f"instrument/detector/settings/{name}")
             return None if stored is None else float(stored[()])
 
     def creep_frames(self, state_index: int) -> RecordedFrames | None:
-        """Return the frames through a state of a run that recorded creep, read one at a time; None without them."""
+        """Return the frames of a state during its creep, read one at a time; None if the run did not record creep."""
         with self._naming_damage():
             return creep_frames(self._entry, len(self.states), state_index)
 
@@ -277,7 +277,7 @@ class Dataset:
         return self._recording(CONDITIONING)
 
     def ring_downs(self) -> tuple[Motion, ...]:
-        """Return the stored ring-downs as points with their times; `eimi segment` makes them of recorded frames."""
+        """Return the stored ring-downs as points with their times; `eimi segment` makes them from recorded frames."""
         with self._naming_damage():
             return read_motions(self._entry, "ring_down")
 
@@ -318,7 +318,7 @@ class Dataset:
             return read_sensor_logs(self._entry, len(self.states)) if self.kind == "frames" else ()
 
     def start_time(self) -> datetime:
-        """Return when the run started, or when the oldest of the imported image files was written."""
+        """Return the time at which the run started, or at which the oldest imported image file was written."""
         with self._naming_damage():
             start = datetime.fromisoformat(get_start(self._entry))
             return start if start.tzinfo else start.replace(tzinfo=UTC)
@@ -371,7 +371,7 @@ class Dataset:
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Rotate points (..., 2) of the beam frame to (right, up) as the camera sees them, or with gravity downward."""
+        """Rotate points (..., 2) of the beam frame to (right, up) in the camera's view, or with gravity downward."""
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
 
@@ -469,7 +469,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
 
 
 def _not_a_dataset(path: Path) -> str:
-    """Describe a file that is not HDF5 by its name, and what can be done with it."""
+    """Return a description of a file that is not HDF5, judged by its name, with advice on its use."""
     from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
     from eimi_lab.vision.image_files import ENDINGS as IMAGES
 
@@ -482,7 +482,7 @@ def _not_a_dataset(path: Path) -> str:
 
 
 def _has_a_writer(path: Path) -> bool:
-    """Return whether the file is marked as open for writing, now or when its writer crashed.
+    """Return whether a file is marked as open for writing, by a present writer or by one that crashed.
 
     The version is byte 8 of the superblock and the consistency flags are byte 11 (HDF5 File Format Specification 3.0,
     section II.A, superblock versions 2 and 3).

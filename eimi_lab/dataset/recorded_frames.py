@@ -1,4 +1,4 @@
-"""The frames of a recording in the file, read one at a time, because all of them may not fit into memory."""
+"""The frames of a recording in a file, read one at a time, because they may not fit into memory together."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class RecordedFrames:
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
     """Return the step and the frames of each ring-down.
 
-    A release that an earlier version recorded is one ring-down from the last current. The moment of its step is known
-    as well as the interval of its frames.
+    A `release` recorded by an earlier version counts as one ring-down from the last current. The moment of its step is
+    known within the interval of its frames.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
 
 
 def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames | None:
-    """Return the frames between the set-point of a state and its end.
+    """Return the frames of a state between its set-point and its end.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""Frames that are taken between the states, in the order in which they were taken.
+"""Frames that are taken between the states, in the order of time.
 
-There are these recordings, each an NXdata in the file:
+Each of these recordings is an NXdata in the file:
 
     transients      frames while the beam settles at a state, or creeps in it
     ring_down       frames after steps of the current to zero, at the full rate of the camera
@@ -84,7 +84,7 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings that a protocol asks for; none without a protocol, as in an import."""
+    """Return the names of the recordings that a protocol asks for; none for an import, which has no protocol."""
     if protocol is None:
         return ()
     is_planned = {
@@ -140,7 +140,7 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append the columns of frames that are in the file already; parameters as for `append_moments`."""
+    """Append the columns of frames that are already in the file; parameters as for `append_moments`."""
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
         "number": [moment.frame.number for moment in moments],

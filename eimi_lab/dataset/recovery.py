@@ -51,7 +51,7 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
 
     Single flipped bits are corrected by means of HDF5's checksums. Every frame of the copy is read before the copy gets
     its name. Damaged frames are left out, and their states are flagged DROPPED. A state that loses every frame gets a
-    black frame, so that the states after it keep their numbers.
+    black frame, so that later states keep their numbers.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     force
         Whether an existing file is overwritten.
     say
-        Function that gets a line for everything that was corrected or lost.
+        Function that gets a line for each item that was corrected or lost.
 
     Returns
     -------
@@ -278,7 +278,7 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
-    """Remove incomplete and damaged frames from every recording; return a line for each recording with damage."""
+    """Remove incomplete and damaged frames from every recording; return a line for each damaged recording."""
     lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:

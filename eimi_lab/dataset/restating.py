@@ -1,7 +1,7 @@
 """Correction of a dataset's specimen or calibration after it was written.
 
-The dataset keeps the former files. Its edges are removed, since they were found with the former files. If the coil
-constant changes, the fields of a run are computed anew from its currents.
+The dataset keeps the replaced files. Its edges are removed, because they were found with the replaced files. If the
+coil constant changes, the fields of a run are computed anew from its currents.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the factor by which the fields change; raise InputError if the fields may not follow from the currents."""
+    """Return the factor by which the fields change; raise InputError if the fields do not follow from the currents."""
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0
     factor = after.mT_per_A / before.mT_per_A if before.mT_per_A else float(after.mT_per_A == 0.0)

@@ -20,7 +20,7 @@ HEADERS_BYTES = 1 << 14
 
 @contextmanager
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
-    """Yield the group `entry` of a dataset for changes; they are kept only if the block ends without an error.
+    """Yield the group `entry` of a dataset for changes, which are kept only if the block ends without an error.
 
     Parameters
     ----------

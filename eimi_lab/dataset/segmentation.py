@@ -135,8 +135,8 @@ def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, .
     """Return the edges of all states, with the place of the clamp judged in the straightest state.
 
     The place is where the edges, extrapolated to the line of the clamp, cross it. With a strong curvature at the clamp
-    the extrapolation is tenths of a millimetre off. A state that is bent much farther than the straightest one gets the
-    flag of that one, or none.
+    the extrapolation is tenths of a millimetre off. A state that is bent much farther than the straightest state gets
+    the flag of the straightest state, or no flag.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -156,14 +156,14 @@ def _is_clamp_offset(flag: Flag) -> bool:
 
 
 def _in_words(flags: Sequence[Flag]) -> str:
-    """Return the names of the flags of a state; those that need no action follow as notes."""
+    """Return the names of the flags of a state; flags that need no action follow as notes."""
     notes = [flag.name for flag in flags if flag.severity is Severity.NOTE]
     names = ", ".join(flag.name for flag in flags if flag.severity is not Severity.NOTE) or "no flags"
     return f"{names}; notes: {', '.join(notes)}" if notes else names
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
-    """Return the clicked points (n, 2) in mm, or None; they guide the later states until one is followed."""
+    """Return the clicked points (n, 2) in mm, or None; they guide the later states until one state is followed."""
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
     return BeamFrame(calibration).to_mm(np.array(calibration.picture.along_px))
@@ -176,7 +176,7 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each state in order, found by workers from its own frames.
+    """Yield the edges of each state in order, which workers found from the frames of this state alone.
 
     None is yielded for a state that needs the edges of an earlier one; without an executor, for every state.
     """
@@ -224,7 +224,7 @@ def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """Open the frames of a dataset; a worker opens them once for all its states."""
+    """Open the frames of a dataset; a worker opens them only once for all its states."""
     return Frames(open_dataset(path))
 
 

@@ -1,4 +1,4 @@
-"""The values of sensors in a dataset: one NXsensor for each, with one row for each frame.
+"""The values of sensors in a dataset: an NXsensor for each sensor, with one row for each frame.
 
 They are in entry/sample/environment (NXenvironment), see
 https://manual.nexusformat.org/classes/base_classes/NXsensor.html.
@@ -59,7 +59,7 @@ def sensor_names(entry: h5py.Group) -> tuple[str, ...]:
 
 
 def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None:
-    """Create the empty logs of the sensors of a run; nothing without sensors."""
+    """Create the empty logs of the sensors of a run; create nothing if the run has no sensors."""
     if not sensors:
         return
     environment = group(entry["sample"], "environment", "NXenvironment")
@@ -81,7 +81,7 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
 
 
 def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
-    """Read the logs of all sensors; rows of a state whose storing was not completed are left out."""
+    """Read the logs of all sensors; rows of a state that was not stored completely are left out."""
     logs = []
     for name in sensor_names(entry):
         place = entry[PLACE][name]

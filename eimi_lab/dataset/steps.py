@@ -4,7 +4,7 @@
     ring_down_steps    one row for each recorded ring-down: the step to zero, and what the camera did
 
 A set-point takes effect between the moment at which it is sent and the moment at which the supply answers; `time` is
-the middle, `uncertainty` the standard deviation of a uniform distribution between the two.
+the middle of these two moments, and `uncertainty` is the standard deviation of a uniform distribution between them.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class RingDownStep:
     Parameters
     ----------
     ring_down : int
-        Its number, from 0.
+        Number of the ring-down, from 0.
     from_A, to_A : float
         Current before and after the step.
     time_s, uncertainty_s : float
@@ -71,12 +71,12 @@ class RingDownStep:
 
 
 def records_steps(protocol: Protocol | None) -> bool:
-    """Return whether a run by this protocol stores its set-points."""
+    """Return whether a run with this protocol stores its set-points."""
     return protocol is not None and (protocol.creep or protocol.ring_down is not None)
 
 
 def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
-    """Create the empty tables that a protocol needs."""
+    """Create the empty tables of set-points and ring-downs, if the protocol needs them."""
     if records_steps(protocol):
         columns(group(entry, SET_POINTS, "NXcollection"), dict(_SET_POINT_COLUMNS))
     if protocol is not None and protocol.ring_down is not None:
@@ -84,7 +84,7 @@ def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
 
 
 def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPoint]) -> None:
-    """Append set-points to the columns of their table."""
+    """Append set-points to the columns of the table of set-points."""
     if store and set_points:
         for name, values in zip(_SET_POINT_COLUMNS, zip(*map(astuple, set_points), strict=True), strict=True):
             append(store[name], values)
@@ -92,7 +92,7 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append a ring-down to the columns of its table."""
+    """Append a ring-down to the columns of the table of ring-downs."""
     for name, value in zip(_STEP_COLUMNS, astuple(step), strict=True):
         append(store[name], [value])
         store[name].flush()

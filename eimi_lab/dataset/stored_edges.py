@@ -44,7 +44,7 @@ def write_edges(
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
 ) -> None:
-    """Store the edges of every state, and the motions of the recorded frames; earlier ones are replaced.
+    """Store the edges of every state and the motions in the recorded frames; stored edges are replaced.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def write_edges(
     projection
         The projection of colours with which the edges were found; None for frames without colours.
     motions
-        Ring-downs and creep found in recorded frames; motions of a kind that none of them has are kept.
+        Ring-downs and creep found in recorded frames; stored motions are kept if no new motion has their kind.
     length_mm
         Length of the beam, for the amplitudes of the motions.
 
@@ -86,7 +86,7 @@ def write_edges(
 
 
 def drop_edges(entry: h5py.Group) -> None:
-    """Remove the stored edges, if there are any; a viewer then shows the frames first."""
+    """Remove the stored edges, if there are any; afterwards a viewer shows the frames first."""
     if GROUP in entry:
         del entry[GROUP]
         entry.attrs["default"] = "data"
@@ -114,7 +114,7 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Write what the application definition requires, and the end of the run.
+    """Write the fields that the application definition requires, and the end of the run.
 
     A file in single-writer-multiple-reader mode cannot contain a date that is written late. The end of the run is
     therefore in the table of sessions until the edges are stored. Dates of 0.1.0 have a fixed length.

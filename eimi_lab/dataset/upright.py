@@ -1,4 +1,4 @@
-"""Rotation from the beam frame to the orientation in which the beam is seen by the camera, or with gravity downward."""
+"""Rotation of the beam frame to the camera's view or, without a camera, such that gravity points down."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Ar
     calibration
         With a calibration, right and up are those of the image.
     gravity_angle_deg
-        Without a calibration, gravity in this direction of the beam frame points downward. If it is None too, the
-        identity is returned.
+        Without a calibration, gravity in this direction of the beam frame points downward. If this angle is None too,
+        the identity is returned.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

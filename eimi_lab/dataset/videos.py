@@ -88,10 +88,11 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return how the row of the sensor follows from a pixel of a frame: factors of x and y, and a constant.
+    """Return how the sensor row depends on a pixel of a frame: the factors of x and y, and a constant.
 
-    A phone stores the rows of its sensor with the angle by which a viewer turns them, and OpenCV turns them. A phone
-    held upright therefore reads the frame from side to side. Raises InputError if the video cannot be read.
+    A phone stores the rows of its sensor together with an angle, by which a viewer and OpenCV rotate the picture. In
+    the rotated picture of a phone that was held upright, the rows of the sensor are therefore columns. Raises
+    InputError if the video cannot be read.
     """
     with _opened(path) as video:
         turned = round(video.get(cv2.CAP_PROP_ORIENTATION_META)) % 360

@@ -69,7 +69,7 @@ COPY_BYTES = 1 << 20
 
 
 def _ignore() -> None:
-    """Do nothing; the default of `beat`, for a writer whose progress is not monitored."""
+    """Do nothing: the default `beat` of a writer whose progress is not monitored."""
 
 
 class StorageFailed(OSError):
@@ -151,7 +151,7 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Record that the run starts or continues now with the next state. Raises StorageFailed."""
+        """Record that the run starts or continues now. Raises StorageFailed."""
         session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
             for name, column in self._sessions.items():
@@ -197,8 +197,8 @@ class DatasetWriter:
     def _abandon(self) -> None:
         """Close the file without further writes, so that it stays as a crash would leave it.
 
-        HDF5 would try to write the remaining data when the file is closed, fail, and crash the whole program when it
-        ends. The remaining data are therefore sent to the null device.
+        When the file is closed, HDF5 would try to write the remaining data; this would fail, and crash the program at
+        its end. The remaining data are therefore sent to the null device.
         """
         taken_away = _taken_away(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:
@@ -327,7 +327,7 @@ class DatasetWriter:
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
         """Store frames of a recording, one of `recordings.BELONGS_TO`, with the state or cycle of each frame.
 
-        After the return the frames survive a crash. Raises as `append_state` does.
+        After the return the frames survive a crash. The errors are those of `append_state`.
         """
         self._refuse_overwritten()
         with self._writing():
@@ -345,14 +345,14 @@ class DatasetWriter:
     def ring_down(self) -> Iterator[FrameStream]:
         """Yield a stream for the frames of a ring-down, which are written while the camera takes them.
 
-        All of them are written when the block ends; then call `end_ring_down`. Raises as `append_state` does.
+        All of them are written when the block ends; then call `end_ring_down`. The errors are those of `append_state`.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
             yield stream
 
     def end_ring_down(self, step: RingDownStep, moments: Sequence[Moment], set_points: Sequence[SetPoint]) -> None:
-        """Store the times of the frames of a ring-down, and its step; afterwards they survive a crash."""
+        """Store the step of a ring-down and the times of its frames; afterwards they survive a crash."""
         with self._writing():
             append_set_points(self._set_points, set_points)
             append_times(RING_DOWN, self._recordings[RING_DOWN], [step.ring_down] * len(moments), moments)
@@ -418,7 +418,7 @@ class DatasetWriter:
 
 
 def _taken_away(path: Path, descriptor: int) -> str:
-    """Return what happened to an open file if ``path`` no longer leads to it; an empty text if it still does."""
+    """Return a description of what happened to an open file if ``path`` no longer leads to it; else an empty text."""
     try:
         open_file = os.fstat(descriptor)
     except OSError:  # closed already
@@ -435,7 +435,7 @@ def _taken_away(path: Path, descriptor: int) -> str:
 def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -> tuple[Path, WriterLock]:
     """Copy an open file to a new name beside ``path``, or in the temporary folder if that fails.
 
-    Raises StorageFailed if neither is possible.
+    Raises StorageFailed if neither copy is possible.
     """
     reasons = []
     for folder in (path.parent, Path(tempfile.gettempdir())):

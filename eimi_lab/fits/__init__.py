@@ -3,8 +3,8 @@
 evidence             read a dataset as the states, edges or points, and loads of a fit
 measured_conditions  the measured field in place of the stated coil constant
 measured_record      the measured field and temperatures of a dataset, as a result file holds them
-measured_remarks     sentences on them, and on their differences between datasets
-states_used          the states that a fit uses, and the flags of those that it leaves out
+measured_remarks     sentences on measured fields and temperatures, and on their differences between datasets
+states_used          the states that a fit uses, and the flags of the states that it leaves out
 perspective          detect in the edges that the lens sees the depth of the beam in perspective
 before_search        check a dataset for errors that no material could explain
 options              the options of a fit
@@ -34,5 +34,6 @@ tensile_fits         fit a law to a tensile test
 export               write fits as material cards of other programs
 fit_figures          figures of fits, residuals and errors for a notebook
 
-The truth that a virtual rig stores is not read here: only `eimi_lab.demonstration` and the report read it, to score.
+The truth that a virtual rig stores is not read here: only `eimi_lab.demonstration` and the report read the truth, to
+score fits.
 """

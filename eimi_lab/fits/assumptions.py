@@ -1,4 +1,4 @@
-"""Return what a fit assumes for a dataset in addition to its law: a free bulk modulus, and freed nuisances.
+"""The assumptions of a fit for a dataset in addition to its law: a free bulk modulus, and freed nuisances.
 
 Freed nuisances belong to the datasets to which the law was fitted. For any other dataset all inputs are as stated.
 """
@@ -29,7 +29,7 @@ INCOMPRESSIBLE_FROM = 0.495
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Assumptions for P candidates.
+    """The assumptions of a fit for P candidates.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the error of the modulus to be expected from a planar section; None for a solid."""
+    """Return a sentence on the expected error of the modulus due to a planar section; None for a solid."""
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
         return None
@@ -101,7 +101,7 @@ def compressibility_remark(evidence: Evidence) -> str | None:
 
 
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """Return what a fit assumes for a dataset, the same for all candidates."""
+    """Return the assumptions of a fit for a dataset, equal for all candidates."""
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None

@@ -32,7 +32,7 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 @dataclass(frozen=True)
 class _Remedy:
-    """The change in calibration.toml, in the states.csv of imported pictures, and for tracked points."""
+    """A change that corrects a mistake, described for calibration.toml, for states.csv, and for tracked points."""
 
     calibration: str
     states: str
@@ -74,7 +74,7 @@ _REMEDIES: dict[Slip, _Remedy] = {
 
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
-    """Return the message on a mistake in the loads of a dataset, with its remedies."""
+    """Return the message about a mistake in the loads of a dataset, with its remedies."""
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
@@ -87,7 +87,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return a remedy in words: change an input file, and store it in the dataset by `eimi segment`."""
+    """Return a remedy in words: change an input file, and store it in the dataset with `eimi segment`."""
     return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
 
 
@@ -111,7 +111,7 @@ def _check_currents(states: Sequence[State]) -> None:
 
 
 def _check_magnet(path: Path, experiment: Experiment) -> None:
-    """Refuse a specimen without any magnetisation whose tip moves although only the field changes."""
+    """Refuse a specimen that has no magnetisation but whose tip moves when only the field changes."""
     specimen, loads = experiment.model.specimen, experiment.loads
     non_magnetic = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
     if not non_magnetic or np.ptp(loads.tip_force_N, axis=0).any() or not np.ptp(loads.field_T, axis=0).any():
@@ -127,7 +127,7 @@ def _check_magnet(path: Path, experiment: Experiment) -> None:
 
 
 def _check_map(experiment: Experiment) -> None:
-    """Refuse a field that is not known at a place that the tip reaches."""
+    """Refuse a field that is unknown at a place that the tip reaches."""
     table = experiment.loads.coil.table if experiment.loads.coil else None
     if table is None or not _is_edges(experiment):
         return

@@ -43,7 +43,8 @@ class BootstrapRecord(Record):
     """Fits to replicates of the data, whose states are drawn with replacement.
 
     `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
-    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3); it is null with fewer than 40 replicates.
+    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3); the interval is null with fewer than 40
+    replicates.
     """
 
     drawn: Literal["states"] = "states"

@@ -1,11 +1,11 @@
 """Log the generations of a fit or of a grid of fits, so that an interrupted fit can be resumed.
 
-A checkpoint consists of JSON lines. The first line states what is fitted. Each generation adds a line with the
-objectives of its candidates, and each finished fit adds a line. CMA-ES is deterministic: with the same seed and the
-same objectives it proposes the same candidates. A resumed search therefore reads the logged objectives instead of
-computing them, and continues bit for bit, because numbers are written with all their digits. Another kind of processor
-rounds differently in the last digit, so a replayed generation has to agree with the logged one to `_SAME` only. A line
-that is incomplete is skipped, and its generation is computed again.
+A checkpoint consists of JSON lines. The first line states laws, data and options of the fits. Each generation adds a
+line with the objectives of its candidates, and each finished fit adds a line. CMA-ES is deterministic: with the same
+seed and the same objectives it proposes the same candidates. A resumed search therefore reads the logged objectives
+instead of computing them, and continues bit for bit, because numbers are written with all their digits. Another kind of
+processor rounds differently in the last digit, so a replayed generation has to agree with the logged generation within
+`_SAME` only. A line that is incomplete is skipped, and its generation is computed again.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """The first line of a checkpoint. A fit is resumed only if its own head is the same."""
+    """The first line of a checkpoint. A fit is resumed only if its head equals the stored head."""
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]
@@ -153,7 +153,7 @@ class Checkpoint:
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """Return the logged generations of one fit, up to the first that is missing, ready to log the next ones."""
+        """Return the logged generations of one fit, up to the first missing generation, ready to log further ones."""
         by_number: dict[int, GenerationLine] = {}
         for line in self._read()[0]:
             if line.fit == fit:
@@ -166,7 +166,7 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The logged generations of one fit. The search calls it after each generation, and it logs a new generation."""
+    """The logged generations of one fit; the search calls this object after each generation, which logs a new one."""
 
     path: Path
     fit: int
@@ -179,7 +179,7 @@ class GenerationLog:
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Write a new generation. Raises OtherSearch if a replayed one differs from the logged one."""
+        """Write a new generation. Raises OtherSearch if a replayed generation differs from the logged generation."""
         self.generation += 1
         if self.generation <= len(self.logged):
             if not _same(generation, self.logged[self.generation - 1].search):
@@ -223,7 +223,7 @@ def _append(path: Path, line: Record, fresh: bool = False) -> None:
 
 
 def _check_same(path: Path, stored: Head, wanted: Head) -> None:
-    """Raise InputError if a checkpoint was begun with other fits, data, options or versions."""
+    """Raise InputError if a checkpoint was begun with other laws, data, options or versions."""
     for what, there, here in (
         ("fits", stored.fits, wanted.fits),
         ("datasets (sha256)", stored.datasets, wanted.datasets),

@@ -1,4 +1,4 @@
-"""Discover the terms of a law from datasets and tensile tests, as `eimi discover` does."""
+"""Discover the terms of a law from datasets and tensile tests: the work of `eimi discover`."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ FEWEST_POINTS = 10  # on each edge of a state that is used
 
 @dataclass(frozen=True)
 class Evidence:
-    """One dataset ready to fit.
+    """A dataset that is ready for a fit.
 
     Attributes
     ----------
@@ -64,7 +64,8 @@ class Evidence:
     used : StatesUsed
         The states that were used and left out, with their flags.
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
+        Keys without a stated uncertainty; `dimensions` or `calibration` if no key of that file has a stated
+        uncertainty.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None
@@ -72,7 +73,7 @@ class Evidence:
     poisson_ratio : float
         The stated Poisson's ratio; the fit takes the material as incompressible.
     field_line : FieldLine or None
-        The measured field; None if it follows from the stated coil constant.
+        The measured field; None if the field follows from the stated coil constant.
     typed_mT_per_A : float or None
         The stated coil constant.
     heating : MeasuredHeating or None
@@ -137,7 +138,7 @@ def load_evidence(
     flagged : bool
         Whether to use states that a quality check has flagged.
     report : callable
-        Is called with a line after each state whose edges are found.
+        Called with a line after each state whose edges are found.
 
     Raises
     ------
@@ -266,7 +267,7 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
-    """Return the keys of specimen and calibration without a stated uncertainty; a whole file if it states none."""
+    """Return the keys of specimen and calibration without a stated uncertainty; the name of a file that states none."""
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
@@ -318,7 +319,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation that the flags of a state add to that of its points."""
+    """Return the standard deviation (mm) that the flags of a state add to that of its points."""
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -327,7 +328,7 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return points and standard deviations of both edges, with a further standard deviation added in quadrature."""
+    """Return points and standard deviations of both edges, with another deviation added in quadrature."""
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 
@@ -357,7 +358,7 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a doubt if the edges show perspective, but the calibration does not."""
+    """Return a doubt if the edges show perspective, but the calibration states none."""
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()

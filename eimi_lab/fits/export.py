@@ -1,4 +1,4 @@
-"""Write fits as material cards of other programs, as `eimi export` does."""
+"""Write fits as material cards of other programs: the work of `eimi export`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
     Raises
     ------
     InputError
-        If there is no such fit, or if there are several and no index.
+        If the file has no such fit, or several such fits and no index is given.
     """
     of_model = {i: fit for i, fit in enumerate(fits) if fit.model == model}
     in_file = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))

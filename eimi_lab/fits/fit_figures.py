@@ -52,7 +52,7 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
 def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
-    """Draw errors with bars of one standard deviation against the field, or against the state if it is constant."""
+    """Draw errors with bars of one standard deviation against the field; against the state if the field is constant."""
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()

@@ -26,7 +26,7 @@ FEWEST_STATES = 5  # for a bootstrap: with fewer states, many replicates would c
 
 @dataclass(frozen=True)
 class Task:
-    """One fit: the law, the datasets, the seed, and the number of the replicate (0: the data as measured)."""
+    """A fit: the law, the datasets, the seed, and the number of the replicate (0: the data as measured)."""
 
     model: str
     evidence: tuple[Evidence, ...]
@@ -95,15 +95,15 @@ def fit_grid(
     options : mapping
         Options of `eimi_fitting.identify`.
     executor : callable, optional
-        Starts the workers; without it the fits are computed in this process.
+        Starts the workers; without an executor the fits are computed in this process.
     checkpoint : Checkpoint, optional
     share_checkpoint : bool
         Whether workers write each generation into the checkpoint, for which they must see the file. Otherwise only
         finished fits are written.
     report : callable
-        Is called with a line after each task.
+        Called with a line after each task.
     underway : callable
-        Is called with a line after each generation of a search in this process.
+        Called with a line after each generation of a search in this process.
 
     Returns
     -------

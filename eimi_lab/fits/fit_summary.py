@@ -1,4 +1,4 @@
-"""Print the details of a fit and the comparison of laws, as `eimi fit` does below its results."""
+"""Details of a fit and the comparison of laws, which `eimi fit` prints below its results."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return the lines on one fit: what the data determine, the budget, nuisances, curves, causes and doubts."""
+    """Return the lines on one fit: determined quantities, budget, nuisances, curves, causes and doubts."""
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
 
 
 def _grade_lines(fit: FitRecord) -> list[str]:
-    """Return one line with the grade of a fit, and with its reason if there are no doubts (`_doubts` lists them)."""
+    """Return one line with the grade of a fit, and with its reason if there are no doubts, which `_doubts` lists."""
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
 
@@ -84,12 +84,12 @@ def _doubts(fit: LawRecord) -> list[str]:
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
-    """Return the lines on one fit to a tensile test: what the curve does not determine, and doubts."""
+    """Return the lines on one fit to a tensile test: the quantities that the curve does not determine, and doubts."""
     return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return the lines on section, shape at rest, compressibility, measured field and temperatures of the datasets."""
+    """Return lines on section, shape at rest, compressibility, measured field and temperatures of datasets."""
     remarks_of = (
         section_remark,
         rest_shape_remark,
@@ -103,7 +103,7 @@ def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
-    """Return the sources of the interval of the modulus, the largest first, and what to measure better next."""
+    """Return lines on the sources of the modulus's interval, the largest first, and on what to measure better next."""
     modulus, lines = fit.initial_shear_modulus, []
     for entry in fit.budget[:_LARGEST]:
         effect = f"± {_percent(entry.effect_percent)} of the modulus"
@@ -127,7 +127,7 @@ def budget_lines(fit: FitRecord) -> list[str]:
 
 
 def all_together_percent(fit: FitRecord) -> float:
-    """Return the standard uncertainty of the modulus due to all sources together, in per cent."""
+    """Return the standard uncertainty (%) of the modulus due to all sources together."""
     return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
@@ -139,7 +139,7 @@ def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return a sentence on the quantity to measure better next, and on the interval expected after that."""
+    """Return a sentence on the quantity to measure better next, and on the interval to be expected then."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
@@ -152,7 +152,7 @@ def _percent(value: float) -> str:
 
 
 def comparison_table(choices: Sequence[Choice]) -> list[str]:
-    """Return the comparison of the laws as a table; no lines if they cannot be compared."""
+    """Return the comparison of the laws as lines of a table; no lines if the laws cannot be compared."""
     if not choices:
         return []
     lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]
@@ -165,7 +165,7 @@ def comparison_table(choices: Sequence[Choice]) -> list[str]:
 
 
 def held_out_in_words(choice: Choice) -> str:
-    """Return the error on states left out of the fit in µm; `-` if none could be left out."""
+    """Return the error on states left out of the fit in µm; `-` if no state could be left out."""
     return "-" if choice.held_out_error_mm is None else f"{1e3 * choice.held_out_error_mm:.2f} µm"
 
 

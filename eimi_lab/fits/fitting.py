@@ -1,4 +1,4 @@
-"""Check the options and the evidence of a fit, and state why a fit is refused."""
+"""Check the options and the evidence of a fit, and describe why a fit is refused."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the error for the user for one of the `REFUSALS`, with the path of the dataset."""
+    """Return the error for the user about one of the `REFUSALS`, with the path of the dataset."""
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]
         return InputError(f"{dataset.path}: state {dataset.states[error.state].index}: {error}")

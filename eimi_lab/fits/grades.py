@@ -1,4 +1,4 @@
-"""Grade the support of a fit: by noise only, by a stated budget, by predicted states, or by a predicted specimen."""
+"""Grade the support of a fit: noise only, a stated budget, predicted states, or a predicted specimen."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
 
 
 def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
-    """Return whether the error on a specimen is near that of the fitted states, or due to uncertain inputs."""
+    """Return whether the error on a specimen is as small as on the fitted states, or explained by uncertain inputs."""
     if validation.mean_error_mm is None:
         return False
     least = validation.mean_error_interval_mm[0] if validation.mean_error_interval_mm else validation.mean_error_mm

@@ -121,7 +121,7 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that the data do not determine: the bounds of the search determine their intervals."""
+        """Return the parameters that the data do not determine, so that search bounds determine their intervals."""
         return ()
 
     def stretch_in_words(self) -> str:
@@ -154,7 +154,7 @@ class LawRecord:
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Write a doubt without its kind, which result files do not hold."""
+        """Return the record without the kinds of its doubts, which result files do not hold."""
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:
@@ -179,7 +179,7 @@ class LawRecord:
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the stress in uniaxial tension with its band, within the data and beyond."""
+        """Return a matplotlib figure of the stress in uniaxial tension with its band, within and beyond the data."""
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]

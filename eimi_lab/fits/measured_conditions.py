@@ -1,7 +1,7 @@
-"""The measured field of a dataset, and what it changes in a fit.
+"""The measured field of a dataset, and its effect on a fit.
 
-A measured field replaces the typed coil constant: the slope is that of the measured line (`dataset.measured_field`),
-its offset is a background field, and their uncertainties are those of the line.
+A measured field replaces the typed coil constant. The slope of the measured line (`dataset.measured_field`) is the coil
+constant, the offset of the line is a background field, and both have the uncertainties of the line.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REPLACED = frozenset({"coil", "offset"})
 
 
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
-    """Return loads whose background along the coil's axis is the measured one, not the stated one."""
+    """Return loads whose background along the coil's axis is the measured offset instead of the stated value."""
     line = dataset.field_line
     if line is None or dataset.calibration is None:
         return loads
@@ -35,8 +35,8 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
     """Return the uncertainties of a measured field; empty if the field was not measured.
 
-    For imported data the uncertainty of each field is taken as an error that all states share: the one at the strongest
-    field as a fraction, and the one at the weakest as an offset.
+    For imported data the uncertainty of each field is taken as an error that all states share: the uncertainty at the
+    strongest field counts as a fraction, and the uncertainty at the weakest field as an offset.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

@@ -11,7 +11,7 @@ from eimi_lab.fits.law_record import Record
 
 
 class MeasuredField(Record):
-    """The straight line through the measured field against the current; the fit used it, not the stated coil constant.
+    """The measured line of field against current, which a fit used instead of the stated coil constant.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Sentences on the measured field and temperatures of datasets, and on their differences between datasets."""
+"""Sentences on measured fields and temperatures of datasets, and on their differences between datasets."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def measured_lines(datasets: Sequence[DatasetReference]) -> list[str]:
 
 
 def measured_differences(datasets: Sequence[DatasetReference]) -> list[str]:
-    """Return a line for each two datasets whose temperatures or measured coil constants differ."""
+    """Return a line for each pair of datasets whose temperatures or measured coil constants differ."""
     lines = []
     for first, second in combinations(datasets, 2):
         if first.temperature and second.temperature:

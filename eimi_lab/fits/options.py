@@ -1,4 +1,4 @@
-"""The options of a fit: everything on which its numbers depend, except data, law and seed.
+"""The options of a fit: all inputs that determine its numbers, except data, law and seed.
 
 Each field is an option of the command line and an entry of a checkpoint. Modules that are slow to import are imported
 when an option is used, because the command line needs only the fields.
@@ -29,7 +29,7 @@ _LAWS_OF_TIME = ("none", "prony")
 
 @dataclass(frozen=True)
 class FitOptions:
-    """The options of `eimi fit` on which its numbers depend."""
+    """The options of `eimi fit` that determine the numbers of the fit."""
 
     section: Annotated[
         str | None,
@@ -79,7 +79,7 @@ class FitOptions:
 
     @property
     def has_law_of_time(self) -> bool:
-        """Whether a law of time is to be fitted. Raises InputError for an unknown one."""
+        """Whether the options ask for a law of time. Raises InputError for an unknown law of time."""
         if self.time not in _LAWS_OF_TIME:
             raise InputError(f"--time {self.time}: should be one of {', '.join(_LAWS_OF_TIME)}")
         return self.time != "none"
@@ -102,7 +102,7 @@ class FitOptions:
         }
 
     def head(self) -> dict[str, Any]:
-        """Return the options as a checkpoint stores them: files by the hash of their content."""
+        """Return the options for a checkpoint; files are represented by the hash of their content."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:

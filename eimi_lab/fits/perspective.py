@@ -2,8 +2,8 @@
 
 An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is displaced
 outward by a depth / (2 S), where a is its distance from the optical axis along its normal and S the stand-off. A bent
-beam therefore appears the wider, the farther its edges are from the axis. A bent solid also bows across its depth by
-about κ depth² / 16, where κ is the curvature, which also widens the outline. The width w is therefore fitted as
+beam therefore appears wider where its edges are farther from the axis. A bent solid also bows across its depth by about
+κ depth² / 16, where κ is the curvature, which also widens the outline. The width w is therefore fitted as
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 
@@ -30,7 +30,7 @@ _SURE = 6.0  # smallest slope b that counts, in standard errors (jackknife over 
 
 @dataclass(frozen=True)
 class SeenDepth:
-    """The stand-off (mm) that explains the edges, and the largest change of the width (mm) due to it."""
+    """The stand-off (mm) that explains the edges, and the largest change of the width (mm) due to this stand-off."""
 
     stand_off_mm: float
     change_mm: float

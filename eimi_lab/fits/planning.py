@@ -80,13 +80,13 @@ class Mounting:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """The chosen states in one mounting, compared with as many equally spaced states.
+    """The chosen states in one mounting, compared with the same number of equally spaced states.
 
     Attributes
     ----------
     mounting : Mounting
     currents_A : tuple of float
-        The currents of the chosen states; with both polarities those from 0 up.
+        The currents of the chosen states; with both polarities only the currents from 0 up.
     expected, spaced : float
         Expected half-width of the 95 % interval in per cent, for the chosen and for equally spaced states. To
         discriminate between two laws: the expected difference of AIC in favour of the first.
@@ -103,7 +103,7 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Goal:
-    """The goal of a run: to measure the modulus or a parameter, or to discriminate the law from a rival."""
+    """The goal of a run: to measure the modulus or a parameter, or to distinguish the law from a rival."""
 
     fit: FitRecord
     parameter: str = MODULUS
@@ -111,7 +111,7 @@ class Goal:
 
     @staticmethod
     def of(path: Path, fits: Sequence[AnyFit], model: str | None, words: str) -> Goal:
-        """Return the goal of the command line.
+        """Return the goal that the command line states.
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return the pairs of states I and -I as one state each; the second half of the loads reverses the first half.
+    """Return one state for each pair of states I and -I; the second half of the loads reverses the first half.
 
     Raises ValueError if the beam has an equilibrium in fewer than two pairs.
     """

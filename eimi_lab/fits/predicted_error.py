@@ -1,4 +1,4 @@
-"""Compute the interval of the error that a fit has on a dataset, from the uncertainties of both.
+"""Compute the interval of the error of a fit on a dataset, from the uncertainties of both.
 
 The parameters of the law are taken from the draws of the fit. The uncertain inputs of the dataset are drawn in
 addition. A source that the data of the fit share with this dataset (the same coil, calibration or calliper) takes its
@@ -107,7 +107,7 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances, with their part."""
+    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances, with their group."""
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
     return [
@@ -119,7 +119,7 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return the fit as a candidate, with the nuisances that it identified for this dataset."""
+    """Return the fit as a candidate, with the nuisances that the fit identified for this dataset."""
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(

@@ -66,9 +66,9 @@ def predict_on_each(
     datasets : sequence
         For each dataset its fits, each with the evidence for its section assumption.
     step_done : callable
-        Is called with a line after each simulated fit and after each interval.
+        Called with a line after each simulated fit and after each interval.
     executor : callable, optional
-        Starts the workers that share the steps; without it all steps are done in this process.
+        Starts the workers that share the steps; without an executor all steps are done in this process.
     meanwhile : callable, optional
         See `eimi_lab.process.workers.completed`.
 
@@ -137,7 +137,7 @@ def _called(call: Callable[[], Any]) -> Any:
 def _simulate_together(
     fits: Sequence[tuple[Law, Evidence]], step_done: Callable[[str], None]
 ) -> list[Prediction[Law] | None]:
-    """Simulate all fits on one dataset, those with the same section assumption together."""
+    """Simulate all fits on one dataset; fits with the same section assumption are simulated together."""
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {
         section: simulate_each(evidence, [law for (law, _), s in zip(fits, sections, strict=True) if s == section])

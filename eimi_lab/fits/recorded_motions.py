@@ -76,7 +76,7 @@ def load_motions(path: Path) -> MotionEvidence:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a motion with its loads and the loads before its step."""
+    """Return a motion with its loads, and with the loads before its step."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.tip_force_N:
         before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)
@@ -92,7 +92,7 @@ def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
 
 
 def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
-    """Return the loads of one state with a current and a weight at the tip."""
+    """Return the loads of one state with this current and this weight at the tip."""
     field = current_A * dataset.calibration.mT_per_A if dataset.calibration and dataset.calibration.mT_per_A else 0.0
     if dataset.field_line is not None:
         field = current_A * dataset.field_line.mT_per_A
@@ -104,9 +104,9 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
 
 
 def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
-    """Return the static states of a dataset with the modulus of their fit.
+    """Return the static states of a dataset with the modulus of the fit to these states.
 
-    A dataset without a clock is treated as if a state had been recorded every 30 s.
+    If a dataset has no times, the states are assumed to be recorded every 30 s.
     """
     with open_dataset(evidence.path) as dataset:
         clock_s = dataset.times_of_states()

@@ -1,4 +1,4 @@
-"""The models that write and read the fits of a result file.
+"""The models with which the fits of a result file are written and read.
 
 The results of the mathematics are stored in its own types. The models of this module add what the mathematics does not
 contain: files, currents, versions.
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class StateError(Record):
-    """Error and deviation of one state. `dataset` is the place of its dataset in the fit, `state` its index there."""
+    """Error and deviation of one state. `dataset`: index of the dataset in the fit; `state`: index in the dataset."""
 
     dataset: int
     state: int
@@ -157,7 +157,7 @@ class DatasetReference(Record):
         return {key: value for key, value in written.items() if value is not None}
 
     def in_words(self) -> str:
-        """Return the file with the number of used states, and the flags of the others."""
+        """Return the file with the number of used states, and with the flags of the other states."""
         return f"{self.path}: {self.states.in_words()}"
 
 
@@ -268,7 +268,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write the keys in the order of all releases, and leave out the keys of later releases that hold nothing."""
+        """Write the keys in the order of all releases, and leave out empty keys that earlier releases do not have."""
         written: dict[str, Any] = serialize(self)
         for key in _IF_ANY:
             if not written[key]:
@@ -309,7 +309,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that the data do not determine, including `initial_shear_modulus` if it is one."""
+        """Return the parameters that the data do not determine, perhaps with `initial_shear_modulus`."""
         data = self.identifiability
         open_modulus = data.names[0] in data.not_fixed
         return (*data.held_by_bounds, "initial_shear_modulus") if open_modulus else data.held_by_bounds
@@ -328,7 +328,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return the effect of each decisive input whose uncertainty is not stated, at its usual uncertainty."""
+        """Return, for each decisive input without a stated uncertainty, the effect of its usual uncertainty."""
         return "".join(
             f"; {entry.words} taken as exact, "
             f"{entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} would change the "
@@ -337,7 +337,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on the used states, error and deviation, and what the data determine."""
+        """Return sentences on the used states, on error and deviation, and on the determined quantities."""
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),

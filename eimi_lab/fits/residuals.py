@@ -1,4 +1,4 @@
-"""Hold the distances of measured places from simulated ones, by state, by edge and along the edge."""
+"""The distances of measured places from simulated places, by state, by edge and along the edge."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Simulate a fit on a dataset, and compute its error.
 
 If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and so on) keep their
-identified values. On any other dataset they have their stated values. `prediction` adds the interval of the error and
-shares the work among processes.
+identified values. On any other dataset they have their stated values. The module `prediction` adds the interval of the
+error and shares the work among processes.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Prediction(Generic[Law]):
 
 
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
-    """Simulate several fits together, which takes less time than one by one.
+    """Simulate several fits together, which takes less time than separate simulations.
 
     Fits that bend the beam similarly have similar corrections for the depth, so that each correction starts from the
     previous ones. If a correction is too large to be interpolated, a solid has to be followed through all states;
@@ -128,7 +128,7 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 def _planar_comparisons(
     evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
 ) -> list[Comparison]:
-    """Compare each fit with a dataset on the planar model from which its correction starts.
+    """Compare each fit with a dataset, computed with the planar model from which the correction starts.
 
     Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.
     """
@@ -149,7 +149,7 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the prediction, and the correction by a more accurate model; None for both if "interpolate" fails.
+    """Return the prediction and the correction by a more accurate model; both are None if "interpolate" fails.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _simulated(
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """Make the validation from the comparison on the planar mesh and the misfit of the most accurate model."""
+    """Return the validation from the comparison on the planar mesh and from the misfit of the most accurate model."""
     fit = fitted_law.fit
     common: dict[str, Any] = {
         "dataset": str(evidence.path),

@@ -1,4 +1,4 @@
-"""State which states of a dataset a fit used, and for which flags it left out others."""
+"""The states of a dataset that a fit used, and the flags of the states that were left out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FEW_POINTS = "too few edge points"  # instead of the name of a flag, for a state
 
 @dataclass(frozen=True)
 class FlaggedState:
-    """The index of a state in the dataset, and the names of its flags."""
+    """The index of a state in its dataset, and the names of its flags."""
 
     state: int
     flags: tuple[str, ...]
@@ -52,7 +52,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """Return the number of used states, and for each flag the states that were left out or used in spite of it."""
+        """Return the number of used states and, for each flag, the states left out or used despite it."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out {_by_flag(self.left_out)}"

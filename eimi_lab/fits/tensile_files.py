@@ -112,7 +112,7 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return the name that is in the header. Raises InputError if there is none or more than one."""
+    """Return the only one of these names that is in the header. Raises InputError if none or several are."""
     present = [name for name in names if name in header]
     if len(present) != 1:
         raise InputError(

@@ -31,7 +31,7 @@ class MotionReference(Record):
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class RingDownRecord(LawRecord):
-    """A modulus identified from ring-downs alone: ``initial_shear_modulus`` is the dynamic one at their frequency.
+    """A modulus identified from ring-downs alone: ``initial_shear_modulus`` is the dynamic modulus at their frequency.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class RingDownRecord(LawRecord):
 
 
 def time_lines(time: LawOfTime) -> list[str]:
-    """Return lines on a law of time: the dynamic modulus, the ring-downs, the series, its range, moment and budget."""
+    """Return lines on a law of time: dynamic modulus, ring-downs, Prony series, range, moment and budget."""
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)
     low, high = time.known_between_s

@@ -1,4 +1,4 @@
-"""Hold and write the errors of fits on datasets (validation.json).
+"""The errors of fits on datasets, and the file validation.json.
 
 If the beam has no equilibrium in a state, the errors are null and the status says so. A law that is not Drucker-stable
 over the stretches of the dataset is simulated nevertheless, and marked. `simulated_fit` computes the errors, and
@@ -19,7 +19,7 @@ from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):
-    """The file of a fit and its index there; `window_percent` of a tensile fit is null for the whole curve."""
+    """The file of a fit and the fit's index there; `window_percent` of a tensile fit is null for the whole curve."""
 
     path: str
     index: int

@@ -1,4 +1,4 @@
-"""Print validations: by dataset, by state, and as a matrix of fits and datasets."""
+"""Tables of validations: by dataset, by state, and as a matrix of fits and datasets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _FITS_ABREAST = 6
 
 
 def by_dataset(validations: Sequence[Validation]) -> list[str]:
-    """Return a table for each dataset, with the fits in the order of their mean errors; fits without a result last."""
+    """Return a table for each dataset, with the fits in the order of their mean errors; failed fits come last."""
     rows = [(v, _cells(v)) for v in validations]
     widths = _widths([_HEAD, *(cells for _, cells in rows)])
     lines = []
@@ -73,7 +73,7 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
 
 
 def error_in_words(v: Validation) -> str:
-    """Return the mean error in µm with its interval, or the status; `>` if the interval has no upper end."""
+    """Return the mean error in µm with its interval, or the status; `>` marks an interval without an upper end."""
     if v.mean_error_mm is None or v.mean_error_interval_mm is None:
         return v.status
     low, high = v.mean_error_interval_mm

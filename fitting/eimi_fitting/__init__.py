@@ -8,7 +8,7 @@ discovery     which terms a strain energy contains
 units         conversion between Pa and MPa
 correlation   the number of independent points among correlated residuals
 randomness    tests of residuals for randomness along an edge
-suggestion    the nearest name to a misspelt one
+suggestion    the existing name that is nearest to a misspelt name
 
 The names below are public, and each is loaded when it is first used. This package reads no files and knows no
 instruments; it imports numpy, scipy and cma alone.

@@ -1,4 +1,4 @@
-"""Estimate how many neighbouring residuals of an edge or a curve carry the information of one independent residual."""
+"""Estimate how many neighbouring residuals of an edge or a curve count as one independent residual."""
 
 from __future__ import annotations
 

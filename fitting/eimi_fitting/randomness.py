@@ -1,6 +1,7 @@
 """Test whether residuals along edges look like independent noise about zero.
 
-Under that hypothesis a residual has either sign with a probability of one half, and no correlation with the next one.
+Under that hypothesis a residual has either sign with a probability of one half, and no correlation with the next
+residual.
 
 References
 ----------

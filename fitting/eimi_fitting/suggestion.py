@@ -1,4 +1,4 @@
-"""Suggest an existing name for one that does not exist."""
+"""Suggest an existing name in place of a name that does not exist."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDAr
     parameters : array, shape (..., n)
         Parameters of the law, moduli in Pa.
     units : sequence of str, length n
-        Unit of each parameter: ``"Pa"``, or ``"1"`` for a number such as an exponent, which stays as it is.
+        Unit of each parameter: ``"Pa"``, or ``"1"`` for a number such as an exponent, which stays unchanged.
 
     Returns
     -------

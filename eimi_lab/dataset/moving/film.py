@@ -73,7 +73,7 @@ def follow_film(
     """Follow the beam through a film.
 
     The whole frame is searched for the beam at the beginning, and after the beam was lost. Otherwise the beam is
-    followed from its place in the frame before.
+    followed from its place in the previous frame.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _start(
     frame: BeamFrame,
     projection: Projection | None,
 ) -> BeamTracker | None:
-    """Return a tracker that begins with the edges in a frame; None if they are not found."""
+    """Return a tracker that begins with the edges in a frame; None if no edges are detected in the frame."""
     edges = _edges(image, calibration, specimen, projection)
     if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:
         return None

@@ -58,7 +58,7 @@ def points_of_film(
     film : Film
         The film.
     calibration : Calibration
-        Its calibration.
+        The calibration of the film.
     frame_s : ndarray, shape (n,)
         Time of the first row of each frame.
     row_time_s : float
@@ -108,7 +108,7 @@ def read_video_motion(path: Path, calibration: Calibration, specimen: SpecimenFi
 
 
 def _images(path: Path, times: list[float]) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a video, grey if it has no colours, and append the time of each to `times`."""
+    """Yield the frames of a video, grey if the video has no colours, and append the time of each frame to `times`."""
     frames = timed_frames(path)
     first, first_s = next(frames)
     coloured = is_coloured(first)

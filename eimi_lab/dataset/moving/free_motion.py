@@ -20,10 +20,11 @@ _GAP = 1.5  # times the usual interval between frames; in a longer interval fram
 def free_motion(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> Motion:
-    """Return the motion after the release; its times count from there.
+    """Return the motion after the release; its times count from the release.
 
-    If the release is not stated, it is taken as the last frame whose deflection is within 3 % of the greatest one.
-    Deflections are measured from the place at the end of the recording. A note states the chosen release.
+    If the release is not stated, the function takes the last frame whose deflection is within 3 % of the greatest
+    deflection. Deflections are measured from the place at the end of the recording. A note in the result states the
+    chosen frame.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
 
 
 def _release(points_mm: Array) -> int:
-    """Return the last frame in which the point that moves most is nearly farthest from its place at the end."""
+    """Return the last frame in which the most moving point is nearly farthest from its place at the end."""
     moved = np.nanstd(points_mm, axis=0).sum(axis=1)
     place = points_mm[:, int(np.nanargmax(moved))]
     deflection = np.hypot(*(place - np.nanmean(place[-(len(place) // _AT_THE_END + 1) :], axis=0)).T)

@@ -27,7 +27,7 @@ POINT_COLUMNS = {
 
 
 def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> Motion:
-    """Read a motion; a point without a row in a frame was not seen in it.
+    """Read a motion from a table; a point without a row for a frame was not seen in that frame.
 
     Parameters
     ----------

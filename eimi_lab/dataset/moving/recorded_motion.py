@@ -24,7 +24,7 @@ def recorded_motions(
 ) -> tuple[Motion, ...]:
     """Follow the beam through the recorded frames of a dataset.
 
-    A recording in which no beam is found is left out, and a note says so.
+    A recording in which no beam is found is left out, and `report` receives a line about it.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _followed(
     projection: Projection | None,
     label: str,
 ) -> Iterator[Motion]:
-    """Yield the motion of a recording; nothing if no beam is found in it."""
+    """Yield the motion of a recording; yield nothing if no beam is found in the recording."""
     calibration = dataset.calibration
     if calibration is None:
         return

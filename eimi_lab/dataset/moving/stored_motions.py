@@ -23,7 +23,7 @@ _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the motions of one kind; earlier ones are replaced.
+    """Store the motions of one kind; motions of this kind that the file already holds are replaced.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from eimi_lab.process.errors import InputError
 def read_tracked_motion(
     source: Path, tool: str, specimen: SpecimenFile, placing: Placing, facts: MotionFacts
 ) -> Motion:
-    """Read a motion from the file of a tracking program; points that do not lie on the undeformed beam are left out.
+    """Read a motion from the file of a tracking program; points that are not on the undeformed beam are left out.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
 def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> int | None:
     """Return the index of the flipped bit of a block, or None if no single bit explains the checksum.
 
-    It also returns None, without a search, if the search would exceed `MOST_SEARCHED_BYTES` for the file.
+    The function also returns None, without a search, if the search would exceed `MOST_SEARCHED_BYTES` for the file.
     """
     cost = 8 * len(block) ** 2  # one checksum of the whole block for each of its bits
     if file.searched_bytes + cost > MOST_SEARCHED_BYTES:

@@ -89,7 +89,7 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 
 
 def _header_length(head: bytes) -> int:
-    """Return the length of an object header of version 2 with its checksum, or 0 if `head` is none.
+    """Return the length of a version 2 object header with its checksum, or 0 if `head` is no such header.
 
     See the Specification, section IV.A.1.b.
     """

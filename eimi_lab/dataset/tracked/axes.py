@@ -86,7 +86,7 @@ def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
     tracks
         The tracks.
     placing
-        Information from the user.
+        Information from the user that places the tracks.
     origin
         Name of the file in error messages.
 

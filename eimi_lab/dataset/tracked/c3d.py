@@ -70,7 +70,9 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Limit the memory of this process to a quarter of the free memory, or to `UNPACKED_PER_BYTE` times a file's size.
+    """Limit the memory of this process to a quarter of the free memory, or to a multiple of a file's size.
+
+    The multiple is `UNPACKED_PER_BYTE`.
 
     The address space of the libraries comes on top of that.
     """

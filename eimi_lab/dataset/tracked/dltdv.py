@@ -61,7 +61,7 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Convert a sparse file into the names of its columns, as for one camera, and a dense table with NaN for gaps."""
+    """Convert a sparse file into column names of the dense form and a dense table, with NaN for gaps."""
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]
     if len(entries) != stored or any(len(entry) != 3 for entry in entries) or rows * columns > _MOST_CELLS:

@@ -32,7 +32,7 @@ _ARRAYS = {
 
 
 def read_mudic(path: Path) -> Tracks:
-    """Read the nodes of the mesh; frame 0 is the reference. Raises InputError."""
+    """Read the nodes of the mesh; frame 0 is the reference picture. Raises InputError."""
     try:
         with path.open("rb") as file:
             saved = _Harmless(file).load()

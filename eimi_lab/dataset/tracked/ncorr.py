@@ -57,7 +57,10 @@ def read_ncorr(path: Path) -> Tracks:
 
 
 def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
-    """Return the displacements u and v (rows, columns) of each picture, the spacing, and the size of a pixel."""
+    """Read displacements and grid of an HDF5 file of Ncorr.
+
+    Returns the displacements u and v (rows, columns) of each picture, the spacing, and the size of a pixel.
+    """
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]
         info, displacements = saved["dispinfo"], saved["displacements"]

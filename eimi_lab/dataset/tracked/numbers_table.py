@@ -65,5 +65,5 @@ def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
 
 
 def refused(path: Path, tool: str, expected: str) -> InputError:
-    """Return the error for a file that the tool did not write; ``expected`` says what the file should contain."""
+    """Return the error for a file that the program did not write; ``expected`` states the expected content."""
     return InputError(f"{path}: is not a file of {tool}: {expected}")

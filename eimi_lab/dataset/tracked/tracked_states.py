@@ -88,7 +88,7 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index of a row's frame in the tracks."""
+    """Return the index, in the tracks, of the frame that a row names."""
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
         raise InputError(f"{row.path}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
@@ -107,7 +107,7 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
 
 
 def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
-    """Return the points to use: on the beam at rest, seen in at least one state, and at most `MOST_POINTS` of them."""
+    """Return the points to use: on the beam at rest, seen in at least one state, and at most `MOST_POINTS` points."""
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm
     along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)

@@ -23,7 +23,7 @@ _INDEPENDENT = ("t", "frame", "n", "step")
 def read_tracker(path: Path) -> Tracks:
     """Read x and y of the tracks; other columns are ignored, and frames without a number count from 0.
 
-    Raises InputError if the file is not one of Tracker.
+    Raises InputError if the file was not written by Tracker.
     """
     rows = read_cells(path, "\t;, ")
     at = next((k for k, (_, cells) in enumerate(rows[:3]) if cells[0] in _INDEPENDENT), None)

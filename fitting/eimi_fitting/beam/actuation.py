@@ -72,17 +72,17 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that lie at given places (n, 2) at rest."""
+        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return for points (n, 2) of the straight strip whether they move with the magnet, (n,)."""
+        """Return whether points (n, 2) of the straight strip move with the magnet, (n,)."""
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return nodes and weights that spread a force along the line in depth through a point (2,)."""
 
 
 def _turned(vector: Array, angle_rad: Array | float) -> Array:
-    """Return a vector (2,) turned by one angle, (2,), or by n angles, (2, n)."""
+    """Return a vector (2,) rotated by one angle, (2,), or by n angles, (2, n)."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
@@ -94,16 +94,16 @@ class LoadedMesh:
     ----------
     specimen : Specimen
     share : float
-        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm for a planar mesh, one half for
-        a solid one, which covers half of the depth.
+        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm for a planar mesh, one half for a
+        solid mesh, which covers half of the depth.
     nodal_mass : ndarray, shape (N,)
-        Mass of the silicone, in kg (per mm of depth for a planar mesh), shared out to the nodes.
+        Mass of the silicone, in kg (per mm of depth for a planar mesh), distributed to the nodes.
     slopes : ndarray, shape (N, d)
         Integrals of the derivatives of the nodes' shape functions over the silicone.
     nodal_dipole : ndarray, shape (N,)
         Product of ``slopes`` and the magnetisation of the silicone: the nodal force in a field of 1 T.
     element_dipole : ndarray, shape (E, n)
-        The same by element.
+        The nodal dipole forces, by element.
     element_share : ndarray, shape (E, n)
         Weights of the nodes in the middle of each element.
     element_nodes_mm : ndarray, shape (E, n, 2)
@@ -164,7 +164,7 @@ class LoadedMesh:
 
     @property
     def is_solid(self) -> bool:
-        """Whether the mesh is that of a solid, not of a plane."""
+        """Whether the mesh is that of a solid instead of a plane."""
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:

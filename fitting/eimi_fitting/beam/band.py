@@ -18,12 +18,12 @@ Indices = NDArray[np.intp]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return the bandwidth of the matrix that couples the unknowns (E, d) of each element, -1 for fixed ones."""
+    """Return the bandwidth of the matrix that couples the unknowns (E, d) of each element; -1 marks a fixed unknown."""
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
 class BandAssembly:
-    """The place of each entry of the element matrices in the lower band.
+    """The place of each entry of the element matrices in the lower band of the whole matrix.
 
     dofs: (E, d) global number of each local unknown, -1 if it is fixed; n: number of unknowns.
     """
@@ -87,9 +87,9 @@ class BandAssembly:
 class BandFactor:
     """The factors of a batch of band matrices.
 
-    sound: (B,) which matrices could be factorised; indefinite: (B,) which symmetric matrices are not positive definite.
-    Positive definite matrices have Cholesky factors. Indefinite ones have LU factors, unless only definite ones were
-    asked for. Matrices that are not symmetric all have LU factors.
+    sound: (B,) whether each matrix could be factorised; indefinite: (B,) whether a symmetric matrix is not positive
+    definite. Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, unless
+    ``only_definite`` was set. Matrices that are not symmetric all have LU factors.
     """
 
     sound: NDArray[np.bool_]
@@ -99,7 +99,7 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Return the solutions for right-hand sides (B, n) or (m, B, n), zero for matrices that are not sound."""
+        """Return the solutions for right-hand sides (B, n) or (m, B, n); zero for matrices that are not sound."""
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
             return self._by_lu(right)
@@ -122,10 +122,10 @@ def _columns(right: Array) -> Array:
 def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
-    """Factorise band matrices: positive definite ones by Cholesky's method, the others by LU with pivoting.
+    """Factorise band matrices: positive definite matrices by Cholesky's method, the others by LU with pivoting.
 
-    A tangent that is not positive definite occurs far from equilibrium or in an unstable one. Matrices that are not
-    sound are replaced by the identity, so that they do not affect others.
+    A tangent that is not positive definite occurs far from equilibrium or in an unstable equilibrium. Matrices that are
+    not sound are replaced by the identity, so that they do not affect others.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def factorise(
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """Return LU factors and pivots of matrices, and (B,) which matrices have them.
+    """Return LU factors and pivots of matrices, and (B,) whether each matrix could be factorised.
 
     lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
     """
@@ -186,7 +186,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return (B,): whether all values (B, ...) are finite and small enough for their products to be finite."""
+    """Return (B,) whether all values (B, ...) are finite and so small that their products are finite."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -202,7 +202,7 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Return matrices in LAPACK's general band storage, from lower bands (B, n, w) of them and of their transposes."""
+    """Return matrices in LAPACK's general band storage, from the lower bands (B, n, w) of matrices and transposes."""
     batch, n, width = lower.shape
     k = width - 1
     below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)

@@ -112,12 +112,12 @@ class BentBeam:
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return values (P, K, ...) with NaN in states that are not in equilibrium."""
+        """Return values (P, K, ...) with NaN in states without equilibrium."""
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 
     def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (P, ...), without the axis P for one candidate."""
+        """Return values (P, ...); leave out the axis P if there is one candidate."""
         return values[0] if self.is_one else values
 
 

@@ -92,7 +92,7 @@ class SolidBeside:
         self._column = column.reshape(-1)
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int]]:
-        """Pickle the arguments alone, as `BeamModel` does."""
+        """Pickle only the arguments, as `BeamModel` does."""
         return SolidBeside, (self.specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def of(self, specimen: Specimen) -> SolidBeside:
@@ -100,7 +100,7 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether shapes of a planar model can be the ``planar_shapes`` of `SolidOptions`."""
+        """Return whether shapes of a planar model can be used as ``planar_shapes`` of `SolidOptions`."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -164,7 +164,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return all states at rest, marked as diverged."""
+        """Return all states at rest, marked as diverged, after a solution was given up."""
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
             rigid=np.zeros_like(flat.rigid),
@@ -201,8 +201,8 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Interpolate the depth effect through as few solved states as the accuracy needs.
 
-        The next state is the one whose product of distances to the solved states is largest (Leja's order), until a
-        solved state is within ``accuracy_mm`` of its interpolation.
+        The next state is the state whose product of distances to the solved states is largest (Leja's order). The
+        interpolation ends when a solved state is within ``accuracy_mm`` of its interpolated shape.
 
         Returns None if the loads do not lie on a straight line, or if Newton's method does not contract at once,
         because the solid is not near its planar model.
@@ -251,7 +251,7 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Solve one state and return the solid less the planar shape; None if Newton's method does not contract."""
+        """Solve one state; return the solid minus the planar shape, or None if Newton's method does not contract."""
         start = lifted if predicted is None else combine([1.0, 1.0], [lifted, predicted])
         batch, factor = chosen.take(np.arange(1))
         solid, status, _ = self.solid.solid.equilibrium(
@@ -260,12 +260,12 @@ class SolidBeside:
         return combine([1.0, -1.0], [solid, lifted]) if status[0] == Status.CONVERGED else None
 
     def _lift(self, flat: Shapes) -> Array:
-        """Return planar displacements (1, K, n, 3) at the solid's nodes of one depth; all other depths move alike."""
+        """Return planar displacements (1, K, n, 3) at the solid's nodes, equal at all depths."""
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as stress-free configurations of the solid, one row per state."""
+        """Return the planar shapes in some states as configurations of the solid without stress, one row per state."""
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
@@ -304,14 +304,14 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect with the most similar tip rotations, among those that cover the places."""
+    """Return, among the depth effects that cover the places, the one with the most similar tip rotations."""
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
     return min(near, key=lambda effect: abs(np.abs(effect.places).max() - farthest), default=None)
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the distances (K,) of the loads from the first along a straight line; None if they are not on one line."""
+    """Return the distances (K,) of the loads from the first load along a line; None if they are not on one line."""
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]
     farthest = from_first[np.argmax((from_first**2).sum(axis=1))]

@@ -1,8 +1,8 @@
 """The 27-node hexahedron: quadratic displacement, linear discontinuous pressure, for a whole batch.
 
-It is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, axes and functions. There are two
-Gauss points along the beam, three across and three in depth. If the displacement in depth is held the element is that
-of plane strain.
+The hexahedron is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, axes and functions.
+There are two Gauss points along the beam, three across and three in depth. If the displacement in depth is held the
+element is that of plane strain.
 
 Symmetric tensors have six components 11, 22, 33, 12, 23, 13, which are the first axis, as in
 `eimi_fitting.beam.isotropy`.
@@ -30,7 +30,7 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators that depend on the geometry alone, computed once for a mesh.
+    """The operators that depend on the geometry only, computed once for a mesh.
 
     gradient: (E, 27, 3 q) gives gradients (I, q) of nodal values; weighted: (E, 3 q, 27) its transpose times weights;
     slopes: (E, q, 3, 27) dN_a/dX_I and tangent: (E, 27, 3 q) the same times the weights, points before components;
@@ -111,7 +111,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """The elements of a batch at one displacement: all that a Newton step and the stress prediction need.
+    """The elements of a batch at one displacement, with all quantities of a Newton step and of the stress prediction.
 
     force: (E, B, 3, 27) internal nodal forces; F: (i, I, E, B, q); J: (E, B, q); S: (6, E, B, q) second Piola-Kirchhoff
     stress; D: (6, 6, E, B, q) its derivative by the Green strain; volume: (6, E, B, q) its derivative by the pressure;

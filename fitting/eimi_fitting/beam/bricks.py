@@ -38,7 +38,7 @@ def brick_mesh(
     z_mm: Array,
     mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
 ) -> Bricks:
-    """Return the bricks between rising lines x_mm, y_mm and z_mm; ``mapping`` moves their nodes to other places."""
+    """Return the bricks between increasing lines x_mm, y_mm and z_mm; ``mapping`` moves their nodes."""
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
     numbers: Indices = np.arange(along * across * deep, dtype=np.intp)

@@ -139,12 +139,13 @@ class CoilShape:
     axis : tuple of float
         Unit vector along the axis of the coil, in the beam frame. A gradient has the field of a coil with this axis.
     gradient_per_m : tuple of float
-        Change of the strength per metre along x and along y, as a share of the strength. It adds to that of the table.
+        Change of the strength per metre along x and along y, as a share of the strength. The gradient adds to that of
+        the table.
     table : FieldTable or None
         The field. If it is None, the field is uniform except for the gradient.
     curvature_per_m2 : float
         Half of the second derivative of the strength along the axis, as a share of the strength. It is negative about
-        the middle of a coil, whose strength decreases along the axis and increases across it by half of that.
+        the middle of a coil, whose strength decreases along the axis and increases across it by half of this amount.
     """
 
     axis: tuple[float, float]
@@ -178,7 +179,10 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the part (6, B) of q and its derivatives by the curvature c: B_s = c (s^2 - t^2 / 2), B_t = -c s t."""
+        """Return the part (6, B) of q and its derivatives due to the curvature c.
+
+        With s along the axis and t across it: B_s = c (s^2 - t^2 / 2) and B_t = -c s t.
+        """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
         by_s, by_t = 2 * s - 1j * t, -t - 1j * s
@@ -194,7 +198,10 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives (2,) of q that a gradient of the strength causes, for a field without curl and divergence.
+        """Return the derivatives (2,) of the factor q due to a gradient of the strength.
+
+        The field has neither curl nor divergence. With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds
+        = g, and dB_t/dt = -h/2.
 
         With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds = g, and dB_t/dt = -h/2.
         """

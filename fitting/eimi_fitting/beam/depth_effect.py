@@ -65,7 +65,7 @@ class DepthEffect:
     by_turn : bool
         Whether s is the rotation of the planar tip in rad; otherwise it is the distance along the ray of loads.
     base : DepthEffect or None
-        The depth effect of a similar candidate. Where the tip is not turned the two effects are taken as equal.
+        The depth effect of a similar candidate. Where the tip is not rotated, the two effects are assumed equal.
     candidate : BentCandidate or None
         The candidate for which the states were solved.
     """
@@ -116,21 +116,21 @@ class DepthEffect:
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i)."""
+        """The differences d_i - b(s_i) from the base."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The places where this effect is taken as equal to its base."""
+        """The places at which this effect and its base are assumed equal."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same effect without a base, tabulated at the base's places.
+        """The same effect without a base, tabulated at the places of the base.
 
-        The places are scaled so that the first of them is the first place that was solved here.
+        The places are scaled so that the first place equals the first solved place of this effect.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -139,17 +139,17 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this effect reaches all places."""
+        """Return whether this effect is valid at all places."""
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return which places (K,) lie between the solved states, or so close to them that the polynomial is valid."""
+        """Return whether the polynomial is valid at each place (K,): between the solved states or close to them."""
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this effect, which has no base, with at most so many states: those that lie farthest apart.
+        """Return this effect, which has no base, with at most ``most`` states: those that lie farthest apart.
 
         A polynomial through many places at equal distances is inaccurate between them.
         """
@@ -162,5 +162,5 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this effect with the difference of one more solved state."""
+        """Return this effect with the difference of one additional solved state."""
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -34,7 +34,7 @@ POINTS = 6  # Gauss points of an element
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators that depend on the geometry alone, computed once for a mesh.
+    """The operators that depend on the geometry only, computed once for a mesh.
 
     gradient: (E, 9, 2 q) gives the gradients (I, q) of nodal values; weighted: (E, 2 q, 9) its transpose times weights;
     tangent: (E, 4 q, 81); pressure: (E, 2 q, 27); basis: (E, q, 3) pressure functions at the Gauss points;
@@ -117,7 +117,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """The elements of a batch at one displacement: all that a Newton step and the stress prediction need.
+    """The elements of a batch at one displacement, with all quantities of a Newton step and of the stress prediction.
 
     force: (E, B, 2, 9) internal nodal forces; F: (i, I, E, B, q); energy: derivatives of psi; t: psi_J + p;
     S: (3, E, B, q) second Piola-Kirchhoff stress 11, 22, 12; J: (E, B, q); valid: (B,) every element unfolded.

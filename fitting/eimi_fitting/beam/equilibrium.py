@@ -48,7 +48,7 @@ class Status(IntEnum):
 class SolidLoads:
     """Loads on a mesh, with one row for each of B candidates or one row for all; see `beam.actuation`.
 
-    All are per mm of depth if the mesh is planar.
+    All loads are per mm of depth if the mesh is planar.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 class _Step:
     """One linear step of Newton's method.
 
-    nodal: (B, N, d) mm; rigid: (B, 3); pressure and stress: as in `Configuration`, the stress as it is predicted;
+    nodal: (B, N, d) mm; rigid: (B, 3); pressure and stress: as in `Configuration`, with the predicted stress;
     sound: (B,) whether the step could be solved; indefinite: (B,) whether the tangent is not positive definite.
     """
 
@@ -207,7 +207,7 @@ class Solid:
     def kind(self) -> Any:
         """The module of the element, with the same functions in two dimensions and in three.
 
-        It is looked up each time because a module cannot be pickled with the solid.
+        The module is looked up at each access, because a module cannot be pickled with the solid.
         """
         return brick if isinstance(self.mesh, Bricks) else element
 
@@ -314,10 +314,10 @@ class Solid:
         start : Configuration
         tolerance_mm : float
         few : int or None
-            Most iterations from a start that should be near. A candidate that needs more, or that meets a tangent that
-            is not positive definite, is given up as OUT_OF_ITERATIONS.
+            Largest number of iterations from a start that should be near the solution. A candidate that needs more
+            iterations, or whose tangent is not positive definite, gets the status OUT_OF_ITERATIONS.
         only_try : bool
-            Do not find out whether a candidate has BUCKLED, which saves a factorisation.
+            Do not test whether a candidate has BUCKLED, which saves a factorisation.
 
         Returns
         -------

@@ -40,7 +40,7 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, times: float) -> int:
-    """Return the number of elements along a part that is ``times`` as long as the flexible one: 2 to 2 * along."""
+    """Return the number of elements, 2 to 2 * along, of a part ``times`` as long as the flexible part."""
     return max(2, min(round(along * times), 2 * along))
 
 
@@ -134,11 +134,11 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that lie at given places (n, 2) at rest."""
+        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return for points (n, 2) of the straight strip whether they move with the magnet, (n,).
+        """Return whether points (n, 2) of the straight strip move with the magnet, (n,).
 
         Points outside the specimen move with the magnet if they lie beyond a face of the magnet without silicone.
         """
@@ -174,11 +174,11 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (1, 9) and weights (1, 9) that share out a force at a point (2,) of the straight strip."""
+        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (2,) of the straight strip."""
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
-        """Return the part of the left or right face that is under pressure; None without one."""
+        """Return the part of the left or right face that is under pressure; None if there is no pressure face."""
         face = self.specimen.pressure_face
         if face is None:
             return None

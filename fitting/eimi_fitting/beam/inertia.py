@@ -40,11 +40,11 @@ class Inertia:
     body_mass, body_rotary : float
         Mass of the rigid body, and its rotary inertia about its centre of mass.
     body_arm_mm : ndarray, shape (2,)
-        Its centre of mass from the reference point, at rest.
+        Centre of mass of the body, from the reference point, at rest.
     point_mass : float
-        Mass of the point if it does not lie on the magnet.
+        Mass of the point; zero if the point lies on the magnet.
     point_shares : ndarray, shape (N,)
-        Weights with which the displacements of the nodes give that of this point.
+        Weights of the nodes' displacements whose sum is the displacement of the point.
     """
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:

@@ -76,14 +76,14 @@ def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Ar
     F : ndarray, shape (3, 3, ...)
         Deformation gradient.
     J : ndarray, shape (...)
-        Its determinant.
+        Determinant of F.
 
     Returns
     -------
     S : ndarray, shape (6, ...)
         Second Piola-Kirchhoff stress.
     D : ndarray, shape (6, 6, ...)
-        Its derivative; the columns belong to the strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
+        Derivative of S; the columns belong to the strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
     volume : ndarray, shape (6, ...)
         J C^-1, the derivative of the stress by the pressure.
     """
@@ -102,7 +102,7 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the stress p J C^-1 of a pressure (...) to S, and its derivative to D; volume: J C^-1."""
+    """Add the stress p J C^-1 of a pressure p (...) to S, and its derivative to D; volume: J C^-1."""
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
 

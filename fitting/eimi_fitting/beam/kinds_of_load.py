@@ -47,7 +47,7 @@ class CoilField:
     numbers : ndarray, shape (K, 2)
         The field in T at the place of the magnet at rest.
     shape : CoilShape
-        Its change from place to place.
+        Change of the field from place to place.
     """
 
     numbers: Array
@@ -58,7 +58,7 @@ class CoilField:
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Put the magnet into the field; its load follows the magnet."""
+        """Put the magnet into the field of the coil; the load depends on the magnet's position."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -87,7 +87,7 @@ class Gravity:
 
 @dataclass(frozen=True)
 class TipForce:
-    """A force on the whole specimen, numbers (K, 2) in N, at ``Specimen.tip_load_mm`` or in the middle of the tip."""
+    """A force on the whole specimen, numbers (K, 2) in N, at ``Specimen.tip_load_mm`` or at the middle of the tip."""
 
     numbers: Array
 
@@ -96,7 +96,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes about its point, or to the magnet if its point is on the magnet."""
+        """Add the force to the nodes around its point, or to the magnet if the point is on the magnet."""
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 

@@ -44,8 +44,8 @@ class Loads:
     others : tuple of Actuation
         Further kinds of load, see `plus`.
     coil : CoilShape or None
-        How the field changes from place to place, if ``field_T`` is the field at the magnet's place at rest; None: it
-        is uniform.
+        How the field changes from place to place; ``field_T`` is then the field at the magnet's place at rest. None:
+        the field is uniform.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class Loads:
 
     @cached_property
     def actuations(self) -> tuple[Actuation, ...]:
-        """Every kind of load, in the order in which `state` has their numbers."""
+        """Every kind of load, in the order in which `state` returns their numbers."""
         pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
         return (
             UniformField(self.field_T) if self.coil is None else CoilField(self.field_T, self.coil),
@@ -162,5 +162,5 @@ class Loads:
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return the function of a state's numbers (m,) and field factors (B,) that gives the loads on a mesh."""
+        """Return a function that gives the loads on a mesh for a state's numbers (m,) and field factors (B,)."""
         return partial(mesh.loads, self.actuations)

@@ -76,9 +76,10 @@ def graded(
 ) -> Array:
     """Return the ends (n + 1,) of graded elements on 0..length.
 
-    Elements at the start are ``1 + finer_at_start`` times shorter than those in the middle, elements at the end
-    ``1 + finer_at_end`` times. The grading fades exponentially over ``fade_mm``. There are n = ``count`` elements. An
-    element ends at each of ``steps_mm``, and there are more elements about them, so that the others keep their size.
+    Elements at the start are ``1 + finer_at_start`` times shorter than those in the middle, elements at the end ``1 +
+    finer_at_end`` times. The grading fades exponentially over ``fade_mm``. There are n = ``count`` elements. An element
+    ends at each of ``steps_mm``. There are additional elements around these places, so that the other elements keep
+    their size.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -101,7 +102,7 @@ def _cumulated(density: Array) -> Array:
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """Return the mesh of rectangles between lines x_mm (m + 1,) and y_mm (n + 1,), both rising."""
+    """Return the mesh of rectangles between increasing lines x_mm (m + 1,) and y_mm (n + 1,)."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))

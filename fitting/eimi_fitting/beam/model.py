@@ -21,7 +21,7 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """The planar model of a specimen. It is made once and solved for any number of candidates.
+    """The planar model of a specimen, which is made once and solved for any number of candidates.
 
     The magnet is rigid. The model works per mm of depth; silicone before and behind a shallower magnet moves with the
     magnet. `Beam` chooses between this model and that of the solid.
@@ -89,7 +89,7 @@ class BeamModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
-        """Pickle the arguments alone, which are a thousandth of the model's arrays."""
+        """Pickle only the arguments, whose size is a thousandth of the model's arrays."""
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
@@ -143,7 +143,7 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places (P, K, n, 2) in mm of points (n, 2) of the magnet given at rest."""
+        """Return the places (P, K, n, 2) in mm of points (n, 2) of the magnet that are given at rest."""
         (face_x, face_y), arm = self.grid.face_mm, points_mm - np.array(self.grid.face_mm)
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
         x = face_x + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
@@ -151,7 +151,7 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation (P, K) of the magnet, or of the last column of nodes without one, in degrees."""
+        """Return the rotation (P, K) in degrees of the magnet or, without a magnet, of the last column of nodes."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.column(-1)[[0, -1]]
@@ -175,9 +175,9 @@ class BeamModel:
     ) -> Shapes:
         """Find the equilibrium of P candidates in K states, one state after another.
 
-        The first state is reached from rest or from ``start``, each further one by extrapolation from the states
-        before it. A step that fails is cut into smaller steps. A candidate that fails for good is marked in this and
-        in all later states, and is no longer computed.
+        The first state is reached from rest or from ``start``, each further one by extrapolation from the states before
+        it. A step that fails is cut into smaller steps. A candidate whose smallest steps fail is marked in this and in
+        all later states, and is no longer computed.
 
         Parameters
         ----------

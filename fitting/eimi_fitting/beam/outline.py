@@ -78,7 +78,7 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
-    """Return the nodes (P, K, 2, stations, depth, 3) of the left and right face, from mid-depth to a depth face."""
+    """Return the nodes (P, K, 2, stations, depth, 3) of the left and right face, from mid-depth to the depth face."""
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
     return np.asarray(mesh.nodes[sides] + shapes.displacement[:, :, sides])

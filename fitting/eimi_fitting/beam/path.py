@@ -168,9 +168,9 @@ def follow(
     keep : bool
         Keep the configurations of the first candidate in ``Shapes.every``.
     beside : Configuration or None
-        For one candidate: the configurations of a model that moves much as this one does, one row for each state. The
-        difference between the two models is extrapolated, and its sum with the other model's configuration is the
-        first start that is tried.
+        For one candidate: the configurations of a model that moves almost as this model does, one row for each state.
+        The difference between the two models is extrapolated. Its sum with the other model's configuration is the first
+        start.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -219,7 +219,7 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Solve many states together, each from the configuration of a similar beam: one row of ``near`` for each state.
+    """Solve many states together, each from the configuration of a similar beam, which is its row of ``near``.
 
     Returns None if Newton's method does not contract at once for one of the candidates in one of the states.
     """
@@ -273,10 +273,10 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Bring ``rows`` of ``now`` to the new load in one step; repeat candidates that fail in 4, 16 and 64 steps.
+    """Move ``rows`` of ``now`` to the new load in one step; repeat candidates that fail in 4, 16 and 64 steps.
 
     A candidate is also repeated if it may have left its path. If it buckles for certain in steps of two sizes, its path
-    loses stability before the load is reached. It is then not repeated in smaller steps.
+    loses stability before the load is reached. The candidate is then not repeated in smaller steps.
 
     near: a configuration under a load close to this one, which is tried as the first start.
     """
@@ -316,14 +316,14 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Take ``rows`` from the end of the path to the load in equal steps.
+    """Move ``rows`` from the end of the path to the load in equal steps.
 
     If Newton's method does not contract at once, it may end at an equilibrium on another path (Deuflhard 2011, Newton
     Methods for Nonlinear Problems, section 5.1). A candidate counts as certain to be on its path if it took few
     iterations in each step.
 
-    Returns the configuration, the Status, the numbers of iterations, and which candidates are certain. only_try: see
-    `Solid.equilibrium`.
+    Returns the configuration, the Status, the numbers of iterations, and whether each candidate is certain. only_try:
+    see `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -371,7 +371,7 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return (B,) whether the largest strain is about as large as predicted; in a folded corner it is far larger."""
+    """Return (B,) whether the largest strain is near the predicted one; in a folded corner it is far larger."""
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 
@@ -381,7 +381,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Extrapolate a path that is straight in the space of loads by Lagrange's polynomial; None if it is not."""
+    """Extrapolate a path by Lagrange's polynomial; None if the path is not straight in the space of loads."""
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

@@ -1,4 +1,4 @@
-"""Pressure on a face: a load that stays normal to the face and proportional to its current length.
+"""Pressure on a face: a load that stays normal to the face and proportional to the present length of the face.
 
 On a planar body the force f_a of a pressure p on node a of a side is linear in the current places x(xi) of its nodes,
 
@@ -28,7 +28,8 @@ class FollowerPressure:
     nodes : ndarray of int, shape (2 S + 1,)
         Nodes along the S sides in order, with the body to their left.
     spans : ndarray, shape (S, 2), or None
-        The part of each side that is under pressure, in its local coordinate from -1 to 1; None: all of each side.
+        The part of each side that is under pressure, in the side's local coordinate from -1 to 1; None: the whole
+        sides.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table with a smooth function of s / l added; beyond the flexible part its last value continues."""
+    """Return a table with a smooth function of s / l added; the function is constant beyond the flexible part."""
     if rows:
         at, values = np.array(rows).T
         if len(at) < _STATIONS:
@@ -78,12 +78,12 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 
 
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
-    """Return the offset (n,) in mm of the centre line by modes of bending, at shares (n,) of the flexible length."""
+    """Return the offset (n,) in mm of the centre line due to modes of bending, at shares (n,) of the length."""
     return sum((a * _turn(i, along, 1) for i, a in enumerate(bends_mm)), start=np.zeros(len(along)))
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return l times the angle of bending mode i at x = s / l, at a largest offset of 1; or return the offset."""
+    """Return l times the angle of mode i at x = s / l for a largest offset of 1; or return the offset itself."""
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
     return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

@@ -1,4 +1,4 @@
-"""The stress-free shape of a beam that is not a straight strip of one width: its bend, its width and its depth.
+"""The stress-free shape of a beam that is not a straight strip of constant width: its bend, width and depth.
 
 All tables are over the share of the length, from 0 at the clamp to 1 at the tip, so that they keep their form if the
 length changes.
@@ -21,7 +21,7 @@ _FEWEST_TURNS = 17  # rows of the table of a measured centre line
 
 @dataclass(frozen=True)
 class RestShape:
-    """The stress-free shape of a specimen; an empty table stands for straight, or for the specimen's own number.
+    """The stress-free shape of a specimen; an empty table means straight, or the specimen's constant width or depth.
 
     Parameters
     ----------
@@ -86,13 +86,13 @@ def _kinks(rows: Rows) -> list[float]:
 
 
 def centre_line(points_mm: Array, length_mm: float) -> Rows:
-    """Return the table of turns of a measured centre line.
+    """Return the table of angles (``turns``) of a measured centre line.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, 2)
-        Points in order from the clamp (0, 0) to the tip, in the beam frame. Their line may be up to 2 % longer or
-        shorter than the beam.
+        Points in order from the clamp (0, 0) to the tip, in the beam frame. The line through them may be up to 2 %
+        longer or shorter than the beam.
     length_mm : float
         Length of the beam.
 

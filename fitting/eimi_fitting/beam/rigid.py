@@ -51,7 +51,7 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives (Et, B, unknowns, 3) of local displacements by the body's unknowns."""
+        """Return the derivatives (Et, B, unknowns, 3) of local displacements with respect to the body's unknowns."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
         tie[..., :2] = self._translation
@@ -59,7 +59,7 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness (B,) that comes from the forces (E, B, unknowns) on the tied nodes."""
+        """Return the rotational stiffness (B,) due to the forces (E, B, unknowns) on the tied nodes."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
         return np.asarray(np.sum(bending * force[self.elements], axis=(0, 2)))

@@ -25,7 +25,7 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the lines over half the depth: two elements or more, on each side of the edge of a shallower magnet."""
+    """Return the lines over half the depth: at least two elements on each side of the edge of a shallower magnet."""
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
         return np.linspace(0, half, _FEWEST + more + 1)
@@ -60,7 +60,7 @@ class SolidGrid:
     mesh : Bricks
         The elements of silicone.
     block_mm, magnet_nodes, per_specimen, face_mm, turn_rad
-        See `Grid`; a load on the whole specimen is borne by half.
+        See `Grid`; the half that is meshed bears half of a load.
     """
 
     per_specimen = 0.5
@@ -89,7 +89,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2 or 3) of the straight strip that lie at given places (n, 2 or 3) at rest."""
+        """Return the points (n, 2 or 3) of the straight strip that correspond to places (n, 2 or 3) at rest."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
@@ -97,7 +97,7 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return for points (n, 2) at mid-depth or (n, 3) of the straight strip whether they move with the magnet."""
+        """Return whether points of the straight strip, (n, 2) at mid-depth or (n, 3), move with the magnet, (n,)."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
         if points.shape[1] == 3 and self.block_mm[2] < self._straight.depth_mm:

@@ -54,7 +54,7 @@ class SolidModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
-        """Pickle the arguments alone, as `BeamModel` does."""
+        """Pickle only the arguments, as `BeamModel` does."""
         return SolidModel, (self.specimen, self.along, self.across, self.more)
 
     def solve(
@@ -92,7 +92,7 @@ class SolidModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation (P, K) of the magnet, or of the last nodes at mid-depth without one, in degrees."""
+        """Return the rotation (P, K) in degrees of the magnet or, without a magnet, of the last nodes at mid-depth."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.numbers[-1, [0, -1], 0]

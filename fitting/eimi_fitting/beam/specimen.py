@@ -17,10 +17,11 @@ STANDARD_GRAVITY = 9.80665  # m / s²
 
 @dataclass(frozen=True)
 class Magnet:
-    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip, or nearly so.
+    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
 
-    It lies at the distal end, or ``tip_offset_mm`` before it. Silicone surrounds it where the specimen is wider, longer
-    or deeper. In a planar model the silicone before and behind the magnet moves rigidly with it.
+    The magnet lies at the distal end of the beam, or ``tip_offset_mm`` before this end. Silicone surrounds it where the
+    specimen is wider, longer or deeper. In a planar model the silicone before and behind the magnet moves rigidly with
+    it.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ class Magnet:
 
 @dataclass(frozen=True)
 class PressureFace:
-    """The face under pressure: the left (y < 0) or the right one, from ``from_mm`` to ``to_mm`` (None: to the tip)."""
+    """The face under pressure: the left (y < 0) or right face, from ``from_mm`` to ``to_mm`` (None: to the tip)."""
 
     side: Literal["left", "right"]
     from_mm: float = 0.0
@@ -75,7 +76,7 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A beam that is clamped at x = 0, straight and of one width and depth unless ``rest_shape`` is given.
+    """A beam that is clamped at x = 0; it is straight, with constant width and depth, unless ``rest_shape`` is given.
 
     The beam frame has x from the clamp along the beam, y across, and its origin in the middle of the clamp line. The
     width is along y, the depth out of the plane.
@@ -85,11 +86,11 @@ class Specimen:
     length_mm : float
         Length from the clamp to the tip, the magnet included, along the centre line.
     width_mm, depth_mm : float
-        Where they vary along the beam: the numbers to which the tables of ``rest_shape`` add.
+        Width and depth. If they vary along the beam, the tables of ``rest_shape`` are added to these numbers.
     density_kg_m3 : float
         Density of the silicone.
     section : {"solid", "plane-stress", "plane-strain"}
-        How the depth is taken: as it is, or by a planar assumption.
+        The model of the depth: the whole solid, or a planar assumption.
     magnet : Magnet or None
     tip_load_mm : tuple of float or None
         Material point at which a tip force acts: the arc length from the clamp, and the distance from the centre line.
@@ -136,5 +137,5 @@ class Specimen:
 
     @property
     def field_place_mm(self) -> float:
-        """The x of the place at which the strength of a field is stated: the middle of the magnet, or of the beam."""
+        """The x of the place at which the strength of a field is stated: the middle of the magnet, else of the beam."""
         return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

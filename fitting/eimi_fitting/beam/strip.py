@@ -121,7 +121,7 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip whose places at rest are given; the inverse of `at_rest`."""
+        """Return the points (n, 2) of the straight strip for given places at rest; the inverse of `at_rest`."""
         places = np.asarray(places_mm, float)
         if self.is_straight:
             return places
@@ -145,7 +145,7 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances (2, n) of the lines at the magnet's side and at the edge: straight, and at rest."""
+        """Return the distances (2, n) of the magnet's side and the edge from the centre line: in the strip, at rest."""
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
         return self._lines(s, self.width_mm, 0.5 * self.straight.width_mm, core)
@@ -159,7 +159,7 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Map distances z (n,) from mid-depth in the straight strip, at arc lengths s, to those in the specimen."""
+        """Map distances z (n,) from mid-depth in the straight strip to the specimen, at arc lengths s."""
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
@@ -172,12 +172,12 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth (n,) over that of the straight strip; None if the depth is the same everywhere."""
+        """Return the depth (n,) over the depth of the straight strip; None if the depth is the same everywhere."""
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Map distances (n,) from the centre, linearly in parts, so that the lines ``before`` (2, n) move to ``after``."""
+    """Map distances (n,) from the centre piecewise linearly, so that the lines ``before`` (2, n) move to ``after``."""
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
     beyond = new_inner + (size - inner) * (new_outer - new_inner) / (outer - inner)

@@ -27,10 +27,10 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution for a batch, zero for candidates whose system could not be solved.
+    """The solution for a batch; zero for candidates whose system could not be solved.
 
-    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) which systems could be solved; indefinite: (B,) which matrices
-    of nodes and body are not positive definite; False for a matrix that is not symmetric.
+    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) whether the system could be solved; indefinite: (B,) whether
+    the matrix of nodes and body is not positive definite, False for a matrix that is not symmetric.
     """
 
     nodes: Array
@@ -40,7 +40,7 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The structure of the system, which is made once for a mesh.
+    """The structure of the linear system, which is made once for a mesh.
 
     Parameters
     ----------
@@ -142,13 +142,13 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _reach(self, rows: Array) -> Array:
-        """Sum rows (Et, B, 3, d) over the tied elements: (B, 3, m) for the m free unknowns that they couple to."""
+        """Sum rows (Et, B, 3, d) over the tied elements, (B, 3, m), for the m free unknowns that couple to the body."""
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the body's rows and corner into the lower band, where the body's unknowns are the last three."""
+        """Write the body's rows and corner into the lower band; the body's unknowns are the last three."""
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]

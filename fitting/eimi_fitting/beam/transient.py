@@ -42,7 +42,10 @@ class NotSolved(Exception):
 
 @dataclass
 class _State:
-    """Displacements, velocities and accelerations of the nodes (N, 2), of the body's points (2, 2), and stresses."""
+    """A state of the motion: displacements, velocities, accelerations and stresses.
+
+    Nodes have the shape (N, 2), the body's points (2, 2).
+    """
 
     nodes: Array
     node_velocity: Array
@@ -280,7 +283,7 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return a derivative, by the angle, of the rotated arms (2, 2) of the body's points."""
+        """Return a derivative, with respect to the angle, of the rotated arms (2, 2) of the body's points."""
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])

@@ -62,7 +62,7 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the undamped frequencies (B, count), with the modulus of the equilibrium also for the motion."""
+        """Return the undamped frequencies (B, count), for the modulus of the equilibrium."""
         square = _eigenvalues(self.mass, self.material + self.rest)
         return np.asarray(np.sqrt(np.maximum(square[:, :count].real, 0.0)) / (2 * np.pi))
 
@@ -124,7 +124,7 @@ def coupled_modes(material: Array, rest: Array, mass: Array) -> tuple[Array, Arr
 def roots_of_modes(
     undamped: Array, of_mode: Array, square: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int
 ) -> ComplexArray:
-    """Return the same rates s (B, count) as `complex_roots`, from the values of `coupled_modes`."""
+    """Return the rates s (B, count) of `complex_roots`, from the values of `coupled_modes`."""
     count = min(count, undamped.shape[-1])
     square = square[:, :count]
 
@@ -150,7 +150,7 @@ def roots_of_modes(
 
 
 def _eigenvalues(mass: Array, stiffness: NDArray[Any]) -> ComplexArray:
-    """Return the eigenvalues of K v = lambda M v, the smallest modulus first."""
+    """Return the eigenvalues of K v = lambda M v, the smallest absolute value first."""
     values = np.linalg.eigvals(np.linalg.solve(np.broadcast_to(mass, stiffness.shape), stiffness)).astype(complex)
     order = np.argsort(np.abs(values), axis=-1)
     return np.asarray(np.take_along_axis(values, order, axis=-1))
@@ -220,7 +220,7 @@ class Vibration:
         basis: tuple[Array, Array] | None = None,
         shapes: int = 4,
     ) -> ReducedMotion:
-        """Return the reduced motion about configurations that are in equilibrium; see `about`."""
+        """Return the reduced motion about configurations that are already in equilibrium; see `about`."""
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
         on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)
@@ -366,7 +366,7 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the element tangents of the law and of the stresses (E, B, u, u), the tie, and the body's (B, 3, 3)."""
+    """Return the element tangents (E, B, u, u) of law and stresses, the tie, and the body's tangent (B, 3, 3)."""
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)
     nodal = solid.by_element(now.displacement)

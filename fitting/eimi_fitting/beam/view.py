@@ -26,6 +26,6 @@ class View:
     stand_off_mm: float
 
     def seen(self, places_mm: Array) -> Array:
-        """Return where places (..., 3) in mm appear, (..., 2) in mm; z points away from the camera."""
+        """Return the image (..., 2) in mm of places (..., 3) in mm; z points away from the camera."""
         scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
         return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)

@@ -117,7 +117,8 @@ def _rows_about(
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
     """Return the misfit of the best model, and the standard deviation (K, G, m) mm of its remaining error.
 
-    The remaining error is a share of the change from the coarse to the best model (`inference.evidence.corrections`).
+    The remaining error is a share of the change from the coarse model to the best model
+    (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -153,9 +154,9 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return, for each part of each stated source, the change of the residuals (K, G, m) mm of each experiment.
+    """Return, for each part of each stated source, the change of each experiment's residuals (K, G, m) in mm.
 
-    The change is that of one standard uncertainty; it is None for an experiment without this source.
+    The change belongs to one standard uncertainty; it is None for an experiment without this source.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -218,7 +219,7 @@ def _inverse_root(deviation: Array) -> Array:
 def _residual_of_all_columns(rows: Rows) -> float:
     """Return the root mean square residual, in units of the noise, of a fit of all terms and nuisances.
 
-    A value above 1 is an error of the model. Such an error is smooth, as the projected rows are.
+    A value above 1 is an error of the model. Such an error is smooth, like the projected rows.
     """
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)

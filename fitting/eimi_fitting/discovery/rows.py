@@ -57,7 +57,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all parts. All parts share the nuisances; a part without nuisances gets zeros."""
+        """Return the equations of all parts together; a part without the common nuisances gets zeros for them."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(

@@ -1,4 +1,4 @@
-"""Fit every small set of terms, and find the sets that the data cannot distinguish from the best one.
+"""Fit every small set of terms, and find the sets that the data cannot distinguish from the best set.
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
 2. Each set gets a cross-validation error: every row is predicted by a fit without its group, in at most 20 folds
@@ -67,7 +67,7 @@ class Support:
 
     @property
     def is_compatible(self) -> bool:
-        """Whether the noise can explain that this set of terms predicts worse than the best set."""
+        """Whether noise can explain that this set of terms predicts worse than the best set."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 
@@ -95,7 +95,7 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the compatible sets that contain no smaller compatible set; fewest terms first, then smallest error."""
+    """Return the compatible sets that contain no smaller compatible set: fewest terms first, then smallest error."""
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
         support for support in compatible if not any(set(other.terms) < set(support.terms) for other in compatible)
@@ -104,7 +104,7 @@ def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
 
 
 def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """Return how large the coefficient of each term could be if that term were added to ``terms``.
+    """Return the largest coefficient that each term could have if that term were added to ``terms``.
 
     Returns
     -------

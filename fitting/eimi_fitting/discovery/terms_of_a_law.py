@@ -104,12 +104,12 @@ class Discovery:
 
     @property
     def identified(self) -> bool:
-        """Return whether the data agree with one set of terms of the library only."""
+        """Return whether the data agree with exactly one set of terms of the library."""
         return len(self.alternatives) == 1 and not self.open_terms and self.explained
 
     @property
     def explained(self) -> bool:
-        """Return whether the residual of the best set can be noise alone."""
+        """Return whether noise alone can explain the residual of the best set."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
@@ -228,7 +228,7 @@ def discover(
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
     """Return the equations, the fitted sets, and the factor by which the noise had to be raised.
 
-    The noise is raised where even the best set predicts with an error above the noise.
+    The noise is raised if even the best set predicts with an error above the noise.
     """
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
@@ -279,7 +279,7 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return `bending_rows`, linearised again and again about the fit of all terms until it no longer changes.
+    """Return `bending_rows`, linearised repeatedly about the fit of all terms until that fit no longer changes.
 
     Raises NoEquilibrium.
     """

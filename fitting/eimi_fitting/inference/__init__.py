@@ -1,4 +1,4 @@
-"""Identify a hyperelastic law from measured edges, and say how uncertain the result is.
+"""Identify a hyperelastic law from measured edges, and compute the uncertainty of the result.
 
 evidence           measurements, unknowns and uncertain inputs; the distance from a candidate to the data
 searching          the range of moduli, CMA-ES, and Gauss-Newton from its best candidate

@@ -54,7 +54,7 @@ class SearchEnd:
     problem : Problem
         The problem with its corrections.
     optimum : Optimum
-        Its optimum.
+        Optimum of the corrected problem.
     effects : tuple of Effect
         The moves of the optimum by the corrections.
     max_stretch : float
@@ -221,7 +221,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return ``changed`` and its optimum; it is the problem ``now`` with other corrections of the residuals."""
+    """Return ``changed``, which is ``now`` with other corrections of the residuals, and the optimum of ``changed``."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -241,5 +241,5 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Compare one candidate in a batch of its own, because rounding depends on the batch and corrections are small."""
+    """Compare one candidate in a separate batch, because rounding depends on the batch and corrections are small."""
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -1,4 +1,4 @@
-"""The result of a fit: the part that a result file keeps, and the residuals at the optimum."""
+"""The result of a fit: the part for a result file, and the residuals at the optimum."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedLaw(Estimate):
-    """An identified law as a result file keeps it: an `Estimate` with its errors, its doubts and its search.
+    """An identified law for a result file: an `Estimate` with its errors, its doubts and its search.
 
     Parameters
     ----------

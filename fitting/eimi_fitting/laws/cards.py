@@ -224,7 +224,7 @@ def _ansys(material: Material) -> str:
 def _comsol(material: Material) -> str:
     """Write a table for COMSOL's command Parameters, Load from File; its columns are name, expression, description.
 
-    The format has no comments, so the description of the row ``eimi_origin`` holds the notes.
+    The format has no comments, so that the description of the row ``eimi_origin`` holds the notes.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME.replace("this program", "this card for COMSOL")]
     material = material.long_term

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """An invariant of a planar state and its derivatives in a and J; the second derivative in a is zero."""
+    """An invariant of a planar state, with its derivatives in a and J; the second derivative in a is zero."""
 
     value: Array
     a: Array
@@ -111,9 +111,9 @@ class InvariantEnergy(ABC):
 class InvariantLaw(InvariantEnergy):
     """A complete law whose energy is a function of the invariants.
 
-    A subclass gives its energy, its initial shear modulus and its search coordinates. By default, stability is found
-    by a scan, a tensile curve is fitted within the bounds of the search, and no program offers the law. A subclass
-    overrides these methods where it can do better.
+    A subclass gives its energy, its initial shear modulus and its search coordinates. By default, stability is found by
+    a scan, a tensile curve is fitted within the bounds of the search, and no program offers the law. A subclass can
+    override these methods with better ones.
 
     Examples
     --------
@@ -158,7 +158,7 @@ class InvariantLaw(InvariantEnergy):
         """Convert coordinates of the search (P, m) into parameters (P, n), see `Law.from_coordinates`."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch as `laws.stability.scanned_limit` finds it."""
+        """Return the largest stable stretch that `laws.stability.scanned_limit` finds."""
         return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:

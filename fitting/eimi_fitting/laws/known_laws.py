@@ -9,7 +9,7 @@ from eimi_fitting.suggestion import suggestion
 
 
 class UnknownLaw(KeyError):
-    """There is no law of this name; the message suggests the closest name."""
+    """No law has this name; the message suggests the closest name."""
 
     def __str__(self) -> str:
         return str(self.args[0])

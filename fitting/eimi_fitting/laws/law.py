@@ -123,11 +123,11 @@ class CardConstants:
 
 
 class CannotFit(Exception):
-    """The window holds too few rows, or the law cannot produce stresses of this sign."""
+    """The window contains too few rows, or the law cannot produce stresses of this sign."""
 
 
 class NotInSolver(Exception):
-    """The program lacks the law, or cannot represent it completely."""
+    """The program does not have the law, or cannot represent it completely."""
 
 
 class Law(Protocol):
@@ -135,7 +135,7 @@ class Law(Protocol):
 
     Parameters are arrays of shape (..., n) whose leading axes broadcast against the states. Moduli may have any unit of
     stress, the same one for all; energies then have that unit. A law that is a function of the invariants can inherit
-    everything but its energy from `laws.invariants.InvariantLaw`.
+    everything except its energy from `laws.invariants.InvariantLaw`.
 
     Examples
     --------

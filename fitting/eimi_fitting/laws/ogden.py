@@ -48,7 +48,7 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return how many terms of the series the second derivative needs for full precision, at most ten."""
+    """Return the number of terms of the series, at most ten, that the second derivative needs for full precision."""
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
@@ -62,9 +62,9 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
     """Return g(c) = cosh(nu arccosh c) for c >= 1 and its first two derivatives in c.
 
     With nu = alpha/2 and c = a/(2 J) = cosh(ln(lambda1/lambda2)), lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c).
-    Near c = 1 (equal stretches) the closed forms of the derivatives are 0/0. There g is evaluated as the Chebyshev
-    function T_nu, by its series in c - 1 with the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1)) (Abramowitz and
-    Stegun, 15.4.3).
+    Near c = 1 (equal stretches) the closed forms of the derivatives are 0/0. Near c = 1, g is therefore evaluated as
+    the Chebyshev function T_nu, by its series in c - 1 with the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1))
+    (Abramowitz and Stegun, 15.4.3).
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
@@ -167,7 +167,7 @@ class Ogden:
         return energy, gradient, diagonal[..., None] * np.eye(3)
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity if every mu_p alpha_p is positive, else the stretch up to which stability is proved."""
+        """Return infinity if every mu_p alpha_p is positive; otherwise the stretch up to which stability is proved."""
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
         limit = np.where(weight.sum(axis=1) > 0, np.inf, 0.0)
@@ -183,7 +183,7 @@ class Ogden:
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law; SOFA has only one term, the other programs have all three."""
+        """Return the constants of the law: one term for SOFA, all three for the other programs."""
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
         match solver:

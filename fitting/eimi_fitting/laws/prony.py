@@ -71,5 +71,5 @@ class Prony:
 
 
 def _with_axes(values: Array, axes: int) -> Array:
-    """Insert axes of length 1, one for each axis of the times, before the last axis of values (..., n)."""
+    """Return values (..., n) with axes of length 1, one for each axis of the times, before the last axis."""
     return values if axes == 0 else values.reshape(*values.shape[:-1], *[1] * axes, values.shape[-1])

@@ -9,8 +9,8 @@ stiffness in plane strain is governed by
 
     E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu).
 
-A quarter of it then replaces mu as the first coordinate; it equals mu for an incompressible material. Above K/mu = 100
-the shapes hardly depend on K, and the interval of K/mu reaches the upper bound.
+A quarter of E / (1 - nu^2) then replaces mu as the first coordinate; this quarter equals mu for an incompressible
+material. Above K/mu = 100 the shapes hardly depend on K, and the interval of K/mu reaches the upper bound.
 """
 
 from __future__ import annotations

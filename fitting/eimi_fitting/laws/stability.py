@@ -1,4 +1,4 @@
-"""Check by the criterion of Drucker whether a larger strain always needs a larger stress.
+"""Check by Drucker's criterion whether a larger strain always needs a larger stress.
 
 A law is stable at a deformation if the increments of Kirchhoff stress and of logarithmic strain do positive work,
 d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). Equivalently, the restricted
@@ -120,7 +120,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return, for each candidate, whether all scanned states with this logarithm of the largest stretch are stable."""
+    """Return, for each candidate, whether all scanned states of this level of the largest stretch are stable."""
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))
     states = np.stack([level, level * share, -level * (1 + share)], axis=-1)

@@ -34,7 +34,7 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     Returns
     -------
     Array
-        (P,) logarithms of the stretches, at log_stretch ``log_stretch``.
+        (P,) logarithms of the stretches, at most ``log_stretch``.
     """
     p = len(log_stretch)
     owner = np.repeat(np.arange(p), _ROWS * _COLUMNS)

@@ -9,8 +9,8 @@ Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants and the princi
     fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
     ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
 
-The coefficient mu is the term's share of the initial shear modulus. Jm, b and alpha are fixed numbers, so the law is
-linear in all its parameters. If no coefficient is negative, every term is stable, and so is the sum.
+The coefficient mu is the term's share of the initial shear modulus. Jm, b and alpha are fixed numbers, so that the law
+is linear in all its parameters. If no coefficient is negative, every term is stable, and so is the sum.
 """
 
 from __future__ import annotations
@@ -194,17 +194,17 @@ class SumOfTerms:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name for each term."""
+        """The names of the parameters, one for each term."""
         return tuple(f"{'mu' if term.has_modulus else 'C'} of {term.name}" for term in self.terms)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The unit Pa for each parameter."""
+        """The units of the parameters, Pa for each."""
         return ("Pa",) * len(self.terms)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of every term but the first one with a modulus."""
+        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of each term after the first term with a modulus."""
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
 
@@ -217,7 +217,7 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates into parameters; the first term with a modulus takes the remainder of mu0."""
+        """Convert coordinates into parameters; the first term with a modulus gets the remainder of mu0."""
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
         return np.asarray(x[:, :1] * shares)
@@ -239,7 +239,7 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the parameters (..., 6) of Ogden laws of three terms that together hold all Ogden terms.
+        """Return the parameters (..., 6) of Ogden laws of three terms that together contain all Ogden terms.
 
         The coefficient mu of a term becomes Ogden's mu_p = 2 mu/alpha.
         """
@@ -267,7 +267,7 @@ class SumOfTerms:
         return energy, gradient, hessian
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity if no coefficient is negative, else `laws.stability.scanned_limit`."""
+        """Return infinity if no coefficient is negative; otherwise the result of `laws.stability.scanned_limit`."""
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)
         if not stable.all():
@@ -279,5 +279,5 @@ class SumOfTerms:
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver: no program offers such a sum."""
+        """Raise NotInSolver, because no program has such a sum."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

@@ -9,7 +9,7 @@ where g is the gradient of the energy W in the logarithmic stretches.
 
 Fit. The stress of every law is linear in its moduli. If it is linear in every parameter, the fit is a linear
 least-squares problem without constraints. For any other law the ratios (`Law.coordinates`) are searched from several
-starts within their bounds, and the modulus is the least-squares one for the ratios.
+starts within their bounds, and the modulus follows by least squares for these ratios.
 
 Intervals. They come from the linearised covariance. The residuals of a tensile curve are mostly the misfit of the law
 and are correlated along the curve, so n rows carry the information of n/tau independent rows
@@ -202,7 +202,7 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law: its modulus by linear least squares, its other coordinates by a search; see `Law.fit_stress`.
+    """Fit any law: linear least squares for the modulus, a search for the other coordinates; see `Law.fit_stress`.
 
     For the intervals, the range of a coordinate enters as a normal prior with the variance of a uniform distribution.
     The interval of a dimensionless parameter includes the values of the parameter at both ends of each coordinate's
@@ -322,7 +322,7 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance matrix (n, n); without a variance, correlations are zero."""
+    """Return the correlation matrix of a covariance matrix (n, n); a correlation without a variance is zero."""
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     divisor = np.where(spread > 0, spread, 1.0)
     correlation = covariance / np.outer(divisor, divisor)

@@ -95,7 +95,7 @@ class Yeoh(InvariantLaw):
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law; every program of `laws.cards.SOLVERS` but SOFA has it."""
+        """Return the constants of the law; every program of `laws.cards.SOLVERS` except SOFA has it."""
         c10, c20, c30 = p["C10"], p["C20"], p["C30"]
         match solver:
             case "abaqus" | "calculix":

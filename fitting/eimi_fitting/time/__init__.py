@@ -10,6 +10,6 @@ terms           the unknowns of a law of time
 evidence        residuals of ring-downs, creep and static states
 law_of_time     search, polish, number of terms and draws
 small_effects   air, eddy currents, coil, shutter and clamp
-result          `LawOfTime`, the result as a file keeps it
+result          `LawOfTime`, the result in the form of a file
 identification  the whole identification in order
 """

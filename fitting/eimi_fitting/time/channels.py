@@ -1,11 +1,11 @@
-"""The signals of a recorded motion: cleaned of gaps and outliers, and reduced to a few independent ones.
+"""The signals of a recorded motion: cleaned of gaps and outliers, and reduced to a few independent signals.
 
 Every coordinate of every point is a channel. A linear vibration has few degrees of freedom, so that the channels of one
 recording are sums of a few signals. Gaps are filled with these sums (Beckers and Rixen 2003, J. Atmos. Oceanic Technol.
 20:1839).
 
 A rolling shutter reads a point at a time that differs from that of the frame. A constant difference changes the phase
-of a channel. The fit leaves this phase free. While a point moves over the rows, the difference changes. This change is
+of a channel, which the fit leaves free. The difference changes while a point moves over the rows; this change is
 corrected to first order.
 """
 
@@ -134,7 +134,7 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return one time for each frame (n,): the mean over its points, with a constant lag of each point removed."""
+    """Return one time for each frame (n,): the mean over its points, without the constant lag of each point."""
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -149,7 +149,7 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Replace gaps and outliers of values (n, c) by sums of a few signals; return the values and the mask of both."""
+    """Replace gaps and outliers of values (n, c) by sums of a few signals; return the values and a mask of both."""
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()

@@ -99,7 +99,7 @@ class Decay:
     ----------
     label : str
     modes : tuple of RingMode
-        At small amplitude, the dominant vibration first.
+        The modes at small amplitude, the dominant vibration first.
     windows : tuple of Window
     from_s, to_s : float
         The part of the recording that was fitted.
@@ -111,7 +111,7 @@ class Decay:
     time_s, displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
         The channel that moves most: displacement without the baseline, envelope, and fitted vibrations.
     noise : float
-        Standard deviation of the residuals near the frequency over the stated noise.
+        Standard deviation of the residuals near the frequency, divided by the stated noise.
     doubts : tuple of str
     baseline_mm : ndarray, shape (n, c)
         The channels without the fitted vibrations.
@@ -156,7 +156,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     Raises
     ------
     NoVibration
-        No vibration stands out from the noise, or its amplitude is too large, or it is too short.
+        No vibration stands out from the noise, or the amplitude of the vibration is too large, or its duration too
+        short.
     TooFewFrames
         Fewer than 8 frames are left.
     """
@@ -194,7 +195,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _dense(signals: Signals) -> Signals:
-    """Return the frames before the first run with much longer gaps; the gaps of a record of creep grow with time."""
+    """Return the frames before the first run of much longer gaps; in a record of creep the gaps grow with time."""
     gaps = np.diff(signals.time_s)
     if len(gaps) < 2 * _RUN:
         return signals
@@ -254,7 +255,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return begin and end, in s, of the free decay with amplitudes below the limit, and the doubts."""
+    """Return begin and end (s) of the free decay with amplitudes below the limit, and the doubts about it."""
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
     start = 0 if is_stepped else int(np.argmax(size))
@@ -299,7 +300,10 @@ def _baseline(time: Array, frequency: float) -> Array:
 
 @dataclass(frozen=True)
 class _Fitted:
-    """A fit of modes to signals: `modes` (m, 2) holds ln omega and loss, `bend` (2,) their change with amplitude."""
+    """A fit of modes to signals.
+
+    `modes` (m, 2) holds ln omega and the loss of each mode, `bend` (2,) the change of both with amplitude.
+    """
 
     signals: Signals
     modes: Array
@@ -321,7 +325,7 @@ class _Fitted:
 
     @staticmethod
     def of(signals: Signals, modes: Array, has_bend: bool) -> _Fitted:
-        """Return the fit that starts from given modes; `has_bend` also fits their change with amplitude."""
+        """Return the fit that starts from given modes; `has_bend` also fits the modes' change with amplitude."""
         count = len(modes)
 
         def residuals(x: Array) -> Array:
@@ -361,7 +365,7 @@ class _Fitted:
 
 
 def _exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the exponent psi (n,) of a mode; times count from the first frame."""
+    """Return the exponent psi (n,) of a mode; times are counted from the first frame."""
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
     psi = (1j * omega - delta) * time
@@ -397,7 +401,7 @@ def _misfit(signals: Signals, mode: Array) -> float:
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise that has the power of the residuals near a frequency."""
+    """Return the standard deviation of white noise whose power equals that of the residuals near a frequency."""
     n = len(residuals)
     step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
     power = (np.abs(np.fft.rfft(residuals, axis=0)) ** 2).mean(axis=1) / n
@@ -449,7 +453,7 @@ def _with_more_modes(fitted: _Fitted) -> _Fitted:
 
 
 def _windows(fitted: _Fitted) -> tuple[Window, ...]:
-    """Fit frequency and loss in windows of equal duration, over each of which the amplitude falls to about a half."""
+    """Fit frequency and loss in windows of equal duration; the amplitude about halves over each window."""
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
     shares = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
@@ -494,7 +498,7 @@ def _windows(fitted: _Fitted) -> tuple[Window, ...]:
 
 
 def _material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
-    """Return how many of the first windows are used: those before the swing of a hanging weight raises the loss."""
+    """Return the number of first windows to use: those before the swing of a hanging weight raises the loss."""
     if not hangs or len(windows) < 2:
         return len(windows)
     first = windows[0]

@@ -122,7 +122,7 @@ class RingEvidence:
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads of a beam over time, each as a curve of moment against the rotation of the tip.
+    """The loads of a beam over time, each represented by a curve of moment against rotation of the tip.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load; a constant rotation is left free.
+    """The slow motion of the tip after a step of the load; a constant rotation is a free unknown.
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ class StaticEvidence:
     modulus_Pa : float
         Initial shear modulus of a fit that treats all states as elastic.
     sigma : float
-        Its relative standard uncertainty from noise and mesh.
+        Relative standard uncertainty of the modulus from noise and mesh.
     stated : dict of str to float
         Relative effects on the modulus of sources that act only on the picture, by key.
     """
@@ -221,12 +221,12 @@ class StaticEvidence:
 
     @property
     def age_s(self) -> float:
-        """The median time between setting a state and measuring its edges."""
+        """The median time from the setting of a state to the measurement of its edges."""
         begins = np.array([step.time_s for step in self.history.steps])
         return float(np.median(self.seen_s - begins))
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm (P,) of the modulus that an elastic fit to the predicted states would have."""
+        """Return the logarithm (P,) of the modulus that an elastic fit to the predicted states would give."""
         order = np.argsort(self.seen_s)
         theta = creep(instantaneous_Pa, series, self.history.steps, self.seen_s[order], np.exp(load_log))
         total, weights = np.zeros(len(theta)), np.zeros(len(theta))
@@ -286,7 +286,7 @@ class StaticEvidence:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The modulus at which the computed sag of the beam at rest equals the measured mean sag of its points.
+    """The modulus at which the computed sag of the beam at rest equals the measured sag.
 
     Attributes
     ----------
@@ -302,7 +302,8 @@ class RestEvidence:
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
         """Return the evidence of a recorded ring-down.
 
-        None if the weight hardly bends the beam, or if no modulus near that of the ring-down gives the measured sag.
+        The result is None if the weight hardly bends the beam, or if no modulus near the modulus of the ring-down gives
+        the measured sag.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)

@@ -48,7 +48,7 @@ _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 
 class NoRingDown(Exception):
-    """No recorded motion shows a decaying vibration; only a vibration gives the modulus without the magnetic moment."""
+    """No recorded motion shows a decaying vibration, which alone gives the modulus without the magnetic moment."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class RecordedMotion:
     loads : Loads
         The loads after the step, one state.
     before : tuple of (float, Loads)
-        Earlier loads, one state each, with the time at which each began, relative to the step.
+        Earlier loads of one state each, with the time at which each load began, relative to the step.
     """
 
     motion: Motion
@@ -83,11 +83,11 @@ class StaticStates:
     loads : Loads
         The K states in the order in which they were set.
     set_s, seen_s : ndarray, shape (K,)
-        When each load was set, and when its edges were measured.
+        The times at which each load was set and at which its edges were measured.
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float
-        Its relative standard uncertainty from noise and mesh.
+        Relative standard uncertainty of the modulus from noise and mesh.
     of_picture : mapping of str to float
         Relative effects on the modulus of sources that act only on the picture, by key.
     """
@@ -121,7 +121,7 @@ def identify_time(
         Parameters of the law; only their ratios are used.
     specimen : Specimen
     motions : sequence of RecordedMotion
-        At least one with a decaying vibration.
+        The motions, at least one of them with a decaying vibration.
     stated : sequence of StatedSource
         Stated standard uncertainties of the inputs.
     static : StaticStates, optional
@@ -237,7 +237,7 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the table of a beam under these loads from `tables`, to which a missing one is added."""
+    """Return the table of a beam under these loads from `tables`; add a missing table."""
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table
@@ -281,7 +281,7 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the evidence of the sag at rest from the first ring-down without a step; None if there is none."""
+    """Return the evidence of the sag at rest from the first ring-down without a step; None without such a ring-down."""
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
             return RestEvidence.of(table, recorded.motion, ring.decay)
@@ -311,7 +311,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times that the evidence covers, widened by half a decade."""
+    """Return the range of times that the evidence covers, extended by half a decade."""
     shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     for creep in creeps:

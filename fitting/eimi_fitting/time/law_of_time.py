@@ -1,4 +1,4 @@
-"""The law of time of a material, fitted to all evidence together.
+"""The law of time of a material, which is fitted to all evidence together.
 
 CMA-ES searches the unknowns of `time.terms` and the factor on the magnetic loads; a least-squares fit starts from its
 best candidate. All errors and all priors are taken as normal. The maximum of the posterior then minimises
@@ -9,7 +9,7 @@ The evidence for a number of terms is Laplace's approximation (MacKay 2003, Info
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
-The smallest number of terms is chosen whose evidence is near the largest.
+The chosen number of terms is the smallest number whose evidence is near the largest.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """Means of the prior of all unknowns."""
+        """The means of the prior of all unknowns."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations of the prior of all unknowns."""
+        """The standard deviations of the prior of all unknowns."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
@@ -90,7 +90,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The objective values of one generation, in the form that `search` needs."""
+    """The objective values of one generation, in the form for `search`."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -124,7 +124,7 @@ class TimeOptimum:
 
     @property
     def covariance(self) -> Array:
-        """Covariance (m, m) of the unknowns from noise and priors."""
+        """The covariance (m, m) of the unknowns due to noise and priors."""
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def instantaneous_and_series(self) -> tuple[float, Prony]:
@@ -133,7 +133,7 @@ class TimeOptimum:
         return float(instantaneous[0]), Prony(series.g[0], series.tau_s[0])
 
     def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the optimum moves (parts, m) if a part of a source changes by its standard uncertainty."""
+        """Return the move (parts, m) of the optimum if a part of a source changes by its standard uncertainty."""
         gain = -self.covariance @ self.jacobian.T
         m = len(self.unknowns)
         effects = [one.effects(sources) for one in self.problem.evidence]
@@ -145,7 +145,7 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of a problem: the best of least-squares fits from several starts.
+    """Return the optimum of a problem: the best result of least-squares fits from several starts.
 
     The starts are the best candidate of CMA-ES, the middle of the prior, and the optimum with one term fewer, to which
     a term is added at each of the middle times of the prior.
@@ -205,7 +205,7 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 
 
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
-    """Return the optimum with the fewest terms whose evidence is near the largest, and all optima.
+    """Return all optima, and the optimum with the fewest terms whose evidence is near the largest.
 
     Terms are added as long as the evidence rises.
     """
@@ -224,7 +224,7 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return quantities (P, f) in which the residuals are nearly linear: logarithms of moduli, losses, load factor."""
+    """Return quantities (P, f) in which the residuals are almost linear: logarithms of moduli, losses, load factor."""
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)

@@ -49,7 +49,7 @@ class LoadCurve:
         return LoadCurve(ends, -stiffness_Pa * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return moments and slopes (P,) at rotations (P,); beyond the ends the curve is straight."""
+        """Return moments and slopes (P,) at rotations (P,); the curve is straight beyond its ends."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
@@ -61,7 +61,7 @@ class LoadCurve:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """A load that begins at a time and lasts until the next one."""
+    """A load that begins at a time and lasts until the next load."""
 
     time_s: float
     curve: LoadCurve
@@ -85,9 +85,9 @@ def creep(
     series : Prony
         With terms (P, n).
     steps : tuple of LoadStep
-        The loads in order of time; the beam is at rest before the first one.
+        The loads in order of time; the beam is at rest before the first load.
     times_s : ndarray, shape (m,)
-        Rising times after the first step.
+        Increasing times after the first step.
     load_factor : ndarray, shape (P,)
         Factor on the moments of all loads.
 
@@ -129,7 +129,7 @@ def creep(
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times of the steps: dense after a change of the load, and at every wanted time."""
+    """Return the times of the integration steps: dense after a change of the load, and at every requested time."""
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
     regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)

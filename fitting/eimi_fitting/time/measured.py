@@ -15,7 +15,7 @@ Kind = Literal["ring_down", "creep"]
 
 @dataclass(frozen=True)
 class Motion:
-    """A recorded ring-down or creep, of points of the centre line or of tracked markers.
+    """A recorded ring-down or creep: places of points of the centre line, or of tracked markers.
 
     Times count from the step of the load: the moment at which the current was set or a weight was taken away. A beam
     that was flicked by hand has no such step; its times may count from any moment.
@@ -96,7 +96,7 @@ class Motion:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Which points were seen, (n, p)."""
+        """Whether each point was seen in each frame, (n, p)."""
         return np.asarray(
             np.isfinite(self.points_mm).all(axis=2) & np.isfinite(self.time_s) & np.isfinite(self.sigma_mm)
         )

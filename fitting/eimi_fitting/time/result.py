@@ -29,7 +29,7 @@ _CONTRADICTION = 3.0  # standard deviations
 
 @dataclass(frozen=True)
 class PronyTerm:
-    """One term of the series: the share of the instantaneous modulus that it loses, and its relaxation time."""
+    """A term of the Prony series: its share of the instantaneous modulus, and its relaxation time."""
 
     g: float
     tau_s: float
@@ -37,7 +37,7 @@ class PronyTerm:
 
 @dataclass(frozen=True)
 class ModulusAt:
-    """The shear modulus a time after a sudden strain, in Pa, with its 95 % interval."""
+    """The shear modulus in Pa at a time after a sudden strain, with its 95 % interval."""
 
     time_s: float
     value: float
@@ -46,7 +46,7 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """One ring-down: frequency and loss at small amplitude, windows of its decay, and the channel that moves most.
+    """A ring-down: frequency and loss at small amplitude, windows of its decay, and the channel that moves most.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class RingDown:
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """One record of creep: measured and fitted rotation of the tip, in degrees, each minus its mean."""
+    """A record of creep: measured and fitted rotation of the tip in degrees, each minus its mean."""
 
     label: str
     time_s: tuple[float, ...]
@@ -119,7 +119,7 @@ class LawOfTime:
         Effects on the dynamic modulus, the largest first.
     small_effects : tuple of SmallEffect
     log_evidence : tuple of float
-        For one, two, ... terms.
+        Logarithm of the evidence for one, two, ... terms.
     chi2, rows : float, int
         Sum of the squared residuals, each divided by its uncertainty, and their number.
     doubts : tuple of str
@@ -254,7 +254,7 @@ def result_of(
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the change of ln(modulus) for a change of ln(frequency)."""
+    """Return the ratio of a change of ln(modulus) to the change of ln(frequency) that it causes."""
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 
@@ -275,7 +275,7 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
 
 
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` with data in which the draws (D, m) of mu(t) agree to 5 %."""
+    """Return the range of times around ``start_s`` in which draws (D, m) of mu(t) agree to 5 % and data exist."""
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
     first = last = here

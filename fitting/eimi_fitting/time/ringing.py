@@ -1,4 +1,4 @@
-"""The frequencies and losses of a specimen's vibrations, as a function of its relaxation.
+"""The frequencies and losses of a specimen's vibrations, as functions of the modulus and its relaxation.
 
 The modes (`beam.vibration`) are computed for a few moduli of the equilibrium and interpolated in the logarithm of the
 modulus. The ratio of the solid's frequency to that of the planar model is computed once, at the middle modulus.
@@ -40,7 +40,7 @@ _SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above tha
 
 
 class NoEquilibrium(Exception):
-    """The specimen has no stable equilibrium at a tried modulus, or no modulus gives its measured frequency."""
+    """The specimen has no stable equilibrium at a modulus, or no modulus gives the measured frequency."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """Frequencies (3,) of the solid, or of a finer mesh if the section is planar, divided by the planar model's."""
+        """Frequencies (3,) of the solid divided by the planar model's; in a planar section, those of a finer mesh."""
         return self._better[0]
 
     @property

@@ -1,4 +1,4 @@
-"""The slow motion of a beam after a step of its load: the rotation of its tip, at logarithmically spaced times.
+"""The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
 
 The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. Displacements are
 converted to rotations with the displacement of each point for one rad of rotation, from two static solutions.
@@ -24,7 +24,7 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 
 
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
-    """Return the displacement (p, 2) in mm of points for one rad of rotation of the tip.
+    """Return the displacement (p, 2) in mm of points for a rotation of the tip by one rad.
 
     If the shape depends on the modulus, the shapes at two moduli are compared. If it does not, as for a hanging beam in
     zero field, the shapes with and without a small part of the earlier load are compared.
@@ -66,7 +66,7 @@ def slow_rotations(
     signals : Signals
         All frames after the step.
     decay : Decay or None
-        The vibrations in the recording; None if it shows none.
+        The vibrations in the recording; None if the recording shows no vibration.
     per_rad_mm : ndarray, shape (p, 2)
         See `displacement_per_rad`.
 

@@ -1,4 +1,4 @@
-"""Small effects on a ring-down that are estimated and not corrected: air, eddy currents, coil, shutter, clamp.
+"""Small effects on a ring-down that are estimated but not corrected: air, eddy currents, coil, shutter, clamp.
 
 Each estimate is the change of the dynamic modulus, or of the loss, that the effect causes.
 """
@@ -22,16 +22,16 @@ _COIL_OHM = 2.0
 
 @dataclass(frozen=True)
 class SmallEffect:
-    """An effect that is not corrected.
+    """An effect that is estimated but not corrected.
 
     Attributes
     ----------
     source, words : str
-        Its key, and its name in words.
+        Key of the effect, and its name in words.
     modulus_percent : float
-        Its contribution to the standard uncertainty of the dynamic modulus, in per cent.
+        Contribution of the effect to the standard uncertainty of the dynamic modulus, in per cent.
     loss : float
-        Its contribution to the standard uncertainty of the loss factor.
+        Contribution of the effect to the standard uncertainty of the loss factor.
     """
 
     source: str
@@ -43,12 +43,13 @@ class SmallEffect:
 def small_effects(
     specimen: Specimen, loads: Loads, frequency_Hz: float, loss: float, gain: float, exposure_s: float | None
 ) -> tuple[SmallEffect, ...]:
-    """Return the estimates for one ring-down.
+    """Return the estimates of all small effects on one ring-down.
 
-    The effect of the air is that on an oscillating plate of the beam's depth (Blevins 2016, Formulas for Dynamics,
-    table 6.2; its viscous part after Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents are
-    those of the magnet turning in the field; the back-EMF loses energy in the resistance of the coil. The motion during
-    an exposure lowers all amplitudes by the same factor. In a clamp much stiffer than silicone no energy is lost.
+    The air acts as on an oscillating plate of the beam's depth (Blevins 2016, Formulas for Dynamics, table 6.2; its
+    viscous part after Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
+    when it rotates in the field; the voltage that the magnet induces in the coil loses energy in the coil's resistance.
+    The motion during an exposure lowers all amplitudes by the same factor. In a clamp much stiffer than silicone no
+    energy is lost.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The unknowns of a law of time: the modulus, and the terms of its Prony series.
 
 A candidate has the unknowns (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n) with mu_i = h_i mu_inf. The prior of
-the times is centred on times that divide the range of the data evenly in the logarithm, and reaches to the neighbouring
-ones. A fixed time has practically no uncertainty. The prior of h_i covers losses from 0.2 % to 400 % of the modulus.
+the times is centred on times that divide the range of the data evenly in the logarithm, and extends to the neighbouring
+times. A fixed time has practically no uncertainty. The prior of h_i covers losses from 0.2 % to 400 % of the modulus.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """Means of the prior, (1 + 2 n,)."""
+        """The means of the prior, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
         return np.concatenate([[np.log(self.modulus_Pa)], np.full(self.count, np.log(_SHARE)), middle])
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations of the prior, (1 + 2 n,)."""
+        """The standard deviations of the prior, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])

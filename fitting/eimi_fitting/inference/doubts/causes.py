@@ -84,19 +84,19 @@ class Cause:
     Parameters
     ----------
     name : str
-        Its name; ``"none"`` stands for noise and an error that no listed cause explains.
+        Name of the cause; ``"none"`` stands for noise and an error that no listed cause explains.
     probability : float
-        Probability that it is present.
+        Probability that the cause is present.
     value : float
-        Its most probable amplitude in ``unit``; of several amplitudes their root sum of squares, with the sign of the
-        largest. Zero for ``"none"``.
+        Most probable amplitude of the cause in ``unit``; for several amplitudes the root of their sum of squares, with
+        the sign of the largest. Zero for ``"none"``.
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus, in per cent, if this cause is taken into account; if the fit has taken it
-        into account, the change by which it did so.
+        Change of the initial shear modulus, in per cent, if this cause is taken into account; if the fit already takes
+        the cause into account, the change that this made.
     decide_by : str
-        The measurement that decides whether it is the cause.
+        The measurement that decides whether the cause is present.
     """
 
     name: str
@@ -181,7 +181,7 @@ def weighed_causes(
 
 
 class _Weighing:
-    """The hypotheses about one optimum: their columns, and the residuals that each has to explain."""
+    """The hypotheses about one optimum: their columns, and the residuals that each hypothesis has to explain."""
 
     def __init__(
         self, about: About, effects: Sequence[Effect], columns_by_cause: Mapping[PossibleCause, Sequence[Column]]
@@ -232,7 +232,7 @@ class _Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes of a cause that its value consists of."""
+        """Return the number of amplitudes that make up the value of a cause."""
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
@@ -266,7 +266,7 @@ class _Weighing:
         return result
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance (N,) of the error of moves (C, N), of which a part is smooth along edges and loads.
+        """Return the variance (N,) of the error of moves (C, N); a part of the error is smooth along edges and loads.
 
         The remaining error of the corrections is smooth, too.
         """
@@ -274,11 +274,11 @@ class _Weighing:
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the residuals that remain with these amplitudes, over the variance of the noise."""
+        """Return the mean square of the remaining residuals, divided by the variance of the noise."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the amplitudes of one hypothesis after Gauss-Newton steps with slopes where they are."""
+        """Return the amplitudes of one hypothesis after Gauss-Newton steps, with slopes at the present amplitudes."""
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
         active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
@@ -318,7 +318,7 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the rows of the best hypotheses of one and of two causes, and of that without freed inputs."""
+        """Return the rows of the best hypotheses of one and of two causes, and of the one without freed inputs."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far
@@ -340,7 +340,7 @@ class _Weighing:
         return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual (K,) in mm of each experiment with these amplitudes, linearly."""
+        """Return the root mean square residual (K,) in mm of each experiment, in the linear model."""
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(
             zip(self._stated, self._about.slopes, self._about.used, strict=True)

@@ -1,4 +1,4 @@
-"""Decide whether a fit can be believed: compare its residuals with the deflection, with the noise and with each other.
+"""Decide whether a fit can be believed: compare its residuals with the deflection and with the noise.
 
 A state is not explained if its root mean square residual exceeds a twentieth of the largest deflection or half the
 width of the beam. The edges of another beam, a wrong scale or a wrong sign of the field cause such residuals; the fit
@@ -79,7 +79,7 @@ class NotExplained(Exception):
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """Return how to rebuild the exception in another process; pickle would pass the message alone."""
+        """Return the arguments that rebuild the exception in another process; pickle would pass only the message."""
         return NotExplained, self._arguments
 
 
@@ -122,7 +122,8 @@ def check_explained(
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether the optimum lies where the simulation is not valid (`Evaluation.beyond`); then no state is explained.
+        Whether the optimum lies where the simulation is not valid (`Evaluation.beyond`); then every state counts as
+        unexplained.
 
     Raises
     ------
@@ -222,7 +223,7 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior that is more than three standard deviations from the estimate by the data alone."""
+    """Return a doubt for each prior that differs by more than three standard deviations from the data's estimate."""
     return tuple(
         Doubt(
             f"the estimate from the data alone lies {abs(distance):.1f} standard deviations from the "
@@ -280,7 +281,11 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the causes that the data do not distinguish from the first cause: all together have a probability of one.
+    """Return the rivals: the causes that the data do not distinguish from the first cause.
+
+    Together with the first cause they have a probability of about one. At most two are returned, each with at least a
+    twentieth of the probability of the first cause. A second cause that is probable together with the first cause is no
+    rival.
 
     At most two are returned, each with at least a twentieth of the probability of the first. A second cause that is
     probable beside the first is no rival.
@@ -294,7 +299,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the words of a doubt: the first cause with its rivals, or with a second one that is present, too."""
+    """Return the words of a doubt: the first cause with its rivals, or with a second cause that is also present."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 
@@ -355,12 +360,12 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of the residuals over their noise."""
+    """Return the median over the states of the ratio of residuals to noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return what `_stated_mm` returns without the widening by flags, which could hide a wrong law (K,)."""
+    """Return `_stated_mm` without the widening by flags, which could hide a wrong law, (K,)."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
         observed = replace(observed, sigma_mm=observed.noise_mm)

@@ -1,8 +1,8 @@
 """Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each.
 
-A few coefficients contain all that smooth signatures of causes have (`inference.doubts.causes`). Level and correlation
-of the noise come from the remainder. States and edges are combined so that an error of the model, which is alike in
-states of similar loads and on both edges, has independent coefficients.
+A few coefficients represent the smooth signatures of causes completely (`inference.doubts.causes`). Level and
+correlation of the noise come from the remainder. States and edges are combined so that an error of the model, which is
+alike in states of similar loads and on both edges, has independent coefficients.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Projection:
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
         Rotation of the states, and of the two edges, of each experiment to independent combinations.
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient by noise, and by an error d with eta of 1 mm.
+        Variance of each coefficient due to noise, and due to the error d with eta of 1 mm.
     """
 
     bases: tuple[Array, ...]
@@ -61,7 +61,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance (N,) of smooth errors that have the mean square of moves (C, N), for each experiment."""
+        """Return the variance (N,) of smooth errors that are as large as moves (C, N), for each experiment."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -98,7 +98,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return polynomials (K, G, m, D) in the place along each edge that are orthonormal over its used points."""
+    """Return polynomials (K, G, m, D) along each edge that are orthonormal over the used points of the edge."""
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
@@ -108,7 +108,7 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance (G, D) of the coefficients by noise: from the remainder, or as stated if that is too short.
+    """Return the variance (G, D) of the coefficients due to noise, from the remainder; if too short, as stated.
 
     The stated uncertainty of tracked points is common to all points of a state.
     """
@@ -125,7 +125,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) of the unnamed error over the states: states of similar loads err alike."""
+    """Return the covariance (K, K) of the unnamed error over the states; it is high for states of similar loads."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

@@ -14,7 +14,7 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
 
 @dataclass(frozen=True)
 class Posterior:
-    """The hypotheses after the residuals, with normal priors of all coefficients.
+    """The result of the comparison of hypotheses, with normal priors of all coefficients.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Posterior:
     means : ndarray, shape (H, C)
         Mean of each coefficient, in its prior standard deviations; zero for columns that are not in the hypothesis.
     squares : ndarray, shape (H, C)
-        Mean square of each coefficient, likewise.
+        Mean square of each coefficient, in the same units.
     """
 
     log_evidence: Array
@@ -32,14 +32,14 @@ class Posterior:
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence of hypotheses and the means of their coefficients, see the module.
+    """Return the evidence of hypotheses and the means of their coefficients; the module has the equations.
 
     Parameters
     ----------
     columns : ndarray, shape (C, N)
         The columns A', each times the prior standard deviation of its coefficient; the last one is zero.
     members : ndarray, shape (H, q)
-        Columns of each hypothesis; the last column fills the place of missing ones.
+        Columns of each hypothesis; the last column, which is zero, fills unused places.
     y : ndarray, shape (H, N)
         Minus the residuals, for each hypothesis.
     noise, error : ndarray, shape (N,)

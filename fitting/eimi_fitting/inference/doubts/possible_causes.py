@@ -1,7 +1,7 @@
 """Possible errors of a bench: each possible cause with its usual size, its effect, and a decisive measurement.
 
 A cause changes the assumptions of a candidate about an experiment: the specimen, the loads, the picture or the law. The
-difference of the residuals that it makes at the optimum is its signature (`inference.doubts.causes`).
+change of the residuals that the cause makes at the optimum is its signature (`inference.doubts.causes`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Assumed:
     experiment : Experiment
         On the planar model of the coarse mesh.
     deviations : tuple of (str, int, float)
-        Source, part and deviation of numbers that differ from the stated ones.
+        Source, part and deviation of each number that differs from its stated value.
     """
 
     law: Law
@@ -82,16 +82,16 @@ class PossibleCause:
     sizes : tuple of float
         Standard deviation of the prior of each amplitude: the size of such a mistake in a laboratory.
     change : callable or None
-        Takes what a candidate assumes and the amplitudes, and returns what it assumes with this cause; None for the
-        section, whose signature is the difference between two models.
+        Takes the assumptions of a candidate and the amplitudes, and returns the assumptions with this cause; None for
+        the section, whose signature is the difference between two models.
     decide_by : str
-        The measurement that decides whether it is the cause.
+        The measurement that decides whether the cause is present.
     source : str
         The key of `SOURCES` that frees or budgets it; empty if there is none.
     is_common : bool
         Whether all datasets share one amplitude.
     shown : int or None
-        Number of the first amplitudes that its value consists of, if the others have another meaning; None: all.
+        Number of leading amplitudes that make up the value of the cause, if the others have another meaning; None: all.
     """
 
     name: str
@@ -106,7 +106,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return the change by deviations of sources; each argument states the deviations for an amplitude of 1."""
+    """Return the change that deviations of sources make; each argument states the deviations for an amplitude of 1."""
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(
@@ -129,10 +129,10 @@ def _of_source(
 
 
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
-    """Return the change by a displacement (..., 2) of measured places (..., 2) relative to the clamp in the picture.
+    """Return the change that a displacement (..., 2) of measured places (..., 2) in the picture makes.
 
-    From the amplitude ``shift`` on, two amplitudes are the displacement of the clamp itself in mm, if its place in the
-    calibration was not taken from the same picture.
+    The displacement is relative to the clamp. From the amplitude ``shift`` on, two amplitudes are the displacement of
+    the clamp itself in mm, if the clamp's place in the calibration was not taken from the same picture.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -154,7 +154,7 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return where the axis of the lens meets the beam's plane, or the middle of all used places, in mm."""
+    """Return the point in mm where the lens axis meets the beam's plane, or the middle of all used places."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
@@ -171,8 +171,9 @@ def _stand_off_mm(experiment: Experiment) -> float:
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacement by a radial distortion.
 
-    The first amplitude is its share at the farthest used place. The next two are the same times the displacement of the
-    lens axis from the assumed centre, over the distance of the farthest place.
+    The first amplitude is the relative distortion at the farthest used place. The next two amplitudes are this relative
+    distortion times the displacement of the lens axis from the assumed centre, divided by the distance of the farthest
+    place.
     """
     centre, radial, off_centre = _centre(experiment), amplitudes[0], amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
@@ -184,14 +185,14 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement by the perspective of a camera that is pitched by angles in degrees about two axes."""
+    """Return the displacement in the picture by a camera that is pitched about two axes by angles in degrees."""
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement of a beam that is farther from the camera than the plane of calibration, by mm."""
+    """Return the displacement in the picture of a beam that is farther away than the plane of calibration, by mm."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
@@ -204,7 +205,7 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that have the effect of the stated loads on a beam whose stiffness has the factors (K,)."""
+    """Return the loads that act on the stated beam as the stated loads act on a beam with stiffness factors (K,)."""
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -212,7 +213,7 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Soften the beam in proportion to time; equal time steps between the states are assumed."""
+    """Soften the beam in proportion to time; the states are assumed to have equal time steps."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
@@ -223,7 +224,7 @@ def strengths(loads: Loads) -> Array:
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for a state after an increase of the load, and -1 for one after a decrease, (K,)."""
+    """Return, (K,), 1 for a state after an increase of the load and -1 for a state after a decrease."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -231,12 +232,12 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Soften the beam where the load decreases."""
+    """Soften the beam in states after a decrease of the load."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Change the strength of the field from place to place: by two gradients and, along the coil's axis, by a curve."""
+    """Change the field's strength from place to place: by two gradients, and by a curvature along the coil's axis."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:
@@ -260,7 +261,7 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, as shares of its initial shear modulus, which stays the same."""
+    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, as shares of the initial shear modulus, which is unchanged."""
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed
     terms, factors = _AS_TERMS[assumed.law.name]

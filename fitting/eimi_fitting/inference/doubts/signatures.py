@@ -1,6 +1,6 @@
 """The signature of each possible cause: the change of the residuals at an optimum for an amplitude of one.
 
-Signatures are differences of the planar model on the coarse mesh, as those of the stated sources are
+Signatures are differences of the planar model on the coarse mesh, like the changes by stated sources
 (`inference.interval.considered`). A cause that changes the picture alone costs no solution of the model.
 """
 
@@ -44,9 +44,9 @@ class Column:
     datasets : tuple of int
         The datasets that share it.
     size : float
-        Standard deviation of its prior.
+        Standard deviation of the amplitude's prior.
     start : float
-        Its value in the fit, above zero only for inputs that were freed or measured.
+        Value of the amplitude in the fit; above zero only for inputs that were freed or measured.
     changes : tuple of ndarray or None
         Change of the residuals (K, G, m) of each experiment for an amplitude of one, in mm.
     """
@@ -60,7 +60,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """One experiment as a candidate assumes it, with its shapes and residuals on the coarse mesh."""
+    """The assumptions of a candidate about one experiment, with shapes and residuals on the coarse mesh."""
 
     assumed: Assumed
     bent: Experiment
@@ -69,10 +69,10 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Solve; start from the shapes ``before``, or keep them if only the picture differs.
+        """Solve with the shapes ``before`` as a start, or keep these shapes if only the picture differs.
 
-        None if there is no equilibrium, or if no mesh or no tracked point fits a specimen that is so far from the
-        stated one.
+        The result is None if there is no equilibrium, or if the specimen differs so much from the stated one that no
+        mesh or no tracked point fits it.
         """
         try:
             return Solved._of(assumed, before)
@@ -115,7 +115,7 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """An optimum about which causes are weighed.
+    """An optimum about which causes are compared.
 
     Parameters
     ----------
@@ -123,7 +123,8 @@ class About:
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     kept : ndarray of int, shape (l,)
-        Coordinates that every hypothesis varies: those of the law, and freed inputs that are no possible cause.
+        Coordinates that every hypothesis varies: the coordinates of the law, and the freed inputs that are no possible
+        cause.
     law_spread : ndarray, shape (l,)
         Prior standard deviations of these coordinates.
     slopes : tuple of ndarray, shape (l, K, G, m)
@@ -145,7 +146,7 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Return the quantities of an optimum from which the signatures of causes are computed."""
+        """Return the quantities of an optimum that the signatures of causes need."""
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -236,7 +237,7 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the amplitudes of a cause with their signatures; none if it does not change the residuals."""
+    """Return the amplitudes of a cause with their signatures; none if the cause does not change the residuals."""
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -275,7 +276,7 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals by the solid in place of a planar section; None for a solid."""
+    """Return the change of the residuals if the solid replaces a planar section; None if the fit uses the solid."""
     specimen = here.bent.model.specimen
     if specimen.section == "solid":
         return None

@@ -139,7 +139,7 @@ class Correction:
     models : tuple of Model
         The better model of each experiment.
     effects : tuple of DepthEffect or None
-        The effect of depth in each experiment; None unless its model is a solid.
+        The depth effect in each experiment; None unless the model of the experiment is a solid.
     """
 
     refinement: Refinement
@@ -153,7 +153,7 @@ class Correction:
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with these changes added to their earlier ones."""
+        """Return the experiments with these changes added to their earlier changes."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -248,8 +248,8 @@ def by_better_model(
     -------
     tuple or None
         The misfit of the better model, the outline (K, 2, n, 2) in mm, and the correction. If the finer mesh finds no
-        equilibrium, misfit and outline are those of the coarse mesh and the correction is None. None if the planar
-        model or the solid finds no equilibrium.
+        equilibrium, misfit and outline are those of the coarse mesh and the correction is None. The result is None if
+        the planar model or the solid finds no equilibrium.
     """
     if here.unconverged[0]:
         return None

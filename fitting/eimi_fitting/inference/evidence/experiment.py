@@ -149,9 +149,9 @@ class Comparison:
     Parameters
     ----------
     unconverged : ndarray of bool, shape (P,)
-        Candidates without convergence in some state.
+        Whether a candidate does not converge in some state.
     unstable : ndarray of bool, shape (P,)
-        Converged candidates that are unstable in some state.
+        Whether a converged candidate is unstable in some state.
     max_stretch : ndarray, shape (P,)
         Largest stretch in all states.
     shapes : tuple of Shapes

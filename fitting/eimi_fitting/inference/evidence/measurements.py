@@ -68,7 +68,10 @@ def signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y (..., n) of the segment of each point; two arrays are faster than sums over an axis of two."""
+        """Return x and y (..., n) of the nearest segment of each point.
+
+        Two arrays are faster than sums over an axis of length two.
+        """
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
 
@@ -78,7 +81,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from the point to the curve at xi, and the tangent of the curve."""
+        """Return the vector from the point to the curve at the coordinate xi, and the tangent of the curve."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)

@@ -58,12 +58,12 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Candidates without convergence in some state, (P,)."""
+        """Whether each candidate fails to converge in some state, (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Converged candidates that are unstable in some state, (P,)."""
+        """Whether each converged candidate is unstable in some state, (P,)."""
         return self.comparison.unstable
 
     @property
@@ -88,7 +88,7 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Candidates whose objective is cut off because priors or tensile curves exclude them, (P,)."""
+        """Whether each candidate's objective is cut off because priors or tensile curves exclude it, (P,)."""
         return self.objective_mm == _MOST_MM
 
     @property
@@ -138,7 +138,7 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether there are priors or tensile curves."""
+        """Whether the problem has priors or tensile curves besides the edges."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
@@ -156,7 +156,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function for `polish` that evaluates candidates, starting at the shapes of an earlier evaluation."""
+        """Return a function for `polish` that evaluates candidates from the shapes of an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )

@@ -33,7 +33,7 @@ class Prior:
     parameter : str
         A parameter of the law, such as ``"C10"``, or ``"initial_shear_modulus"``, which every law has.
     mean : float
-        Its expected value, in the parameter's unit: Pa for a modulus, 1 for an exponent.
+        Expected value of the parameter, in its unit: Pa for a modulus, 1 for an exponent.
     standard_deviation : float
         The standard deviation of that value, in the same unit; above 0.
 

@@ -27,14 +27,14 @@ def has_both_polarities(loads: Loads) -> bool:
 
 
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
-    """Return the sources to free because every experiment states them and has both polarities.
+    """Return the sources to free: every experiment states them and has both polarities of the field.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments of a fit.
     free : sequence of NuisancePrior
-        The sources that are freed anyway.
+        The sources that the user frees.
 
     Returns
     -------

@@ -3,7 +3,7 @@
 A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
 intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit
 (`inference.evidence.unknowns`). The keys of files, the options of commands and the words of reports are all made from
-the entries of this registry, so that a source is named here only.
+the entries of this registry, so that each source is defined here only.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Source:
     Parameters
     ----------
     words : str
-        Its name for people.
+        Name of the source for people.
     parts : tuple of str
         Names of its numbers in a result.
     unit : str
@@ -48,7 +48,8 @@ class Source:
     is_even : bool
         Whether its effect stays if the field is reversed, so that both polarities separate it from the stiffness.
     common : bool
-        Whether all datasets share one error if no file states which of them do. If False, each has its own error.
+        Whether all datasets share one error if no file states which datasets share it. If False, each dataset has a
+        separate error.
     covers : tuple of str
         Other sources with the same effect, which do not count if this one is freed.
     stated_in : str or None
@@ -130,7 +131,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Turn gravity and the tip forces, which are weights that hang from the tip."""
+    """Rotate gravity and the tip forces, which are weights that hang from the tip."""
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -140,7 +141,7 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Turn field and gravity relative to the beam; their directions in the picture stay the same."""
+    """Rotate field and gravity relative to the beam; their directions in the picture stay the same."""
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
@@ -157,7 +158,7 @@ def _background_field(loads: Loads, deviation: Array) -> Loads:
 
 
 def _field_graded(loads: Loads, deviation: Array) -> Loads:
-    """Change the strength of the coil's field along and across the beam, by shares per metre."""
+    """Change the strength of the coil's field along and across the beam, in shares per metre."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:

@@ -67,7 +67,7 @@ class Nuisance:
     Parameters
     ----------
     name : str
-        Its name in a result.
+        Name of the number in a result.
     source : str
         A key of `SOURCES`.
     part : int
@@ -86,7 +86,7 @@ class Nuisance:
 
     @property
     def unit(self) -> str:
-        """The unit of its source."""
+        """The unit of the nuisance, which is that of its source."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
@@ -96,7 +96,7 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Setup:
-    """The field and the image of one dataset as P candidates assume them.
+    """The field and the image of one dataset under the assumptions of P candidates.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Setup:
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return true positions (..., 2) as they appear in the picture for the first candidate, in mm."""
+        """Return the positions (..., 2) in the picture, in mm, of true positions (..., 2), for the first candidate."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
@@ -160,7 +160,7 @@ def freed_number(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """One source and the datasets that share one error of it.
+    """A source, and the datasets that share one error of this source.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit as unit coordinates (P, n): the law's first, then the bulk modulus and freed nuisances.
+    """The unknowns of a fit as unit coordinates (P, n): first those of the law, then bulk modulus and freed nuisances.
 
     Parameters
     ----------
@@ -284,18 +284,18 @@ class Unknowns:
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """The nuisances that scale the magnetic load; the data determine only the ratio of this load to the modulus."""
+        """The nuisances that scale the magnetic load; the data determine only the ratio of magnetic load to modulus."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """Inverse prior variances, (n,): from the bounds of the search, or from the prior of a nuisance."""
+        """The inverse prior variances, (n,): from the bounds of the search, or from the prior of a nuisance."""
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return candidates (P, searched) or (P, n) as (P, n), missing nuisances at their stated values."""
+        """Return candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)

@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment with as many states as before, drawn with replacement and kept in their order.
+    """Return each experiment with as many states as it has, drawn with replacement and kept in their order.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The budget of an interval: the effect of each stated source on the initial shear modulus, and what to measure next.
+"""The budget of an interval: the effect of each stated source on the initial shear modulus, and the next measurement.
 
 Source s with step d_s of the optimum x (`inference.interval.considered`) changes the modulus mu by
 
@@ -31,9 +31,9 @@ class BudgetEntry:
     source : str
         A key of `SOURCES`.
     words : str
-        Its name for people.
+        Name of the source for people.
     standard_uncertainty : float
-        As stated, in ``unit``.
+        The stated standard uncertainty, in ``unit``.
     unit : str
         Unit of the source.
     datasets : tuple of int
@@ -112,7 +112,7 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the entries of the budget and what to measure next.
+    """Return the entries of the budget and the quantity to measure next.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """One uncertain number, and the change of the residuals for one standard uncertainty of it.
+    """An uncertain number, and the change of the residuals for one standard uncertainty of this number.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class ConsideredSources:
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the sources that the experiments state as uncertain and that no freed source already accounts for."""
+    """Return the sources that the experiments state as uncertain, without sources that a freed source covers."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
@@ -100,7 +100,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether the source can change the shapes of an experiment; a source of the magnet needs a magnet."""
+    """Return whether a source can change the shapes of an experiment; a source of the magnet needs a magnet."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -150,7 +150,7 @@ def changes_of(
     problem : Problem
         The problem of the fit.
     unit : ndarray, shape (n,)
-        Unit coordinates at which the changes are computed. A freed source starts from its value there.
+        Unit coordinates at which the changes are computed. A freed source starts from its value at these coordinates.
     numbers : sequence of (SharedUnknowns, int)
         Source and part of each number.
 
@@ -286,7 +286,7 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Move for one standard uncertainty of each source, in unit coordinates.
     held : ndarray, shape (n,)
-        Vector from an optimum on a bound to the optimum without that bound; zero if no bound is active.
+        Vector from an optimum on a bound to the optimum without this bound; zero if no bound is active.
     """
 
     sizes: Array

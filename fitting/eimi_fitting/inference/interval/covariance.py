@@ -64,7 +64,7 @@ class LinearStates:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return sum_k w_k J_k' r_k, shape (n,), for residuals (K, G, m)."""
+        """Return sum_k w_k J_k' r_k, shape (n,), for residuals r_k (K, G, m)."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
@@ -98,7 +98,7 @@ class Linearisation:
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     objective_mm : float
-        The objective there, without the priors on the law's parameters.
+        The objective at the optimum, without the priors on the law's parameters.
     states : tuple of LinearStates
         One for each experiment.
     points : int
@@ -141,7 +141,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """Inverse variance (n, n) of the priors on the law's parameters, which is a part of P (see the module)."""
+        """The inverse variance (n, n) of the priors on the law's parameters, which is a part of P (see the module)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
@@ -160,7 +160,7 @@ class Linearisation:
     def score_of(self, candidates: Evaluation) -> Array:
         """Return the scores of other candidates, (P, n), without the priors on the law's parameters.
 
-        The slopes are those at the optimum. The weights follow from the errors of the candidates.
+        The slopes are those at the optimum; the weights follow from the errors of the candidates.
         """
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):

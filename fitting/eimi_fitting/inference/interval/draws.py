@@ -91,10 +91,10 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the rows of the draws to keep.
+    """Return the rows of the draws that are stored.
 
-    The draws are sorted by the modulus (D,), and one in `_DRAWN` / `_KEPT` is kept. The quantiles of the modulus
-    therefore stay the same.
+    The draws are sorted by the modulus (D,), and one row of every `_DRAWN` / `_KEPT` rows is stored. The quantiles of
+    the modulus therefore stay the same.
     """
     stride = _DRAWN // _KEPT
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])

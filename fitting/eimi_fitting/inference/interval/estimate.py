@@ -1,7 +1,7 @@
 """Estimate the unknowns with their intervals, and name the combinations that the data determine.
 
-- The covariance of the optimum comes from the linearised evidence (`inference.interval.covariance`). The residuals
-  themselves give the noise level.
+- The covariance of the optimum comes from the linearised evidence (`inference.interval.covariance`). The residuals give
+the noise level.
 - If the objective is not quadratic, the profile likelihood gives the ends (`inference.interval.profile_likelihood`).
 - The remaining error of the model widens the intervals (`inference.evidence.corrections`).
 - Uncertainties that specimen and calibration state widen the intervals too (`inference.interval.considered`). Inputs
@@ -205,14 +205,14 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect on the modulus of the decisive sources that no file states, at their usual uncertainty."""
+    """Return the effects on the modulus of decisive sources that no file states, at their usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return the 95 % bounds of the remaining model errors: of the unknowns (C, n) and of the modulus alone (C,).
+    """Return 95 % bounds of the remaining model errors: of the unknowns (C, n), and of the modulus alone (C,).
 
     The error of a model moves the optimum along one direction, by at most the first bound. Part of the error may move
     the higher coefficients instead of the modulus. The second bound adds the move of the modulus that would follow if
@@ -232,7 +232,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return the logarithm of the upper over the lower bound of the modulus; the first coordinate is logarithmic."""
+    """Return the logarithm of the ratio of upper to lower bound of the modulus; the first coordinate is logarithmic."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -254,7 +254,7 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the 97.5 % quantile of Student's t over that of the normal distribution.
+    """Return the ratio of the 97.5 % quantile of Student's t to that of the normal distribution.
 
     The level and the correlation of the noise of edges are estimated from the residuals. Each edge is one cluster of
     correlated residuals, so that E edges give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J.
@@ -274,7 +274,7 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the intervals, by the profile likelihood for coordinates whose objective is not quadratic."""
+    """Return the ends of the intervals; the profile likelihood gives them where the objective is not quadratic."""
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
@@ -317,7 +317,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return the fields of `Estimate` that are quantities, and the draws that give their intervals."""
+    """Return the values of those fields of `Estimate` that are quantities, and the draws that give their intervals."""
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
@@ -345,7 +345,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return each unknown by its name, shape (P,), for unit coordinates (P, n)."""
+    """Return the value of each unknown by its name, shape (P,), for unit coordinates (P, n)."""
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
@@ -403,7 +403,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """Return the derivatives of the law's parameters in the unit coordinates, (m, n)."""
+    """Return the derivatives (m, n) of the law's parameters with respect to the unit coordinates."""
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

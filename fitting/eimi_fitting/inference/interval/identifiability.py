@@ -32,7 +32,7 @@ class Direction:
     Parameters
     ----------
     words : str
-        The coordinates that it consists of.
+        The coordinates that the eigenvector consists of.
     remaining : float
         Share of the prior standard deviation that remains, between 0 and 1.
     """

@@ -1,7 +1,7 @@
-"""Separate the noise from the stated sources: level and correlation of the residuals that the sources do not explain.
+"""Separate the noise from the stated sources: level and correlation of residuals that no source explains.
 
 An error of a source, such as a wrong width, leaves residuals along both edges. The intervals already contain its effect
-on the estimate (`inference.interval.considered`). If its residuals counted as noise as well, it would count twice.
+on the estimate (`inference.interval.considered`). If these residuals counted as noise too, the error would count twice.
 
 The unknowns x and the deviations s of the sources, in standard uncertainties, are therefore fitted together:
 
@@ -42,7 +42,7 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence, linearised at the optimum over the unknowns and the sources.
+    """The evidence, linearised over the unknowns and the sources at the values that explain it best.
 
     Parameters
     ----------
@@ -89,14 +89,14 @@ class Effect:
 
 @dataclass(frozen=True)
 class Noise:
-    """The evidence linearised at the optimum with the noise alone, and where the sources explain it best.
+    """The evidence linearised at the optimum with the noise alone, and at the point where the sources explain it best.
 
     Parameters
     ----------
     about : Linearisation
         The evidence at the optimum; its score variance is that of the noise alone.
     explained : Explained
-        The evidence where unknowns and sources explain it best.
+        The evidence at the unknowns and deviations of sources that explain it best.
     sources : tuple of ConsideredSources
         The S uncertain numbers that are not fitted.
     mean_model_mm : float
@@ -238,7 +238,7 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective in mm, see `inference.evidence.objective`: its logarithm is minus log L over N."""
+    """Return the objective in mm, whose logarithm is minus the log-likelihood over N."""
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
     )
@@ -269,7 +269,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Minimise the linearised residuals and the priors, with weights that are computed again from the noise.
+    """Minimise the linearised residuals and the priors; the weights are computed from the remaining noise.
 
     Parameters
     ----------
@@ -321,11 +321,11 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the error of each state, the model error added in quadrature, (K,) in mm for each experiment."""
+    """Return the error of each state with the model error added in quadrature, (K,) in mm for each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals and the errors that follow from them."""
+    """Return the states with other residuals, and with the errors that follow from these residuals."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

@@ -68,7 +68,7 @@ class _End:
     deviance, score : float and ndarray, shape (n,)
         Deviance and score of the candidate.
     inside, outside : float
-        The largest offset from the optimum that lies inside the interval, and the smallest that lies outside.
+        The largest known offset from the optimum inside the interval, and the smallest known offset outside.
     """
 
     coordinate: int
@@ -92,7 +92,7 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the end to where a quadratic reaches the target when the other coordinates are at their minimum."""
+        """Move the end to where a quadratic reaches the target, with the other coordinates at their minimum."""
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf

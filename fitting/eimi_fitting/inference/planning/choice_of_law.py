@@ -10,10 +10,10 @@ in the fit adds 2 n log(RMSE) for its n independent rows. Each quantity that is 
 square of its deviation in standard uncertainties. A law is therefore compared at the optimum over its parameters and
 the stated quantities; otherwise a wrong width would favour the law that imitates it.
 
-N and n are those of the law that fits best, for all laws: the residuals of a law that does not fit are correlated
-because the law is wrong (ibid., section 2.5, on taking the variance from the global model). Both criteria use the sum.
-AICc divides by N - k - 1. Below 1 this difference is less than the error with which N is estimated, and AICc would
-depend on that error alone: the law then has no AICc.
+For all laws, N and n are the numbers of the law that fits best: the residuals of a law that does not fit are correlated
+because the law is wrong (ibid., section 2.5, on taking the variance from the global model). In both criteria N stands
+for the sum of N and all n. AICc divides by N - k - 1. Below 1 this difference is less than the error with which N is
+estimated, and AICc would depend on that error alone: the law then has no AICc.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return AICc and BIC of each candidate relative to the smallest, in the order given."""
+    """Return AICc and BIC of each candidate relative to the smallest value, in the order given."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

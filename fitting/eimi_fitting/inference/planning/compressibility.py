@@ -1,7 +1,7 @@
 """Estimate the error of a modulus that is identified as incompressible although Poisson's ratio is below one half.
 
-A fit takes K = 10^4 mu, which is a Poisson's ratio of 0.49995, unless the bulk modulus is searched. A material with the
-ratio nu has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a solid with this K is fitted by an incompressible
+A fit assumes K = 10^4 mu, which is a Poisson's ratio of 0.49995, unless the bulk modulus is searched. A material with
+the ratio nu has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a solid with this K is fitted by an incompressible
 model, as in `inference.planning.section_bias`. In plane stress a slender beam bends by Young's modulus E = 2 mu (1 +
 nu) alone, so that the error is 2 (1 + nu) / 3 - 1.
 """
@@ -23,7 +23,7 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
 def bulk_ratio(poisson_ratio: float) -> float:
-    """Return the bulk modulus over the shear modulus of a Poisson's ratio below 0.5."""
+    """Return the ratio of bulk modulus to shear modulus for a Poisson's ratio below 0.5."""
     return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
 
 

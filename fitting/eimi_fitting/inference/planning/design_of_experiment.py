@@ -9,10 +9,11 @@ of Student's distribution and sums over the chosen states, a choice has
     steps of sources    S = inv(H) w sum J'C
     covariance          inv(H) (t^2 A + P) inv(H) + S S'
 
-`inference.interval.covariance` and `inference.interval.considered` compute the same from the measurement itself. The
-chosen states are exchanged one at a time for the candidate that helps most, until no exchange helps (Fedorov 1972,
-Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The
-exchange starts twice: from equally spaced states, and from the states that help most when chosen one by one.
+`inference.interval.covariance` and `inference.interval.considered` compute the same matrices from the measurement
+itself. The chosen states are exchanged one at a time for the candidate that helps most, until no exchange helps
+(Fedorov 1972, Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs,
+section 15.4). The exchange starts twice: from equally spaced states, and from the states that help most when chosen one
+by one.
 
 To distinguish two laws, the rival law is refitted to the edges of the first law. The criterion is the sum of squares
 that remains, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57).
@@ -65,7 +66,7 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of the law, and the coordinates (n,) of the parameters among them."""
+        """Return the unknowns of a fit of the law, and the coordinates (n,) of the parameters among these unknowns."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         lower, upper = (modulus * 10.0**end for end in (-_DECADES, _DECADES))
@@ -105,7 +106,7 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise of an earlier fit to this number of states.
+        """Return the noise that an earlier fit to this number of states found.
 
         If the earlier fit did not separate the noise from the misfit, all its residuals count as noise.
         """
@@ -185,7 +186,7 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of the half-width, in per cent, over all choices of this number of states.
 
-        For the noise, the bound assumes that every state gives as much information as the best one. For the sources,
+        For the noise, the bound assumes that every state gives as much information as the best state. For the sources,
         the error of the estimate is a weighted mean of the errors that the single states would have, with weights that
         sum to one. Non-negative least squares minimises the sum of squares over all such weights. The bound applies to
         one unknown.
@@ -212,7 +213,7 @@ class Candidates:
 
 @dataclass(frozen=True)
 class Rivals:
-    """S states that could distinguish two laws, linearised in m quantities: the rival's unknowns and stated sources.
+    """S states that could distinguish two laws, linearised in m quantities: unknowns of the rival, and stated sources.
 
     Attributes
     ----------
@@ -272,7 +273,7 @@ def candidates(
 ) -> Candidates:
     """Linearise the states in which the beam has an equilibrium.
 
-    The planar section stands for the solid: the depth changes the derivatives of the edges by a few per cent only.
+    A planar section replaces the solid, because the depth changes the derivatives of the edges by only a few per cent.
 
     Parameters
     ----------
@@ -289,7 +290,7 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the fit. The error of this mesh is one more source.
+        Number of elements along the beam in the mesh of the fit. The error of this mesh is an additional source.
 
     Returns
     -------
@@ -335,7 +336,7 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Linearise the states in which the beam has an equilibrium with both laws, taking the first law as true.
+    """Linearise the states in which the beam has an equilibrium with both laws; the first law counts as true.
 
     Parameters
     ----------
@@ -387,7 +388,7 @@ def equally_spaced(states: int, count: int) -> Choice:
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Choose distinct candidates such that exchanging any single one does not improve the criterion.
+    """Choose distinct candidates so that no exchange of a single candidate improves the criterion.
 
     Parameters
     ----------
@@ -443,7 +444,7 @@ def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
 
 
 def _planar_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model that stands for the specimen, on the mesh that a search uses."""
+    """Return the planar model that replaces the solid specimen, on the mesh of a search."""
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
 
@@ -458,7 +459,7 @@ def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
 def _experiment(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return the experiment that would be made with the known law, without noise."""
+    """Return the experiment, without noise, that the known law predicts."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -474,7 +475,7 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return one standard deviation of the residuals' error after the fit's mesh correction, for `along` elements."""
+    """Return one standard deviation of the residuals' error that remains after the mesh correction of the fit."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -488,7 +489,10 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor that turns a sum over simulated points into w times the sum over measured points."""
+    """Return the factor that converts a sum over simulated points into w times the sum over measured points.
+
+    w is the inverse variance of an independent point, see the docstring of the module.
+    """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 

@@ -59,7 +59,7 @@ _NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate i
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect that is carried from state to state, and the modulus in Pa for which it was first solved."""
+    """The depth effect that is used again from state to state, and the modulus in Pa for which it was first solved."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -67,7 +67,7 @@ class _Depth:
 
 @dataclass(frozen=True)
 class ModulusSoFar:
-    """The initial shear modulus after the states so far.
+    """The initial shear modulus estimated from the states measured so far.
 
     Attributes
     ----------
@@ -78,13 +78,13 @@ class ModulusSoFar:
     error_mm : float
         Error of the fit over all states, mm.
     states : int
-        Number of states from which the estimate is.
+        Number of states that the estimate uses.
     limited_by : str
         The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
     bounds_Pa : tuple of float
         Range of moduli that was searched, Pa; the next estimate uses it again.
     unit : ndarray, shape (1,)
-        Place of the optimum in that range, from 0 to 1; the next estimate starts there.
+        Place of the optimum in the range, from 0 to 1; the next estimate starts there.
     narrowest_Pa : float
         Width of the narrowest interval so far, Pa.
     depth : object, optional
@@ -178,7 +178,7 @@ def _with_depth(
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
     """Return the problem corrected by the solid, its optimum, the remaining error of the solid, and the depth effect.
 
-    None if the depth effect cannot be interpolated.
+    The result is None if the depth effect cannot be interpolated.
     """
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
@@ -209,7 +209,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the evidence at the optimum, with all residuals as noise, also those that a source would explain."""
+    """Return the evidence at the optimum; all residuals count as noise, also residuals that a source could explain."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

@@ -1,8 +1,8 @@
-"""Estimate the error of a modulus identified with a planar section: fit a planar model to the outline of a solid.
+"""Estimate the error of a modulus due to a planar section: fit a planar model to the outline of a solid.
 
 The error depends on the proportions of the specimen. It does not depend on noise, illumination or law. One rest state
 and two bent states of a Neo-Hookean solid are enough to compute it to one per cent of the modulus.
-`benchmarks.hidden_solids` compares it with complete fits.
+`benchmarks.hidden_solids` compares this estimate with complete fits.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two states, with half of the largest load and with all of it: fields across the beam, or tip forces."""
+    """Return two states with half and with all of the largest load: fields across the beam, or tip forces."""
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
     stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2

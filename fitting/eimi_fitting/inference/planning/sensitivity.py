@@ -1,4 +1,4 @@
-"""Compute how far the edges move if a parameter of the law changes, with one batch of neighbouring candidates."""
+"""Compute the change of the edges with each parameter of the law, by one batch of neighbouring candidates."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Hide the unused packages from the thread that created this finder."""
+    """A finder that hides the unused packages from the thread that created it."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()

@@ -3,9 +3,9 @@
 The edges of such a state show the rest shape, bent by the beam's own weight. Let r(q, a) be their residuals, with the
 amplitudes q of a few smooth modes (`beam.rest_modes`) and the nuisances a, a turn and a shift of the picture, which are
 no part of the shape. Gauss-Newton steps minimise |r|² with the weight in the model, so that q is the stress-free shape
-(an inverse problem in a few smooth unknowns: noise of single edge points has no influence). The modulus that the weight
-needs is the one at which a planar Neo-Hookean model of this shape explains the bent states; shape and modulus are
-computed in turn until both are constant.
+(an inverse problem in a few smooth unknowns: noise of single edge points has no influence). The simulation of the
+weight needs a modulus: that at which a planar Neo-Hookean model of this shape explains the bent states best; shape and
+modulus are computed in turn until both are constant.
 
 A mode is accepted if its amplitude exceeds three standard deviations, and is large enough to change a modulus by 0.1 %.
 """
@@ -55,14 +55,14 @@ _TOLERANCE_MM = 1e-4
 
 @dataclass(frozen=True)
 class MeasuredRestShape:
-    """The rest shape of a specimen, measured from its own states.
+    """The rest shape of a specimen, measured from its states without load.
 
     Attributes
     ----------
     specimen : Specimen
         The specimen with this shape.
     bends_mm, widths_mm : tuple of float
-        Amplitudes of the modes; zero for one that is not significant.
+        Amplitudes of the modes; zero for a mode that is not significant.
     bend_sigma_mm, width_sigma_mm : float
         Largest standard uncertainty of an accepted amplitude of each kind; zero if none was accepted.
     """
@@ -74,13 +74,13 @@ class MeasuredRestShape:
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with this shape, and with its uncertainty instead of a stated one.
+        """Return the experiment with this shape, and with the uncertainty of this shape instead of a stated one.
 
         Parameters
         ----------
         experiment : Experiment
         of : str
-            The states that were measured; each dataset has an error of its own, and needs another name.
+            The states that were measured; each dataset has a separate error, and therefore needs a separate name.
         """
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": 2 * self.width_sigma_mm}
         others = (stated for stated in experiment.stated if stated.source not in sigmas)
@@ -111,13 +111,14 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     Parameters
     ----------
     experiment : Experiment
-        Measured edges in several states. Its specimen is the stated one, perhaps with a stated rest shape, from which
-        the measured one deviates.
+        Measured edges in several states. Its specimen is the stated specimen, whose stated rest shape, if any, the
+        measured deviations are added to.
 
     Returns
     -------
     MeasuredRestShape or None
-        None if there is no state without field and tip force or no bent one, if gravity bends the beam to the side,
+        None if there is no state without field and tip force, if there is no bent state, if gravity bends the beam to
+        the side,
         if no mode is significant, or if no shape explains the edges.
     """
     unloaded = unloaded_states(experiment)
@@ -162,7 +163,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return which modes exceed three standard deviations and are large enough to change a modulus."""
+    """Return which modes exceed three standard deviations and are so large that they change a modulus."""
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
@@ -182,7 +183,7 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals (n,) of used points for several pictures of one simulation; None if it fails."""
+    """Return the residuals (n,) of used points for several pictures of one simulation; None if the simulation fails."""
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -194,7 +195,7 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Return the amplitudes of the used modes by Gauss-Newton, and their standard uncertainties; None if this fails."""
+    """Return the amplitudes of the used modes by Gauss-Newton, and their standard uncertainties; None on failure."""
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
     tau, spread, inverse = 1.0, 0.0, np.zeros((len(priors), len(priors)))

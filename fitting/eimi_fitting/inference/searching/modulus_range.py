@@ -1,8 +1,8 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
 The displacement u of a stiff beam is proportional to the loads over the modulus mu, so that c = mu max|u| / length is
-constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length. At
-mu = c / 1e-7 it would bend too little to be measured. The objective is evaluated at moduli between these two, with the
+constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length. At mu = c /
+1e-7 it would bend too little to be measured. The objective is evaluated at moduli between these two moduli, with the
 other coordinates of the law in the middle of their ranges. The search covers three decades about the best modulus, or
 all moduli that are equally good. Tensile curves are not used here, because a curve in a wrong unit would give a range
 without the modulus of the beam.
@@ -36,7 +36,7 @@ class NothingConverged(Exception):
 
 
 class NothingActs(Exception):
-    """No load bends the specimen in any state, for any material."""
+    """No load bends the specimen in any state, whatever its material."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Scan:
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective of the stiffest candidate, which the loads do not bend."""
+        """The objective of the stiffest candidate, which the loads bend by less than can be measured."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
@@ -80,7 +80,7 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective over all moduli at which the loads bend the beam measurably.
+    """Evaluate the objective at all moduli at which the loads bend the beam measurably.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Evaluate candidates of these moduli (S,), with the other coordinates of the law in the middle of their ranges."""
+    """Evaluate candidates with these moduli (S,), and with the law's other coordinates in mid-range."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
@@ -142,7 +142,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the constant c in Pa of the module's docstring, from a candidate in the linear range."""
+    """Return the constant c in Pa (see the docstring of the module) from a candidate in the linear range."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -159,7 +159,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement over the beam's length; infinite if a state does not converge.
+    """Return the largest displacement divided by the beam's length; infinite if a state does not converge.
 
     All states are solved at once from the shape at rest, because the displacements of a stiff beam are small.
     """

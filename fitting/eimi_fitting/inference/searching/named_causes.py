@@ -1,8 +1,8 @@
-"""Name a mistake in the stated loads if no material explains the measurement and the corrected loads do.
+"""Name a mistake in the stated loads if no material explains the measurement but the corrected loads do.
 
 The check runs before the search. If the best modulus of a scan does not explain the measured displacements, the scan is
 repeated for each dataset alone. Each repetition corrects one usual mistake in the loads, such as a reversed field or a
-current in milliampere. A mistake is named if the corrected loads explain far more than the stated ones. The fit is
+current in milliampere. A mistake is named if the corrected loads explain far more than the stated loads. The fit is
 refused if the stated loads leave a large part of the displacements unexplained. Otherwise the mistake is a doubt.
 """
 
@@ -49,9 +49,9 @@ class Cause:
     Parameters
     ----------
     slip : str
-        Its key.
+        The key of the mistake.
     words : str
-        Its name for people.
+        The name of the mistake for people.
     loads : callable
         Takes the stated loads and returns the loads without the mistake.
     """
@@ -62,7 +62,7 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """A mistake in the stated loads is the reason why no material explains a dataset.
+    """The exception for a mistake in the stated loads that explains why no material fits a dataset.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ class NamedCause(Exception):
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
-        """Return how to rebuild the exception in another process; pickle would pass the message alone."""
+        """Return the arguments that rebuild the exception in another process; pickle would pass only the message."""
         return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Reverse gravity, and the tip forces along it, whose direction is stated by the angle of gravity."""
+    """Reverse gravity, and the tip forces along gravity, whose direction is stated by the angle of gravity."""
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -135,7 +135,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     problem : Problem
         The problem on the coarse mesh.
     scan : Scan
-        Its narrowed scan over moduli.
+        The narrowed scan of the problem over moduli.
     independent_points : float
         The number N of independent points.
 
@@ -168,7 +168,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error of a scan without a mistake, in mm; infinite if its correction changes no load."""
+    """Return the smallest error (mm) of a scan after a mistake is corrected; infinite if this changes no load."""
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):

@@ -9,8 +9,8 @@ With the slopes J_k = dr_k/dx, its gradient is that of least squares with the we
     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
 
 (Holland and Welsch 1977, Commun. Statist. A 6:813). Each step minimises g' d + d' (H + damping I) d / 2 within the unit
-cube, with renewed weights. The damping is small; it holds directions that the data do not determine. A step is taken
-only if it lowers the objective.
+cube, with renewed weights. The damping is small; it prevents steps in directions that the data do not determine. A step
+is taken only if it lowers the objective.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def difference_batch(unit: Array) -> tuple[Array, Array]:
     Returns
     -------
     batch : ndarray, shape (2 n + 1, n)
-        The point, then n candidates ahead of it, then n candidates behind it, one for each coordinate.
+        The point; then n candidates with one coordinate increased; then n candidates with one coordinate decreased.
     distance : ndarray, shape (n,)
         Distance between the two candidates of each coordinate.
     """
@@ -141,10 +141,9 @@ def polish(
     Optimum
         The end of the polish.
 
-    Notes
-    -----
-    Each step is tried at full length, together with the differences about its end that the next step needs. Most steps
-    succeed, and a batch costs little more than one candidate. A step that fails is tried again at shorter lengths.
+    Notes ----- Each step is tried at full length, in one batch with the differences about its end that the next step
+    needs. Most steps succeed, and a batch costs little more than one candidate. A step that fails is tried again at
+    shorter lengths.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -179,7 +178,7 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return g (n,) and H (n, n), see the module's docstring."""
+    """Return g (n,) and H (n, n), which the docstring of the module defines."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

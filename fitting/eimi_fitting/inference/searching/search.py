@@ -5,12 +5,13 @@ and the covariance C to their ranks (Hansen, arXiv:1604.00772; implementation: t
 candidates within the bounds 0 and 1 of each coordinate. A search may consist of several runs:
 
 - IPOP: the population doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
-- BIPOP: between these, runs with a small population and a small first step, which together cost as many evaluations as
-  the large ones (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed", GECCO, section
+- BIPOP: between the runs of IPOP, runs with a small population and a small first step, which together cost as many
+evaluations as the large runs (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed",
+GECCO, section
   2).
 
-Population sizes and stopping rules are this project's own. A run stops if the objectives of a whole generation lie
-within ``enough_mm`` of each other, or by a criterion of the package.
+Population sizes and stopping rules were chosen for this project. A run stops if the objectives of a whole generation
+lie within ``enough_mm`` of each other, or by a criterion of the package.
 
 The seed and the objectives alone determine the candidates. With the same objectives the search draws the same
 candidates, bit for bit. `search` can therefore replay the first generations of an interrupted search from their
@@ -39,7 +40,7 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P candidates, and which of them are not valid."""
+    """The objectives of P candidates, and whether each candidate is valid."""
 
     @property
     def objective_mm(self) -> Array:
@@ -47,11 +48,11 @@ class Values(Protocol):
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Candidates without convergence, (P,)."""
+        """Whether each candidate fails to converge, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Unstable candidates, (P,)."""
+        """Whether each converged candidate is unstable, (P,)."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """Numbers of discarded candidates: without convergence, and unstable within the stretches that they reach."""
+    """The numbers of discarded candidates: those that do not converge, and those that are unstable."""
 
     unconverged: int
     unstable: int
@@ -265,7 +266,7 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the next generation to replay, None after the last; raise OtherSearch if its size differs."""
+        """Return the next generation to replay; None after the last. Raises OtherSearch if its size differs."""
         if len(self.history) >= len(self._replay):
             return None
         objectives = self._replay[len(self.history)]
@@ -338,7 +339,7 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield first step, population and largest number of generations of each run; the caller appends to ``done``."""
+    """Yield first step, population and number of generations of each run; the caller appends each to ``done``."""
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
     large = 0  # evaluations of runs with a large population; the first run counts as a small one
