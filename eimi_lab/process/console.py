@@ -1,4 +1,4 @@
-"""The terminal, or console, of the program: lines that are typed on it, and its closing."""
+"""The terminal, or console, of the program: lines that are typed on the terminal, and its closing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if sys.platform == "win32":
     _unfinished: list[str] = []
 
     def _typed_in_console() -> str | None:
-        """Read the keys that were pressed, and show them; Windows gives a line only to a program that waits for it."""
+        """Read and show the keys that were pressed; Windows gives a line only to a program that waits for the line."""
         while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
             key = msvcrt.getwche()
             if key in "\r\n":

@@ -25,7 +25,7 @@ if sys.platform == "win32":
     _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
 
     def _job_limits() -> int:
-        """Return the flags of the job object that this process is in; 0 without one."""
+        """Return the flags of the job object of this process; 0 if the process is in no job object."""
         limits, length = ctypes.create_string_buffer(_LIMITS_BYTES), ctypes.c_ulong()
         asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
@@ -34,11 +34,11 @@ if sys.platform == "win32":
 def detached() -> dict[str, Any]:
     """Return the options of `subprocess.Popen` for a Python process that the terminal's signals do not reach.
 
-    POSIX: it has a session of its own (setsid(2)), so that neither Ctrl-C nor the hang-up of the terminal reaches it.
-    Windows: it has an invisible console and a process group of its own, which Ctrl-C, Ctrl-Break and the closing of the
-    console do not reach, and it leaves the job object of this process if that permits it. In a virtual environment,
-    `python.exe` only starts the real interpreter, in a job object that would end it. The real interpreter is therefore
-    started directly, as `multiprocessing` does.
+    POSIX: the process has a separate session (setsid(2)), so that neither Ctrl-C nor the hang-up of the terminal
+    reaches it. Windows: the process has an invisible console and a separate process group, which Ctrl-C, Ctrl-Break and
+    the closing of the console do not reach. It leaves the job object of this process if the job object permits this. In
+    a virtual environment, `python.exe` only starts the real interpreter, in a job object that would end it. The real
+    interpreter is therefore started directly, as `multiprocessing` does.
     """
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
@@ -66,10 +66,10 @@ def be_shut_down_last() -> None:
 
 
 class Starter:
-    """The process that started this one."""
+    """The process that started this process."""
 
     def __init__(self) -> None:
-        """Store the process that started this one; call this early, because its number may be used again."""
+        """Store the process that started this process; call this early, because its number may be used again."""
         self._process = os.getppid()
         if sys.platform == "win32":
             self._handle = ctypes.c_void_p(_kernel.OpenProcess(_SYNCHRONIZE | _PROCESS_TERMINATE, False, self._process))
@@ -90,7 +90,7 @@ class Starter:
 
 
 def resume(process: subprocess.Popen[bytes]) -> None:
-    """Let a process continue that was stopped (SIGSTOP); Windows has no such state."""
+    """Let a stopped process (SIGSTOP) continue; Windows has no such state."""
     if sys.platform != "win32":
         process.send_signal(signal.SIGCONT)
 
@@ -101,7 +101,7 @@ def give_way(steps: int) -> None:
     Parameters
     ----------
     steps
-        The number that is added to the nice value (nice(2)). Windows has one priority class below the normal one,
+        The number that is added to the nice value (nice(2)). Windows has one priority class below the normal class,
         which any number sets.
     """
     if sys.platform == "win32":

@@ -31,8 +31,8 @@ def free_memory_bytes() -> int:
     """Return the memory that this process can still use without displacing others.
 
     The sources are MemAvailable in /proc/meminfo (Linux), GlobalMemoryStatusEx (Windows), half of hw.memsize (macOS,
-    which states no such value; assumed), and otherwise SC_AVPHYS_PAGES of sysconf(3). A limit of the address space
-    (RLIMIT_AS) is respected. Without any source the value is `ASSUMED_FREE_BYTES`.
+    which states no such value; half is an assumption), and otherwise SC_AVPHYS_PAGES of sysconf(3). A limit of the
+    address space (RLIMIT_AS) is respected. Without any source the value is `ASSUMED_FREE_BYTES`.
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
     if sys.platform == "win32":
@@ -55,7 +55,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
     claimed_bytes
         Size of the unpacked data that the file states.
     what
-        The file and the part of it: the subject of the message.
+        The file and its part, as the subject of the message.
     """
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
@@ -66,7 +66,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
 
 
 def limit_memory(most_bytes: int) -> None:
-    """Limit the address space of this process, if the operating system supports it; a lower limit is kept."""
+    """Limit the address space of this process, if the operating system supports this; a lower limit is kept."""
     _lower("RLIMIT_AS", most_bytes)
 
 

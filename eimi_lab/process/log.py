@@ -14,7 +14,7 @@ PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 
 
 def log_to_stderr(level: str) -> None:
-    """Print the log of the packages from a level of `LEVELS` upward; any other text prints no log."""
+    """Print the log from a level of `LEVELS` upward; any other text prints no log."""
     if level not in LEVELS:
         return
     os.environ[VARIABLE] = level

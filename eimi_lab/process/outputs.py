@@ -39,7 +39,7 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
-    """Raise InputError if a file is given twice to read, or if a file to write is also read or written otherwise."""
+    """Raise InputError if a file to read is given twice, or if a file to write is also read or written otherwise."""
     used = set()
     for path in read:
         if followed(path) in used:
@@ -159,7 +159,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def _put(file: Path, path: Path) -> None:
-    """Move a file to a path; if the path is a symbolic link, copy it to the file to which the link leads."""
+    """Move a file to a path; for a symbolic link, copy the file to the target of the link."""
     if not path.is_symlink():
         replace(file, path)
         return

@@ -22,7 +22,7 @@ _UNRESOLVED = (206, 234)
 
 
 def reachable(path: Path) -> Path:
-    r"""Return the path; on Windows, return a long one in the form ``\\?\C:\folder``, whose length is not limited."""
+    r"""Return the path; on Windows, a long path in the form ``\\?\C:\folder``, whose length is not limited."""
     return Path(with_prefix(os.path.abspath(path), str(path))) if sys.platform == "win32" else path
 
 

@@ -1,4 +1,4 @@
-"""Pipes between processes of this program: read what has come, write what fits, and pass a pipe on to a child.
+"""Pipes between processes of this program: read available data, write without waiting, pass a pipe to a child.
 
 POSIX has select(2), O_NONBLOCK and inherited descriptors. Windows has PeekNamedPipe, PIPE_NOWAIT and inherited handles
 (Microsoft, Windows API, namedpipeapi.h and processthreadsapi.h).
@@ -34,7 +34,7 @@ if sys.platform == "win32":
 
 
 def readable(descriptor: int, within_s: float) -> bool:
-    """Return whether a read returns at once: data have come, or the other end is closed.
+    """Return whether a read returns at once, because data have arrived or the other end is closed.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
 
 
 def received(name: str) -> int:
-    """Return the descriptor that the parent has handed down under a name."""
+    """Return the descriptor that the parent process passed under this name."""
     if sys.platform == "win32":
         return msvcrt.open_osfhandle(int(name), 0)
     return int(name)

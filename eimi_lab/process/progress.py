@@ -13,7 +13,7 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """Do nothing; the report of a caller that shows no progress."""
+    """Do nothing: the report of a caller that shows no progress."""
 
 
 @contextmanager

@@ -19,7 +19,7 @@ _IN_USE = (5, 32, 33)
 
 
 def replace(file: Path, path: Path) -> None:
-    """Move a file to a path, and replace the file there; on Windows, try for `TRY_FOR_S` while one of them is open.
+    """Move a file to a path and replace the file there; on Windows, try for `TRY_FOR_S` while one of them is open.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def replace(file: Path, path: Path) -> None:
 
 
 def remove(file: Path) -> None:
-    """Remove a file if it exists; one that stays open in another program for `TRY_FOR_S` is left where it is."""
+    """Remove a file if it exists; leave a file that stays open in another program for `TRY_FOR_S`."""
     try:
         _patiently(lambda: file.unlink(missing_ok=True))
     except PermissionError as error:

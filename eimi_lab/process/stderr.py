@@ -70,7 +70,7 @@ class NeverBlocking(io.TextIOBase):
         self._waiting = bytearray(b"\neimi: %d%b\n" % (self._dropped, NOTICE)) + kept
 
     def flush(self) -> None:
-        """Send all text that can be sent without waiting."""
+        """Write all text that can be written without waiting."""
         with self._lock:
             self._send()
 
@@ -84,7 +84,7 @@ class NeverBlocking(io.TextIOBase):
         self._close()
 
     def _left(self) -> bool:
-        """Return whether accepted text still has to be written."""
+        """Return whether text that was accepted is not written yet."""
         return bool(self._waiting)
 
     def _close(self) -> None:
@@ -100,7 +100,7 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
     def _send_a_piece(self) -> None:
-        """Write what can be written at once and drop it from the waiting text, even if a signal raises meanwhile.
+        """Write as much as possible at once and drop it from the waiting text, even if a signal raises an error.
 
         The handler of a signal can raise after each call. `extend` writes and stores the number of the written bytes in
         one call, and `finally` drops them without a call, so that no byte is written twice.
@@ -198,7 +198,7 @@ _captured = threading.Lock()
 
 @contextmanager
 def library_words() -> Iterator[list[str]]:
-    """Yield a list that holds, after the context, the lines that C libraries printed on standard error within it.
+    """Yield a list; after the context it holds the lines that C libraries printed on standard error.
 
     None of these lines reaches the terminal. Text that Python prints within `never_blocking` is not affected.
     """

@@ -40,7 +40,7 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message; if a second signal came while the program ended, the message of the first one."""
+        """Return the message; if a second signal came at the end of the program, the message of the first signal."""
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:

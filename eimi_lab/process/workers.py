@@ -87,7 +87,7 @@ def completed(
     Parameters
     ----------
     function
-        Function that does a task.
+        Function that carries out a task.
     arguments
         Function that returns the keyword arguments of ``function`` for a task.
     tasks
@@ -157,7 +157,7 @@ def _submitted(
     finished: SimpleQueue[Future[T]],
     tasks: Sequence[Task],
 ) -> dict[Future[T], Task]:
-    """Give tasks to a pool, and return them by their futures. Each future enters a queue when it has finished."""
+    """Give tasks to a pool, and return them by their futures. Each finished future enters a queue."""
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
         future.add_done_callback(finished.put)
@@ -172,7 +172,7 @@ def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
 
 
 class _Processes(ProcessPoolExecutor):
-    """A pool whose processes start with Ctrl-C blocked; otherwise it would end a starting process with a traceback."""
+    """A pool whose processes start with Ctrl-C blocked, because it would end a starting process with a traceback."""
 
     def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Submit a task; this starts a process if none is free."""
@@ -313,7 +313,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler; unlike a dask client, this attempt can be cancelled if another service is listening."""
+    """Connect to a scheduler; unlike that of a dask client, this attempt can be cancelled."""
     from distributed.comm import connect
 
     await (await connect(address)).close()

@@ -30,7 +30,7 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds: its descriptor, its process and thread, and how often it was taken."""
+    """A lock that this process holds: descriptor, process, thread, and the number of times that it was taken."""
 
     descriptor: int
     owner: tuple[int, int]
@@ -101,7 +101,7 @@ def lock_file(path: Path) -> Path:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return whether any process, including this one, holds the lock of a file."""
+    """Return whether any process, including this process, holds the lock of a file."""
     file = lock_file(path)
     with _held_lock:
         if file in _held:
@@ -134,7 +134,7 @@ _LOCKED_BYTE = " "
 
 
 def _take(file: Path, path: Path) -> int | None:
-    """Take the lock and return its descriptor; None if another process has it, -1 if locks are not supported."""
+    """Take the lock and return its descriptor; None if another process holds it, -1 if locks are not supported."""
     while True:
         try:
             descriptor = os.open(file, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o666)

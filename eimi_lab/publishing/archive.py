@@ -113,7 +113,7 @@ def _is_packed(place: PurePosixPath) -> bool:
 
 
 def check(path: Path) -> int:
-    """Read an archive back, compare size and hash of every file with its description, and return how many there are.
+    """Read an archive back, compare each file's size and hash with the description, and return the number of files.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The files of an archive: kind, size and hash of each."""
+"""The files of an archive: kind, size and hash of each file."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def gather(runs: Sequence[Path]) -> tuple[PublishedFile, ...]:
 
 
 def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
-    """Yield the files of a run and their places in the archive."""
+    """Yield the files of a run with their places in the archive."""
     if run.is_file():
         yield run, PurePosixPath(run.name)
         return
@@ -114,7 +114,7 @@ def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
 
 
 def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
-    """Yield a file with its description, then the TOML texts if it is a dataset."""
+    """Yield a file with its description; for a dataset, yield the TOML texts too."""
     try:
         with source.open("rb") as opened:
             sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -168,7 +168,7 @@ def _dataset(source: Path, place: PurePosixPath, size_bytes: int, sha256: str) -
 
 
 def without_dataset(files: Sequence[PublishedFile]) -> tuple[str, ...]:
-    """Return one line for each fit whose dataset is not in the archive, or differs from the one in it."""
+    """Return one line for each fit whose dataset is not in the archive, or differs from the dataset in the archive."""
     published = {file.sha256 for file in files if file.kind == "dataset"}
     lines: dict[str, None] = {}
     for file in files:

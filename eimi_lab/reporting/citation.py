@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 @dataclass(frozen=True)
 class Citation:
-    """An entry of a bibliography; each author is written `family name, given names`."""
+    """An entry of a bibliography; each author has the form `family name, given names`."""
 
     key: str
     authors: tuple[str, ...]

@@ -28,7 +28,7 @@ class DatasetContents:
     predictions : sequence of Prediction
         One for each fit of the report, in the order of the fits.
     name : str
-        Name of the file, with as many of its folders as distinguish it from the other datasets.
+        Name of the file, with enough of its folders to distinguish the file from the other datasets.
     leading : ShownFit, optional
         The fit that represents the dataset in figures with one fit.
     """
@@ -55,7 +55,7 @@ class DatasetContents:
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the prediction of the leading fit, or else the one with the smallest mean error; None without any."""
+        """Return the prediction of the leading fit, or else that with the smallest mean error; None without any."""
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
         )
@@ -83,7 +83,7 @@ class ReportContents:
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """Return the last parts of each path, the same number for all and as many as make the names differ.
+    """Return the last parts of each path: the same number for all paths, and enough to make the names differ.
 
     Examples
     --------

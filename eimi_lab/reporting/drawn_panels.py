@@ -35,7 +35,7 @@ class DrawnPanels:
         return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
-        """Draw the panels that need only the fits."""
+        """Draw the panels that need the fits only."""
         self._draw(report, [panel for panel in self._of_report if panel.of_fits])
 
     def dataset(self, shown: DatasetContents) -> None:

@@ -63,7 +63,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table, or one line of a cell, with a mark.
+    """A cell of a table, or one line in a cell, with a mark.
 
     The mark is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
@@ -163,7 +163,7 @@ def _lines(cell: AnyCell) -> list[Cell]:
 
 
 def _cell(cell: AnyCell) -> Markup:
-    """Return a cell as HTML. Its classes state whether it holds the best value, a long word, or short lines only."""
+    """Return a cell as HTML. Its classes mark the best value, a long word, and cells of short lines only."""
     lines = _lines(cell)
     shown = Markup("<br>").join(
         Markup('{} <span class="held">not measured</span>').format(line.text)

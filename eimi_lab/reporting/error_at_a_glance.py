@@ -18,7 +18,7 @@ _MOST = len(MARKERS)  # largest number of datasets in the figure
 
 
 def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownFit]]]) -> Drawing:
-    """Draw the error in each state: for each dataset, a line and a band of one standard deviation to each side."""
+    """Draw the error in each state: for each dataset a line, with a band of one standard deviation on each side."""
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()
     fields = [state.field_mT for _, prediction in leading for state in prediction.evidence.states]
@@ -42,7 +42,7 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
 
 
 def error_at_a_glance(report: ReportContents) -> Picture | None:
-    """Return the figure with its caption; None if no fit was simulated."""
+    """Return the figure of the errors with its caption; None if no fit was simulated."""
     leading = [(contents, contents.best) for contents in report.datasets if contents.best is not None][:_MOST]
     if not leading:
         return None

@@ -1,4 +1,4 @@
-"""State the findings of a report in words: the modulus, its interval, what limits the interval, and its reliability."""
+"""State the findings of a report: the modulus, its interval, the limit of the interval, and the reliability."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Bu
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question of a reader, a short answer, and the reason for it in sentences (`words`)."""
+    """A question of a reader, with a short answer and its reason in sentences (`words`)."""
 
     question: str
     answer: str
@@ -45,7 +45,7 @@ class Finding:
     how : str
         The law and the data.
     limit : str
-        A sentence on what limits the interval.
+        A sentence on the largest contributions to the interval.
     verdicts : tuple of Verdict
     """
 
@@ -59,7 +59,7 @@ class Finding:
 
 
 def findings(report: ReportContents) -> list[Finding]:
-    """Return one finding for each set of datasets that were fitted together; without any, one for each tensile test."""
+    """Return one finding for each set of datasets fitted together; without datasets, for each tensile test."""
     groups: dict[tuple[str, ...], list[ShownFit]] = {}
     for shown in report.bending or report.tensile:
         fit = shown.fit
@@ -132,7 +132,7 @@ def _how(fit: FitRecord) -> str:
 
 
 def scatter_of(datasets: Sequence[DatasetContents]) -> str:
-    """Return what scatters about the simulated beam: the edges, the tracked points, or both."""
+    """Return the name of the data that scatter about the simulated beam: the edges, the tracked points, or both."""
     what = {"frames": "edges", "points": "tracked points"}
     kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
     return f"scatter of the {' and '.join(kinds) or 'measurements'}"
@@ -175,7 +175,7 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: Report
 def _on_unseen_specimens(
     fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents
 ) -> Iterator[Validation]:
-    """Yield the errors of a fit on the datasets of the report whose specimens it was not fitted to."""
+    """Yield the errors of a fit on the datasets of the report to whose specimens it was not fitted."""
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:
         if contents.dataset.specimen.specimen.name not in fitted_specimens:
@@ -183,7 +183,7 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict | None:
-    """Say what to measure next, and how much smaller the interval would be; None if no source is uncertain."""
+    """Return a sentence: what to measure next, and the interval after that; None if no source is uncertain."""
     if not fit.budget:
         return None
     now, later = (

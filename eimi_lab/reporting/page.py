@@ -1,4 +1,4 @@
-"""Write the report as one HTML file that needs no other file, and on request each figure and table as a file."""
+"""Write the report as one complete HTML file and, on request, each figure and table as a file."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def write_report(
     command : str
         The command line, which the report quotes.
     executor : callable, optional
-        Starts the workers that share the simulations; without it they run in this process.
+        Starts the workers that share the simulations; without an executor the simulations run in this process.
     progress : callable
         Receives a title and the number of steps, and gives a function that is called after each step.
 
@@ -108,7 +108,7 @@ def write_report(
 
 
 def _has_motions_alone(path: Path) -> bool:
-    """Return whether a dataset holds no states; its motions are shown with the law of time."""
+    """Return whether a dataset holds motions but no states; the law of time shows its motions."""
     with open_dataset(path) as dataset:
         return not dataset.states
 

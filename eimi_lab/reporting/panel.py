@@ -60,7 +60,7 @@ class ReportPanel(_Panel):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetPanel(_Panel):
-    """A panel that a report shows once for each dataset; `values` returns None to omit it."""
+    """A panel that a report shows once for each dataset; `values` returns None to omit the panel."""
 
     values: Callable[[DatasetContents], Mapping[str, Any] | None]
 

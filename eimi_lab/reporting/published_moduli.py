@@ -1,8 +1,8 @@
-"""Published moduli of common silicones, to compare with the identified one.
+"""Published moduli of common silicones, for a comparison with the identified modulus.
 
-Each row is a published number, or is computed from one as `how` states. The stress at 100 % strain of a data sheet is
-converted to the shear modulus of a Neo-Hookean material with this stress, mu = stress / (2 - 1/4). It is a mean over
-large strains and not an initial modulus.
+Each row is a published number, or is computed from a published number as `how` states. The stress at 100 % strain of a
+data sheet is converted to the shear modulus of a Neo-Hookean material with this stress, mu = stress / (2 - 1/4). It is
+a mean over large strains and not an initial modulus.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class PublishedModulus:
     low_Pa, high_Pa : float
         The shear modulus in Pa, or the ends of its range.
     how : str
-        What was published, and how the shear modulus follows from it.
+        The published quantity, and how the shear modulus follows from it.
     source : str
         The data sheet or the publication.
     """

@@ -12,7 +12,7 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """A short answer and its reason in sentences."""
+    """The verdict on the residuals of a fit: a short answer, and its reason in sentences."""
 
     answer: str
     words: str

@@ -23,7 +23,7 @@ def format_quantity(quantity: Quantity) -> str:
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:
-    """Format a value, and its 95 % interval in its unit and in per cent of the value.
+    """Format a value with its 95 % interval, in its unit and in per cent of the value.
 
     Both are rounded to the second digit of half the width of the interval. The percentages of the two ends are
     written separately if the interval is clearly asymmetric about the value.
@@ -46,7 +46,7 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
-    """Return the factor from pascal to the unit in which a quantity is written, and that unit."""
+    """Return the unit in which a quantity is written, after the factor from pascal to this unit."""
     if quantity.unit != "Pa":
         return 1.0, ""
     size = max(map(abs, quantity.interval_95))

@@ -16,7 +16,7 @@ def evidence_for_fits(
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
     """Read a dataset as evidence, once for each section assumption that the fits need.
 
-    A bending fit uses the section with which it was fitted to this dataset, or else the one of all its datasets. A
+    A bending fit uses the section with which it was fitted to this dataset, or else the section of all its datasets. A
     tensile fit uses the section that all bending fits share, or else the section of the specimen.
 
     Parameters
@@ -53,7 +53,7 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section with which a fit used the dataset of this hash; None if the fit does not determine it."""
+    """Return the section with which a fit used the dataset with this hash; None if the fit used several sections."""
     if not isinstance(shown.fit, FitRecord):
         return None
     used = {reference.sha256: reference.section for reference in shown.fit.datasets}

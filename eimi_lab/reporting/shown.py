@@ -28,7 +28,7 @@ class ShownFit(FittedLaw):
     comparison : tuple of Choice
         The comparison of the laws in the same file; empty if the file holds none.
     origin : str
-        What the law was fitted to, such as `bending` or `tensile 50 %`.
+        The data to which the law was fitted, such as `bending` or `tensile 50 %`.
     colour, marker : str
         Style of the law, the same throughout a report.
     line : str or tuple
@@ -49,7 +49,7 @@ class ShownFit(FittedLaw):
 
 
 def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
-    """Read the fits of all files. If two fits would have the same label, add file name, path or index to the origin.
+    """Read the fits of all files. If two fits would have equal labels, add file name, path or index to the origin.
 
     Raises
     ------
@@ -105,8 +105,8 @@ def chosen(group: Sequence[ShownFit]) -> ShownFit:
 def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
     """Choose the fit that represents a dataset.
 
-    It is the best fit to the dataset whose file has the hash ``sha256``. If there is none, it is the best of all
-    bending fits, and if there are no bending fits, the best of all fits.
+    The function returns the best fit to the dataset whose file has the hash ``sha256``. Without such a fit it returns
+    the best of all bending fits, and without bending fits the best of all fits.
     """
     bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
     to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]

@@ -96,7 +96,7 @@ class StressCurve:
 
 @dataclass(frozen=True)
 class TensilePoints:
-    """The rows of a tensile test within the strains of the figure."""
+    """The rows of a tensile test within the strain range of the figure."""
 
     label: str
     strain: Array
@@ -115,7 +115,7 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain of a mode at the largest stretch in the data of a fit, including its tensile curves."""
+    """Return the strain that corresponds, in a mode, to the largest stretch in a fit's data with its tensile curves."""
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 

@@ -42,7 +42,7 @@ styled = matplotlib.rc_context(STYLE)
 
 
 class Drawing(Figure):
-    """A matplotlib figure of the width of a page that a notebook displays, whether pyplot is loaded or not."""
+    """A matplotlib figure as wide as a page that a notebook displays, even if pyplot is not loaded."""
 
     def __init__(self, height_in: float = 3.0, width_in: float = WIDTH_IN) -> None:
         super().__init__(figsize=(width_in, height_in), layout="constrained")
@@ -81,7 +81,7 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 
 def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
-    """Return the abscissa of the states and its name: their field or, if the field is constant, their number."""
+    """Return the abscissa of the states and its name: the field or, if the field is constant, the state number."""
     fields = np.array(field_mT, dtype=np.float64)
     return (
         (fields, "field, mT") if len(fields) and np.ptp(fields) > 0 else (np.array(numbers, dtype=np.float64), "state")

@@ -34,7 +34,7 @@ def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
 
 
 def installed(package: str) -> Any:
-    """Import an optional package; raise ImportError that says how to install it if it is missing."""
+    """Import an optional package; if it is missing, raise an ImportError that says how to install it."""
     try:
         return import_module(package)
     except ImportError as error:

@@ -1,7 +1,7 @@
 """Compare four claims of the paper with the results of the study.
 
-The claims are taken from its abstract and its results, in the words of this project. The numbers of the paper are not
-compared, because geometry and materials differ.
+The claims are taken from the paper's abstract and results, in the words of this project. The numbers of the paper are
+not compared, because geometry and materials differ.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Name the laws by bending that have no equilibrium on an unseen type, and their limits of stability."""
+    """Name the laws fitted to bending that have no equilibrium on an unseen type, with their limits of stability."""
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
         kinds = [k for k in untwisted(findings) if np.isinf(_bending_um(findings, key, section, k)[route.law])]
@@ -84,7 +84,7 @@ def _lost(findings: Findings, key: str, section: str) -> str:
 
 
 def _bending_um(findings: Findings, key: str, section: str, kind: str) -> dict[str, float]:
-    """Return the mean error in µm of each law by bending on one type."""
+    """Return the mean error in µm on one type, for each law fitted to bending."""
     routes = findings.routes(key, section)
     errors = findings.errors[key, section, kind]
     return {r.law: mean_error_um(e) for r, e in zip(routes, errors, strict=True) if r.source == BENDING}

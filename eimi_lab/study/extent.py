@@ -1,4 +1,4 @@
-"""Choose how much of the evaluation is done."""
+"""Choose which part of the evaluation is done."""
 
 from __future__ import annotations
 

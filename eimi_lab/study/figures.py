@@ -176,7 +176,7 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Draw figure 9: the mean error over the unseen types that do not twist, against the field."""
+    """Draw figure 9: the mean error over the unseen types without twist, against the field."""
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)
     for row, key in zip(grid, keys, strict=True):

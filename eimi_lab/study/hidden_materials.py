@@ -1,4 +1,4 @@
-"""The materials of the specimens of the study: two laws that are not among the fitted ones.
+"""The materials of the specimens of the study: two laws that are not among the fitted laws.
 
 Both soften at the small strains of a bending beam and stiffen at large strains, as the published tensile curves of such
 silicones do. Both depend on the second invariant. The moduli are of the order of published tensile tests; the functions
@@ -38,7 +38,7 @@ class _OfOneShape(InvariantLaw):
 
 
 class PowersOfFirstInvariant(_OfOneShape):
-    """A sum of three powers of I1 and a linear term in I2: see `formula`.
+    """A law with three powers of I1 and a linear term in I2, see `formula`.
 
     The sum is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). Σ m + 2 c = 1, so that mu is the initial shear
     modulus.
@@ -61,7 +61,7 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """Gent's law (1996, Rubber Chem. Technol. 69:59), a term whose stiffness decays with strain, and a term in I2."""
+    """Gent's law (1996, Rubber Chem. Technol. 69:59), a term that softens with strain, and a term in I2."""
 
     name = "fading Gent"
     formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"
@@ -104,7 +104,7 @@ class HiddenMaterial:
 
     @property
     def parameters(self) -> Array:
-        """Return the parameters (1, 1) as one candidate of a model."""
+        """Return the parameters (1, 1) of the material as one candidate of a model."""
         return np.array([[self.modulus_Pa]])
 
     def tensile_curve(self) -> tuple[Array, Array]:

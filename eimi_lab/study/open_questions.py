@@ -1,6 +1,6 @@
 """Answer the open questions of the paper: compressibility, magnetic moment, number of states, choice of the optimiser.
 
-The first three use type 1 made of a Neo-Hookean silicone. The law of the fit is then the true one, so that each
+The first three use type 1 made of a Neo-Hookean silicone. The law of the fit is then the true law, so that each
 deviation is due to the effect in question. Each answer is a list of rows for JSON.
 """
 
@@ -89,7 +89,7 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a magnet that is stronger than stated, with the moment taken as stated and with a prior on the moment.
+    """Fit a magnet that is stronger than stated, with the moment fixed at the stated value and with a prior on it.
 
     The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
     simulated by a stronger field. The rows are the settings of magnet and prior.

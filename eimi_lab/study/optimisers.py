@@ -1,9 +1,9 @@
 """Compare CMA-ES with Gauss-Newton, Nelder-Mead and differential evolution.
 
-All search the unit cube of the coordinates of a law, in which the modulus covers three decades. They minimise the mean
-error on the edges of type 1 of a hidden material, on the mesh of the search. The result is the number of evaluations
-after which the modulus of the best candidate stays within one per cent of the modulus of the optimum. Gauss-Newton and
-the mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
+All optimisers search the unit cube of the coordinates of a law, in which the modulus covers three decades. They
+minimise the mean error on the edges of type 1 of a hidden material, on the mesh of the search. The result is the number
+of evaluations after which the modulus of the best candidate stays within one per cent of the modulus of the optimum.
+Gauss-Newton and the mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which all moduli are near the target; None if the last one is not."""
+    """Return the number of evaluations after which all moduli stay near the target; None if the last is not near."""
     far = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
     first = int(far[-1]) + 1 if len(far) else 0
     return first + 1 if first < len(moduli_Pa) else None

@@ -191,7 +191,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the types of specimen to which no law was fitted; leave out those that twist, unless all of them do."""
+    """Return the types of specimen to which no law was fitted, without the types that twist, unless all of them do."""
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 
@@ -340,7 +340,7 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the answer as a sentence: the smallest number of states whose fit has a half-width of at most 1 %."""
+    """Return a sentence with the smallest number of states whose fit has a half-width of at most 1 %."""
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
     return f"{min(enough)} states are enough if all other inputs are exact." if enough else "None of these is enough."
 

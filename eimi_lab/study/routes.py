@@ -54,7 +54,7 @@ class Route:
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """Return the route of a stored part."""
+        """Return the route that a stored part describes."""
         return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 

@@ -53,7 +53,7 @@ class StoredParts:
         return parts
 
     def part(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Return the stored part of this name; compute and store it first if there is none."""
+        """Return the stored part of this name; if there is none, compute and store it first."""
         if not self._file(name).exists():
             self._write(name, compute())
         return self._read(name)

@@ -1,4 +1,4 @@
-"""Compute all parts of a study in order, and store each as soon as it is computed."""
+"""Compute all parts of a study in order, and store each part as soon as it is computed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class StudyInputs:
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """Return the content by which an interrupted study is recognised when it continues."""
+        """Return the content that identifies an interrupted study when it continues."""
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
         return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
 
@@ -128,7 +128,7 @@ def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the tensile fits to the curve of the hidden material, and to the published one if there is one."""
+    """Return the tensile fits to the curve of the hidden material, and to the published curve if there is one."""
     fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])

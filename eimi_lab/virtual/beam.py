@@ -1,7 +1,7 @@
 """The virtual specimen: its solid shape in a field, on a mesh finer than that of a fit in all three directions.
 
-The solid is solved in a few fields up to the strongest one of the coil. Between them the difference between the solid
-shape and the planar shape is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).
+The solid is solved in a few fields up to the strongest one of the coil. Between these fields, the difference between
+the solid shape and the planar shape is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class VirtualBeam:
     specimen
         The specimen.
     material
-        Its true material.
+        The true material of the specimen.
     mesh
         Number of elements along and across, and the refinement factor in depth.
     loads
@@ -98,11 +98,11 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the shape in this field differs visibly from the last one that was computed."""
+        """Return whether the shape in this field differs visibly from the last computed shape."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     def middle_under_tip_force_mm(self, force_N: float) -> Array:
-        """Return the centre line (n, 2) without a current, under a force at the tip toward +y (ArithmeticError)."""
+        """Return the centre line (n, 2) without a current under a tip force toward +y. Raises ArithmeticError."""
         model = SolidBeside(self._specimen, *np.minimum(self._mesh, _MESH_OF_INERTIA).tolist())
         loads = replace(self._loads.at(0.0), tip_force_N=np.array([[0.0, force_N]]))
         shape = model.solve(LAWS[self._material.model], np.array([self._material.values]), loads)
@@ -122,7 +122,7 @@ class VirtualBeam:
         -------
         beam, magnet
             The outline of the beam (n, 2), from the left of the clamp around the tip to the right of the clamp; and the
-            corners of the magnet (4, 2), or None without a magnet.
+            corners of the magnet (4, 2); None without a magnet.
 
         Raises
         ------
@@ -159,7 +159,7 @@ def _solved(
     virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
-    """Return the solid model, its depth effect, and the largest field in mT that the effect covers.
+    """Return the solid model, its depth effect, and the largest field in mT that this depth effect covers.
 
     The largest field is the strongest one, or half or a quarter of it if no equilibrium is found there.
     """

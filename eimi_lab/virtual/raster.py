@@ -83,7 +83,7 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
 
 
 def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
-    """Return where sides cross the pixel borders 0 to limit of an axis: side numbers and positions on them (0 to 1)."""
+    """Return the crossings of sides with the pixel borders 0 to limit of an axis: side numbers, and places (0 to 1)."""
     first, length = start[:, axis], side[:, axis]
     low = np.clip(np.ceil(np.minimum(first, first + length)), 0, limit + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(first, first + length)), -1, limit).astype(np.int64)

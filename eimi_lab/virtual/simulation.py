@@ -80,7 +80,7 @@ class Simulation:
         return _drawn(self)
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
-        """Fill a folder and return its path. Raises InputError when it exists without ``force``."""
+        """Write the files into a folder and return its path. Raises InputError if it exists without ``force``."""
         with whole_folder(Path(folder), force) as unfinished:
             write_simulation(unfinished, self)
         return Path(folder)
@@ -96,7 +96,7 @@ class Simulation:
 
 
 def keys_of(law: Law) -> list[str]:
-    """Return the names of the law's parameters as `--parameter` takes them: a modulus with its unit."""
+    """Return the names of the law's parameters in the form for `--parameter`: a modulus with its unit."""
     return [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
 
 
@@ -223,7 +223,7 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
     """Return the 95 % intervals (K, 3, 2) of the tip over the draws that have an equilibrium.
 
-    The scatter is computed with the planar model, also for a solid, and shifted to the tip (K, 3) of the model. The
+    The scatter is computed with the planar model, also for a solid, and centred on the tip (K, 3) of the model. The
     first candidate in ``shapes`` has the nominal parameters, the others are the draws.
     """
     values = _tip(planar, shapes)
@@ -305,7 +305,7 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """Return the elements to draw (m,), those at mid-depth for a solid, and the nodes around each of them (m, 8)."""
+    """Return the elements to draw (m,), for a solid those at mid-depth, and the nodes around each (m, 8)."""
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements
     if isinstance(model, BeamModel):

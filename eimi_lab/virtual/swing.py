@@ -50,9 +50,9 @@ class Swing:
         self._field_mT = self._place_mT = self._speed_mT = 0.0
 
     def effective_field_mT(self, time_s: float, field_mT: float) -> float:
-        """Return the effective field at a time, if the field of the coil changed linearly since the last call.
+        """Return the effective field at a time, if the coil's field has changed linearly since the previous call.
 
-        The time must not be before that of the last call.
+        The time must not be earlier than the time of the previous call.
         """
         if self._time_s is None:
             self._time_s, self._field_mT, self._place_mT = time_s, field_mT, field_mT

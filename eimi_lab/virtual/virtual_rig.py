@@ -42,7 +42,7 @@ _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
 class Coil(Protocol):
-    """A source of the current that makes the field at the beam."""
+    """A source of the coil current, which causes the field at the beam."""
 
     def coil_current_A(self) -> float:
         """Return the true current of the coil at this moment, in A."""
@@ -52,8 +52,8 @@ class VirtualCamera:
     """A camera that sees the virtual beam.
 
     With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the beam swing between
-    its equilibria. Without one it exposes on demand, at most ten times per second of its clock, and sees the beam take
-    each equilibrium at once.
+    its equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees the
+    beam take each equilibrium at once.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class VirtualCamera:
         return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
 
     def _current_A(self, time_s: float) -> float:
-        """Return the current of the coil at the exposure of a frame, which may have waited in the buffer."""
+        """Return the coil's current at the exposure of a frame, which may have waited in the buffer since then."""
         if isinstance(self._coil, CoilSupply):
             return self._coil.coil_current_at_A(time_s)
         return self._coil.coil_current_A()
@@ -246,7 +246,7 @@ def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
-    """Create a camera that sees the specimen in a coil; raise InputError as `open_virtual_rig` does."""
+    """Create a camera that sees the specimen in a coil. Raises InputError like `open_virtual_rig`."""
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
@@ -264,7 +264,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
-    """Return the true material, mesh, seed and optics of the virtual beam; raise as `open_virtual_rig` does."""
+    """Return the true material, mesh, seed and optics of the virtual beam. Raises like `open_virtual_rig`."""
     virtual = _virtual(rig)
     material = _material(virtual, specimen)
     return {
@@ -280,7 +280,7 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
 def _as_it_is(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the specimen and the calibration, changed by the unstated properties of the bench."""
+    """Return the specimen and the calibration with the unstated properties of the bench."""
     beam = specimen.mechanics()
     if beam.magnet:
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg

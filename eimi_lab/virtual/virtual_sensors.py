@@ -36,7 +36,7 @@ def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: C
 def emulated_instrument(rule: RigSensor, field_mT: Callable[[], float], clock: Clock) -> Responder:
     """Return the emulated instrument of a sensor; the parameters are those of `open_virtual_sensor`.
 
-    A sensor of another quantity than a field shows the temperature of the room. Raises InstrumentError if the driver
+    A sensor that does not measure a field shows the temperature of the room. Raises InstrumentError if the driver
     has no emulator.
     """
     unit = UNITS.get(rule.measures, "degC")

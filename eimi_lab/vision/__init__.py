@@ -13,7 +13,7 @@ beam_frame           map pixels to millimetres in the beam frame, and back
 field_at_beam        the coil's field and the background field as a calibration states them
 check                one quality check of a state, and the flag that it raises
 flags                the table of all quality checks
-followed_checks      the rows of that table for followed beams
+followed_checks      the rows of the table of checks for followed beams
 frame_checks         check the frames of one state for losses, repetitions and motion
 settling_statistic   compare two frames with the noise of the camera
 clicked_points       check the points that a person clicked on the centre line

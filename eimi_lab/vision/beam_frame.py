@@ -98,7 +98,7 @@ class BeamFrame:
         return (points - self._origin) @ self._axes.T / self._scale
 
     def components(self, vector: tuple[float, float]) -> Array:
-        """Return the components (2,) in the beam frame of a vector in the image, given to the right and down."""
+        """Return the components (2,) in the beam frame of a vector in the image, given as (right, down)."""
         return np.asarray(self._axes @ np.array(vector))
 
     def to_px(self, points_mm: ArrayLike) -> Array:
@@ -151,5 +151,5 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle clockwise from the beam's axis in the image to one from +x toward +y, from -180 to 180."""
+        """Convert an angle clockwise from the beam's axis in the image into an angle from +x toward +y, -180 to 180."""
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

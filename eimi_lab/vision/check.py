@@ -11,7 +11,7 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """The consequence of a flag for the state.
+    """The consequence of a flag for its state.
 
     UNUSABLE: a fit leaves the state out. DOUBTFUL: a fit uses the state, and gives its points a larger standard
     deviation. NOTE: the fit is not affected; a person should read the remedy.
@@ -35,7 +35,7 @@ class Flag:
     limit : float
         The limit that the value exceeds, or falls below.
     remedy : str
-        One sentence that says what to do about it.
+        One sentence that says what to do about the flag.
     severity : Severity
         What the flag means for the state.
     widens : float
@@ -78,13 +78,13 @@ class Check:
     finding : str
         Name under which the value is measured; unique in the table.
     quantity : str
-        What the value is, with its unit, as the documentation prints it.
+        The quantity and its unit, in the words of the documentation.
     limit : float
         Values above the limit are flagged.
     remedy : str
         One sentence that says what to do. `flag` replaces the words in braces.
     picture : str
-        What the rendered example picture shows; stated once for each name.
+        The content of the rendered example picture; stated once for each name.
     below : bool
         Flag values below the limit in place of those above it.
     severity : Severity
@@ -94,7 +94,7 @@ class Check:
     widens : callable, optional
         Map a doubtful value to the standard deviation that it adds to the state's points.
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of what `widens` returns; see `Flag`.
+        Unit of the value that `widens` returns; see `Flag`.
 
     Examples
     --------

@@ -41,7 +41,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
 
 
 def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
-    """Return the stated shape of the coil's field, None for a uniform one; raise InputError as `in_stated_field`."""
+    """Return the stated shape of the coil's field; None if uniform. Raises InputError like `in_stated_field`."""
     if calibration.field is None or not calibration.field.is_uneven:
         return None
     try:

@@ -98,7 +98,7 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
-    """Decode an image with OpenCV; return None if it cannot, or if the data are damaged. Print nothing."""
+    """Return an image that OpenCV decoded; None if it cannot or if the data are damaged. Print nothing."""
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
@@ -113,7 +113,7 @@ def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
 
 
 def _states_damage(line: str) -> bool:
-    """Return whether a line that libjpeg printed says that pixels are wrong."""
+    """Return whether a line that libjpeg printed reports wrong pixels."""
     padded = _PADDED.match(line)
     return int(padded[1]) > _PADDING_BYTES if padded else bool(_DAMAGED_JPEG.match(line))
 

@@ -98,7 +98,7 @@ def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
 
 
 def full_scale(image: NDArray[Any]) -> float:
-    """Return the largest grey value of the camera: that of 8, 10, 12, 14 or 16 bits, the first that holds the image.
+    """Return the largest grey value of the camera: the smallest full scale of 8, 10, 12, 14 or 16 bits for the image.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class FieldCorrection:
 
         (image - dark) · m / (flat - dark).
 
-    This removes what EMVA standard 1288 calls the dark signal and the photo response non-uniformity. A pixel at full
+    This removes the dark signal and the photo response non-uniformity (terms of EMVA standard 1288). A pixel at full
     scale stays at full scale, so that clipping remains visible. Each colour is corrected separately.
     """
 
@@ -168,8 +168,8 @@ class FieldCorrection:
         Raises
         ------
         ValueError
-            If both are None, if they differ in shape, or if more than 1 % of the flat field is hardly brighter than the
-            dark frame.
+            If both are None, if they differ in shape, or if more than 1 % of the pixels of the flat field are hardly
+            brighter than in the dark frame.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         present = [image for image in images if image is not None]

@@ -1,7 +1,7 @@
 """Project colours to one grey value, by the same weights for all pictures of a dataset.
 
-The projection is linear in the camera's colours or in CIELAB. Its weights are those for which the inside of the beam's
-root differs most from the surroundings, over all pictures: Fisher's linear discriminant
+The projection is linear in the camera's colours or in CIELAB. The weights maximise the difference between the inside of
+the beam's root and the surroundings, over all pictures: Fisher's linear discriminant
 
     w = C⁻¹ (m_in - m_out),
 
@@ -69,7 +69,7 @@ class Projection:
         Parameters
         ----------
         image : array_like, shape (H, W, 3) or (H, W)
-            Blue, green, red in grey levels of the camera. A grey image is returned as it is.
+            Blue, green, red in grey levels of the camera. A grey image is returned unchanged.
 
         Returns
         -------
@@ -114,7 +114,7 @@ def choose_projection(
     images : iterable of ndarray, shape (H, W, 3)
         Pictures of one dataset: blue, green, red.
     calibration : Calibration
-        Where the root of the beam is.
+        Calibration with the place of the beam's root.
     width_mm, length_mm : float
         Width and length of the specimen.
 
@@ -140,13 +140,13 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return the factor by which the candidate must separate better than the best projection so far."""
+    """Return by which factor the candidate must exceed the separation of the best projection so far."""
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
 @dataclass(frozen=True)
 class _Colours:
-    """Colours at the beam's root in one picture, scaled to 1: inside (n, 3), and beside it on each side (n, 3)."""
+    """The colours at the beam's root in one picture, scaled to 1: inside (n, 3), and on each side (n, 3)."""
 
     inside: Array
     sides: tuple[Array, ...]
@@ -218,7 +218,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Convert blue, green and red (h, w, 3) from 0 to 1 to a colour space; L, a and b lie between about 0 and 1 too."""
+    """Convert blue, green and red (h, w, 3) from 0 to 1 into a colour space; L, a and b are scaled to about 0 to 1."""
     pixels = np.ascontiguousarray(colours, dtype=np.float32)
     if space == CAMERA:
         return pixels

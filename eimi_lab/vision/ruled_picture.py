@@ -56,13 +56,13 @@ def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()
 
 
 def _round_step(least: float) -> int:
-    """Return the smallest of 1, 2 or 5 times a power of ten that is not below `least`."""
+    """Return the smallest number of the form 1, 2 or 5 times a power of ten that is at least `least`."""
     power = 10 ** math.floor(math.log10(max(least, 1.0)))
     return int(next(power * factor for factor in (1, 2, 5, 10) if power * factor >= least))
 
 
 def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
-    """Draw a line that lets the picture show through."""
+    """Draw a line through which the picture remains visible."""
     part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
     part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
 

@@ -4,9 +4,9 @@ For two frames a and b of a beam at rest, with the noise variance v at the grey 
 
     ratio = mean((b - a)²) / mean(2 v)
 
-over a band along the edges, where motion shows. The ratio is 1 at rest and grows with the square of the motion. The
-variance as a function of grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is measured
-on frames at rest, so that no data sheet of the camera is needed.
+over a band along the edges, where motion changes the grey values. The ratio is 1 at rest and grows with the square of
+the motion. The variance as a function of grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE
+2007) is measured on frames at rest, so that no data sheet of the camera is needed.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Noise:
 
     @property
     def exceeds_rounding(self) -> bool:
-        """Whether there is noise beyond rounding to whole grey levels; a video file or a drawn frame may have none."""
+        """Whether there is noise besides rounding to whole grey levels; a video or a drawn frame may have none."""
         return bool(self.variances.max() > QUANTISATION)
 
     def difference_ratio(

@@ -58,7 +58,7 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
-    """The interval agrees within 20 % with the plan, which used a run of equally spaced fields in another mounting."""
+    """The half-width is within 20 % of the plan, which used an earlier run of equally spaced fields."""
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))

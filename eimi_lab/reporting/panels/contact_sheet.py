@@ -66,7 +66,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """Return all states, or evenly spaced ones if there are more than `_MOST`."""
+    """Return all states, or evenly spaced states if there are more than `_MOST`."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 

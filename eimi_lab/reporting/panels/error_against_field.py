@@ -25,10 +25,10 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 
 
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
-    """Draw the errors of all fits against the field, or against the state if the field is constant.
+    """Draw the errors of all fits against the field; against the state if the field is constant.
 
     The bars extend one standard deviation of the distances along the edges to each side. With several fits, a panel
-    below shows the differences of their errors from that of the first one, since their curves may coincide.
+    below shows the differences of their errors from the error of the first fit, because the curves may coincide.
     """
     states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])
@@ -74,7 +74,7 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
 
 
 def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x: Array) -> None:
-    """Draw the error of each fit minus that of the first one, in µm."""
+    """Draw the error of each fit minus the error of the first fit, in µm."""
     axes.axhline(0, color=predictions[0].fitted_law.colour, linewidth=1.1)
     for s in predictions[1:]:
         law = s.fitted_law

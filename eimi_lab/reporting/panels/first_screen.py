@@ -1,4 +1,4 @@
-"""Show the result first: the modulus, what limits its interval, how reliable it is, and a picture of the beam."""
+"""Show the result first: the modulus, the limit of its interval, the reliability, and a picture of the beam."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LAST = 6  # the close-up shows the last 1/6 of the edges
 
 
 def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Draw measured edges (dots) and simulated ones (lines) over the frames of the smallest and the largest load.
+    """Draw measured edges (dots) and simulated edges (lines) over the frames of the smallest and the largest load.
 
     The last axes show a close-up of the tip at the largest load.
     """
@@ -57,7 +57,7 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw one frame with its edges; `points` is the number of measured points on each edge, None for all."""
+    """Draw one frame with its edges; `points` is the number of measured points drawn on each edge, None for all."""
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
     for side, measured in enumerate(measured_mm(contents, k)):
@@ -105,7 +105,7 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 
 
 def picture_of(report: ReportContents) -> Picture | None:
-    """Draw the first dataset that was simulated with the fit of the first finding; the last one if there is none."""
+    """Draw the first dataset that the fit of the first finding simulates; the last dataset if there is none."""
     results = findings(report)
     best_fit = results[0].shown if results else None
     for contents in report.datasets:

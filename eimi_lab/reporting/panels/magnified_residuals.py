@@ -59,7 +59,7 @@ def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Ar
 
 
 def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
-    """Draw the simulated outlines with magnified arrows to the measured points; return also the magnification."""
+    """Draw the simulated outlines with magnified arrows to the measured points; return the magnification too."""
     chosen = some_states(contents, _STATES)
     residuals = [residual_vectors(simulated, k) for k in chosen]
     sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in residuals])

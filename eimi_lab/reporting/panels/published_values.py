@@ -21,7 +21,7 @@ _NOTE = (
 
 
 def table_of_published(finding: Finding, material: str) -> Table | None:
-    """Return the published moduli of a material and their ratio to the modulus of a finding; None without any."""
+    """Return published moduli of a material with their ratios to the modulus of a finding; None without any."""
     published = published_moduli(material)
     if not published:
         return None

@@ -41,7 +41,7 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     """Draw a column for each mode of deformation and a row for each origin of the fits.
 
     The lines are solid within the data of a fit, and thin and dashed beyond. Strains that no bent specimen reached are
-    shaded. With several fits, the last row shows their stresses relative to that of the first fit, since their curves
+    shaded. With several fits, the last row shows their stresses relative to that of the first fit, because the curves
     may coincide.
 
     Parameters
@@ -104,7 +104,7 @@ def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
 
 
 def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode) -> None:
-    """Draw the stress of each fit minus that of the first one, in per cent of the latter, up to `_MOST_PERCENT`."""
+    """Draw the difference of each fit's stress from that of the first fit, in per cent, up to `_MOST_PERCENT`."""
     nonzero = strain[1:]
     curves = [stress_curve(shown, nonzero, mode) for shown in fits]
     for shown, curve in zip(fits, curves, strict=True):

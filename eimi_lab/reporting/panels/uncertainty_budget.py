@@ -1,4 +1,4 @@
-"""Show the share of each source of uncertainty in the interval of the modulus, and what to measure better next."""
+"""Show the share of each source of uncertainty in the modulus's interval, and the quantity to measure better next."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _MOST = 8  # sources with a bar each; the others share a bar
 
 
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
-    """Return the sources of a fit with the standard deviation of the modulus due to each, in %.
+    """Return the sources of a fit, each with the standard deviation (%) of the modulus that it causes.
 
-    The smaller sources are added up to one entry. The last entry is the share of noise and mesh.
+    The smaller sources are combined in one entry. The last entry is the share of noise and mesh.
     """
     rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]

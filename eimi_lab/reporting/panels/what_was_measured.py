@@ -15,7 +15,7 @@ Facts = list[tuple[str, str]]
 
 
 def facts(contents: DatasetContents) -> Facts:
-    """Return names and values of the facts; a fact that the file does not state is omitted."""
+    """Return names and values of the facts about a dataset; a fact that the file does not state is omitted."""
     dataset = contents.dataset
     start = dataset.start_time()
     gravity = _gravity_words(dataset.gravity_angle_deg) if dataset.gravity else "none: the weight does not bend it"
@@ -35,7 +35,7 @@ def facts(contents: DatasetContents) -> Facts:
 
 
 def _measured(contents: DatasetContents) -> Facts:
-    """Return the facts that sensors measured: field, temperature of the specimen, and heat of the coil."""
+    """Return the facts from sensors: field, temperature of the specimen, and heat of the coil."""
     evidence = contents.evidence
     field, specimen = MeasuredField.of(evidence), MeasuredTemperature.of(evidence)
     rows = [("measured field", field.in_words)] if field else []

@@ -40,8 +40,8 @@ class BenchSetup:
     clamp_midpoint_px : tuple of float
         Middle of the line where the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
-        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, an axis that
-        is correct to some degrees is enough here; gravity and field then keep their angles to the axis.
+        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, it need only
+        be correct to some degrees here; gravity and field then keep their angles to the axis.
     telecentric : bool
         Whether the lens is telecentric.
     """
@@ -56,7 +56,7 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """Return a calibration in which the axis, gravity and the field are turned by the same angle.
+        """Return a calibration in which axis, gravity and field are rotated by the same angle.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ def from_board(
     board : Board
         The pattern on the board.
     setup : BenchSetup
-        What the images do not show.
+        The values that the images do not show.
     board_error : float
         Relative standard uncertainty of the size of the print.
 
@@ -113,7 +113,7 @@ def from_board(
     -------
     calibration : Calibration
     lines : list of str
-        How well the board and the lens fit, for a person.
+        Lines for a person that state how well the board and the lens fit.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def from_beam(
     specimen : SpecimenFile
         The specimen, whose width is known.
     setup : BenchSetup
-        Approximate clamp and angles, and what the image does not show.
+        Approximate clamp and angles, and the values that the image does not show.
     tolerance_mm : float
         Standard uncertainty of the width.
 
@@ -218,7 +218,7 @@ def from_beam(
     -------
     calibration : Calibration
     lines : list of str
-        How well the scale is known, for a person.
+        Lines for a person that state how well the scale is known.
 
     Raises
     ------
@@ -254,15 +254,15 @@ def from_ruler(
     ends_px : tuple of float
         The two points: x1, y1, x2, y2.
     length_mm : float
-        Their distance.
+        The distance of the two points.
     setup : BenchSetup
-        What the image does not show.
+        The values that the image does not show.
 
     Returns
     -------
     calibration : Calibration
     lines : list of str
-        How well the scale is known, for a person.
+        Lines for a person that state how well the scale is known.
 
     Raises
     ------
@@ -297,7 +297,7 @@ def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, f
 
 
 def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
-    """Read an image as grey values; raise InputError if the middle of the clamp is not in it."""
+    """Read an image as grey values; raise InputError if the middle of the clamp is outside the image."""
     pixels = read_grey(image)
     _check_clamp(image, pixels.shape[::-1], midpoint_px)
     return pixels
@@ -344,7 +344,7 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
     -------
     calibration : Calibration
     lines : list of str
-        How well the direction is known, for a person.
+        Lines for a person that state how well the direction is known.
 
     Raises
     ------

@@ -175,7 +175,7 @@ def _direction_deg(points: tuple[tuple[float, float], ...]) -> float:
 
 
 def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -> float:
-    """Return the uncertainty of the direction of two clicked points."""
+    """Return the uncertainty (degrees) of the direction through two clicked points."""
     return math.degrees(math.sqrt(2.0) * click_px / math.dist(points[0], points[-1]))
 
 
@@ -222,7 +222,7 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:
-    """Return a direction or its opposite, whichever points to the side of the tip, from -180 to 180."""
+    """Return a direction or its opposite, from -180 to 180: the one that points to the side of the tip."""
     if math.cos(math.radians(direction_deg - to_tip_deg)) < 0.0:
         direction_deg += 180.0
     return (direction_deg + 180.0) % 360.0 - 180.0

@@ -29,7 +29,7 @@ class FocalLength:
 
 
 def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
-    """Return the focal length that a picture states; None if it states none, or if it was cropped.
+    """Return the focal length that a picture states; None if it states none, or if the picture was cropped.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
 
 
 def _number(value: object) -> float:
-    """Return a positive number of Exif; 0 for a value that is absent or is no such number."""
+    """Return a positive number of the Exif data; 0 if the value is absent or no positive number."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

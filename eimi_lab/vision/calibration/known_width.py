@@ -69,7 +69,7 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     Raises
     ------
     ValueError
-        If the image shows no beam, or not well enough to measure it.
+        If the image shows no beam, or if the beam cannot be measured in it.
     """
     pixels = grey(image)
     scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
@@ -122,7 +122,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Return the edges of the beam; raise ValueError if they are not accurate enough to measure with."""
+    """Return the edges of the beam; raise ValueError if they are not accurate enough for a measurement."""
     edges = find_edges(pixels, calibration, specimen)
     fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
     if fatal_flags or not len(edges.left.points_mm):

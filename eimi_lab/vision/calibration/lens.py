@@ -33,7 +33,7 @@ class Lens:
     focal_length_sigma_px : float
         Standard deviation of the focal length.
     residual_px : float
-        RMS distance of the points from where the model images them.
+        RMS distance of the points from their images by the model.
     """
 
     matrix: Array
@@ -88,8 +88,8 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Raises
     ------
     ValueError
-        If there are fewer than four views, or if they determine the focal length to no better than 2 % because they are
-        too alike or not tilted.
+        If there are fewer than four views, or if the views are so similar or so little tilted that the focal length is
+        uncertain by more than 2 %.
 
     References
     ----------

@@ -45,8 +45,8 @@ class PlumbLine:
 def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_deg: float) -> PlumbLine:
     """Measure the direction of the thread in an image.
 
-    The middle of the thread is located pixel by pixel along it and undistorted. A straight line is fitted to the means
-    of twelve stretches; its covariance gives the standard deviation.
+    The middle of the thread is located pixel by pixel along the thread and undistorted. A straight line is fitted to
+    the means of twelve stretches; its covariance gives the standard deviation.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     calibration : Calibration
         The lens and the axis.
     roughly_deg : float
-        Approximate direction of gravity. Of the two directions of the thread the nearer one is returned.
+        Approximate direction of gravity. Of the two directions of the thread, the one nearer to this angle is returned.
 
     Returns
     -------

@@ -42,7 +42,7 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """An image (height, width) in which the beam is dark; the picture of a lit beam is turned into its negative."""
+    """An image (height, width) with a dark beam; the picture of a bright beam is replaced by its negative."""
 
     pixels: NDArray[Any]
     largest: float
@@ -75,7 +75,7 @@ class BackLitSearch:
     specimen_file : SpecimenFile
         The specimen and its magnet.
     findings : dict of str to float
-        What has been measured so far, by the names of the table of flags. The search adds to it.
+        The values measured so far, by the names of the table of flags. The search adds to it.
     limits : mapping of str to float, optional
         Limits that replace those in the table of flags.
     even_turn_deg : float
@@ -247,7 +247,7 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return sentences for the remedies of flags: the effect of a turn about the beam's axis on the modulus."""
+        """Return sentences for remedies of flags: the effect of a turn of the beam about its axis on the modulus."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
@@ -261,9 +261,10 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
-    """Return the corners (4, 2) px.
+    """Return the corners (4, 2) px of the beam at the clamp line and at the face of the tip.
 
-    Two are where the left and right edges cross the clamp line; two are where they cross the line of the tip's face.
+    Two corners are the crossings of the left and right edges with the clamp line, two the crossings with the line of
+    the tip's face.
     """
     face = _line_through(tip.points_px[tip.sound])
     corners = []
@@ -288,7 +289,7 @@ def _line_through(points: Array) -> tuple[Array, Array]:
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return where two lines (place, direction) cross; return NaN if they are almost parallel."""
+    """Return the crossing of two lines (place, direction); NaN if the lines are almost parallel."""
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)

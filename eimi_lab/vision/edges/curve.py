@@ -22,7 +22,7 @@ class SmoothCurve:
         Number of intervals of the spline; reduced if there are too few points.
     equal : bool
         Whether the intervals are equally long. Otherwise they hold equally many points. An interval of fewer than three
-        points is joined to the one before it.
+        points is joined to the previous interval.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Remove the inner knots that would leave an interval with fewer than three of the sorted parameters."""
+    """Return the inner knots without those that would leave an interval fewer than three of the sorted parameters."""
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

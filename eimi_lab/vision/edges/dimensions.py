@@ -1,4 +1,4 @@
-"""Width, length and twist of the beam as its edges show them, compared with the specimen."""
+"""Width, length and twist of the beam, measured on its edges and compared with the specimen."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return how much wider a beam can look at each point of its left edge, because its cross-section bows.
+    """Return by how much a beam can look wider at each point of its left edge because its cross-section bows.
 
     A beam of incompressible material that is bent with the curvature k has the curvature k / 2 across its depth. Its
     outline is then wider by k depth² / 16, but at most by a sixth of the width, because a deep strip stays flat in the
@@ -98,10 +98,10 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
 def twist_deg(widths: Array, width: float, depth: float) -> float:
     """Return the angle by which the tip is turned about the beam's axis relative to the clamp, degrees.
 
-    A box of width w and depth d that is turned by φ looks w cos φ + d sin φ wide. The twist follows from the excess of
-    the last quarter of the beam over the first eighth, or over the specimen's own width if that is larger: a beam that
-    is stretched by its weight is narrower at the root. The middles of the two stretches are 13/16 of the beam apart, so
-    that a twist that grows evenly over the whole length is 16/13 times as large.
+    A box of width w and depth d that is rotated by φ has the apparent width w cos φ + d sin φ. The twist follows from
+    the excess of the last quarter of the beam over the first eighth, or over the width of the specimen if that is
+    larger: a beam that is stretched by its weight is narrower at the root. The middles of the two stretches are 13/16
+    of the beam apart, so that a twist that grows evenly over the whole length is 16/13 times as large.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the turn of the whole beam about its axis that explains its median width, degrees; 0 if it is narrower."""
+    """Return the rotation (degrees) of the whole beam that explains its median width; 0 if it is narrower."""
     apparent = float(np.median(widths))
     return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 
@@ -136,9 +136,9 @@ def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: fl
     """Return the relative increase of the bending stiffness in the plane of the image of a twisted box.
 
     A bending moment M on a section that is turned by φ has components along both axes of the section. The curvature in
-    the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)². It is averaged over a turn
-    that grows evenly from the root to the tip, with φ² in place of sin² φ. A fit that assumes no twist overestimates
-    the modulus by this share; it underestimates the modulus of a beam that is less deep than wide.
+    the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)². This curvature is averaged
+    over a turn that grows evenly from the root to the tip, with φ² in place of sin² φ. A fit that assumes no twist
+    overestimates the modulus by this share; it underestimates the modulus of a beam that is less deep than wide.
 
     Parameters
     ----------

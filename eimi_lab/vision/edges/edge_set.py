@@ -71,7 +71,7 @@ def tip_angle_deg(edges: EdgeSet) -> float:
     """Return the direction of the tip, from +x toward +y.
 
     It is the mean direction of the last tenth of both edges. The points end a few pixels before the corners of the tip,
-    so that this is the direction just before them.
+    so that this is the direction just before the corners.
 
     Parameters
     ----------

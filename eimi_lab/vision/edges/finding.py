@@ -200,7 +200,7 @@ def _clicks(calibration: Calibration) -> Array | None:
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether a clicked point lies outside both edges by more than a person's clicks err."""
+    """Return whether a clicked point lies outside both edges by more than the error of a click."""
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -208,7 +208,7 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
-    """Return whether the beam is to be followed although its silhouette gave edges."""
+    """Return whether the beam has to be followed although its silhouette gave edges."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2:  # in front of a back-light the edges of the silhouette remain the best
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
@@ -216,7 +216,7 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the followed edges in mm; return None without edges, or if their flags make them unusable."""
+    """Return the followed edges in mm; None without edges, or if flags make the edges unusable."""
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)

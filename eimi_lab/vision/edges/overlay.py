@@ -101,7 +101,7 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """Draw the clamp line, the axis and both edges of a straight beam as the files state them."""
+    """Draw the clamp line, the axis and both edges of a straight beam with the values of the files."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],

@@ -71,7 +71,7 @@ class Side:
         Standard deviation that neighbouring points share, up to the same factor; it adds to `sigma_px` as a sum of
         squares.
     sound : ndarray of bool, shape (n,)
-        Where a step was found.
+        Whether a step was found at each point.
     stride : int
         Every stride-th point is stored; the points between them serve to estimate the scatter.
     """
@@ -111,12 +111,12 @@ class PassResult:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Which of the n profiles gave a point."""
+        """Whether each of the n profiles gave a point."""
         return np.concatenate([side.sound for side in self.sides])
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Which of the n sound profiles lie in the half of their edge nearer to the clamp, where there is no magnet."""
+        """Whether each sound profile lies in the half of its edge nearer to the clamp, where there is no magnet."""
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
@@ -319,7 +319,7 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far a profile may reach into the beam without meeting the edge of the magnet."""
+    """Return how far a profile can extend into the beam without reaching the edge of the magnet."""
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 
@@ -330,7 +330,7 @@ def _smooth(points: Array, width_px: float) -> SmoothCurve:
 
 
 def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
-    """Return which of the ordered points are farther than a margin from both ends, measured along them."""
+    """Return whether each ordered point is farther than a margin from both ends, measured along the points."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return (distance >= margin) & (distance <= distance[-1] - margin)
 

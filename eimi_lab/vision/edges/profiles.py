@@ -107,7 +107,7 @@ class Cover:
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        Which of the k covers each profile has; -1 for none.
+        Index, among the k covers, of the cover of each profile; -1 for none.
     width_px, tolerance_px : ndarray, shape (k,)
         Prior mean and standard deviation of the width of each cover.
     transmission : float
@@ -140,7 +140,7 @@ class Steps:
         Standard deviation of the offset that is caused by the uncertain width of a cover; all profiles of the cover
         share the same error.
     sound : ndarray of bool, shape (n,)
-        Where a step was found.
+        Whether a step was found on each profile.
     """
 
     offset_px: Array
@@ -253,7 +253,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns that the profiles share: `values` holds the blur and then the widths of the k covers, px."""
+    """The unknowns that all profiles share: `values` holds the blur (px) and the widths of the k covers (px)."""
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.
@@ -297,7 +297,7 @@ class _SharedUnknowns:
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the profiles by their own unknowns and by the shared ones.
+    """Return the derivatives of the profiles with respect to their own unknowns and the shared unknowns.
 
     The first array (n, m, 3) has the derivatives by dark, bright and offset, the second (n, m, 1 + k) those by the
     shared unknowns. A profile is linear in its plateaus: it equals dark times the first column plus bright times the
@@ -324,7 +324,7 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return the values and slopes of a blurred unit step at distances from it, and the distances over the blur."""
+    """Return values and slopes of a blurred unit step at distances from it, and the distances in units of the blur."""
     z = distances / blur
     return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
@@ -341,7 +341,7 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which profiles have at most three times the median residual of their group.
+    """Return whether each profile has at most three times the median residual of its group.
 
     Dirt on an edge must not determine the blur. Each group has its own median: before its two steps are fitted, a
     profile with a cover has a large residual, and must still determine the width of the cover.

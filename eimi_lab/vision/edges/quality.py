@@ -65,7 +65,7 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return the sentences of the remedies that state the effect of a turn on a fitted modulus.
+    """Return the sentences in the remedies that state the effect of a turn on the fitted modulus.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The part of the pictures in which the beam is searched, stated by a person."""
+"""The part of the pictures in which the beam is searched, as a person states it."""
 
 from __future__ import annotations
 

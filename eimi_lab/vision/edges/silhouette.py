@@ -34,7 +34,7 @@ class BackLight:
     surface : ndarray
         The fitted back-light on a coarse grid over the image, grey levels.
     bright, dark : float
-        Grey values beside the beam's root and in it.
+        Grey values beside the beam's root and inside the root.
     """
 
     surface: NDArray[np.float32]
@@ -213,7 +213,7 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the indices of the two sharpest turns about a beam's width apart, and the smaller turn in degrees."""
+    """Return the indices of the outline's two sharpest turns about a width apart, and the smaller turn."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm
     place = np.arange(0.2 * distance[-1], 0.8 * distance[-1], width_mm / _PLACES_IN_WIDTH)

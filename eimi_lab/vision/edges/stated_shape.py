@@ -1,4 +1,4 @@
-"""The stated shape of the beam, as far as the search for its edges needs it."""
+"""The stated lengths and widths of the beam that the search for its edges needs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class StatedShape:
         return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
 
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
-        """Return local widths (n,) divided by the stated ones there, times the mean width; none near a step.
+        """Return local widths (n,) divided by the stated local widths, times the mean width; none near a step.
 
         Parameters
         ----------
@@ -90,9 +90,9 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return which points (n,) of the left (0) or right (1) edge are nearer to a step than half the least width.
+        """Return whether points (n,) of the left (0) or right (1) edge are within half the least width of a step.
 
-        A smooth curve through the points cuts the corners there.
+        Near a step, a smooth curve through the points cuts the corners.
         """
         near = np.zeros(len(edge), bool)
         if not self._varies:

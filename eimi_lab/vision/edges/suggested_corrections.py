@@ -31,9 +31,9 @@ def suggest_correction(
 ) -> str:
     """Return a sentence on the value that is probably wrong for an image in which no beam was found.
 
-    The search is tried without clicked points, and with other widths, scales, axes and clamps, one at a time, each
-    clearly different from the stated value. The first change with which a beam of the full length is found, without a
-    doubt, is suggested. This is not a proof, and no file is changed.
+    The search is repeated without clicked points, and with another width, scale, axis or clamp, one change at a time
+    and each clearly different from the stated value. The first change with which a beam of the full length is found,
+    without a doubt, is suggested. This is not a proof, and no file is changed.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def suggest_correction(
 
 
 def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
-    """Return whether both edges have nearly the full length, and no flag that is more than a note."""
+    """Return whether both edges have nearly the full length, and no flag is more severe than a note."""
     if any(flag.severity is not Severity.NOTE for flag in edges.flags):
         return False
     for edge in (edges.left, edges.right):
@@ -85,7 +85,7 @@ def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
-    """Return a sentence if the whole picture is about equally bright, and an empty string if it is not."""
+    """Return a sentence if the whole picture is about equally bright; otherwise an empty string."""
     darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
     full = full_scale(image)
     if brightest - darkest > _LEAST_SPAN * full:
@@ -98,7 +98,7 @@ def _shows_nothing(image: NDArray[Any]) -> str:
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Return a sentence if an edge begins outside the picture, and an empty string if both begin in it."""
+    """Return a sentence if an edge begins outside the picture; otherwise an empty string."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
@@ -110,7 +110,7 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes of the calibration or the width with their words."""
+    """Yield changes of the calibration or the width, each with a description."""
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (

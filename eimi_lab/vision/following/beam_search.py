@@ -1,7 +1,7 @@
 """Search for the strip of the beam from its clamp outward, keeping the best hypotheses at every step (a beam search).
 
 A strip of bounded curvature grows by steps of about a third of its width. The gain of a step is the support of both of
-its sides, from 0 to 2, less the support that is needed and less costs:
+its sides, from 0 to 2, minus the support that is needed and minus costs:
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - cost of bend and width,
 
@@ -67,8 +67,8 @@ class Strip:
     variance : float
         Variance within which two colours count as equal, summed over the channels.
     rival : float
-        Score of the best strip of another body, as a share of this strip's score. It is 1 or more if an earlier picture
-        decided between the two.
+        Score of the best strip of another body, as a share of this strip's score. The share is 1 or more if an earlier
+        picture decided between the two bodies.
     """
 
     place: Array
@@ -107,7 +107,7 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
         The beam against its surroundings at the root; None if either is possible.
     earlier : callable
         Return places (n, 2) of the beam in an earlier picture, in pixels of this one, or None. It is called only if
-        several bodies have about the same score; the one nearest to these places is then used.
+        several bodies have about the same score; the body nearest to these places is then used.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The strips after one step, the index of each strip's parent, and the gain of the step."""
+    """The strips after one step, with the index of each strip's parent and the gain of the step."""
 
     strips: Hypotheses
     parent: NDArray[np.int64]
@@ -138,7 +138,7 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return strips half a width ahead of the clamp."""
+    """Return the first strips, half a width ahead of the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
@@ -212,7 +212,7 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a sudden bend, of a width other than stated, and of a strong bend.
+    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the stated width.
 
     `more_bend` is a share of the largest usual change, `width` a share of the stated width.
     """
@@ -220,7 +220,7 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the best hypotheses, best first, one for each cell of place and direction."""
+    """Return the indices of the best hypotheses, one for each cell of place and direction, the best first."""
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
     key = np.zeros(len(order), dtype=np.int64)
@@ -283,7 +283,7 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best other body half way along the strip, as a share of the strip's own score there."""
+    """Return the score of the best other body half way along the strip, divided by the strip's score there."""
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

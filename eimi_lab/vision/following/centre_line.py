@@ -40,7 +40,7 @@ class CentreLine:
     evidence : float
         Gain of a step within the free distance.
     largest_cost : float
-        Largest cost of a step outside it.
+        Largest cost of a step outside the free distance.
     """
 
     points: Array
@@ -66,7 +66,7 @@ class CentreLine:
         x, y : ndarray, shape (...)
             Places, px.
         along_px : float
-            Their distance from the clamp along the strip.
+            Distance of the places from the clamp along the strip.
         width_px : float
             Width of the beam.
 
@@ -107,7 +107,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the line of an earlier picture, whose beam may have moved since; `middle_px` is (n, 2)."""
+    """Return the line of an earlier picture, (n, 2) `middle_px`; the beam may have moved since then."""
     return _line(middle_px, CLICKED_PX, _CARRIED_SPREAD, 0.0, _CARRIED_COST)
 
 

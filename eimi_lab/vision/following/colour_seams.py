@@ -30,7 +30,8 @@ class Seams:
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of what may be its shadow, in stated widths; 0 where there is none.
+        Distance between an edge and the border of a possible shadow of the beam, in stated widths; 0 where there is no
+        such border.
     """
 
     edge: Array
@@ -53,7 +54,7 @@ def find_colour_seams(
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
-        For each pass, the standard deviation of the seam about the one before, in stated widths.
+        For each pass, the standard deviation of the seam about the previous seam, in stated widths.
     shadowless : bool
         Whether to use only projections in which the surroundings look the same in shadow.
 

@@ -25,8 +25,8 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     """Return the possible error of the softer edge if it is the border of the beam's own shadow, px.
 
     Both edges of one body are about equally far from the lens and equally blurred. The border of a shadow is also
-    blurred by the size of the lamp. It is darker inside in every colour. It lies outside the body, which therefore
-    looks wider.
+    blurred by the size of the lamp. The shadow is darker in every colour. Its border lies outside the body, which
+    therefore looks wider.
 
     Parameters
     ----------
@@ -56,12 +56,12 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) between sure places of the edges and the borders of what may be shadows."""
+    """Return the RMS distance (px) between sure places of the edges and the borders of possible shadows."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of the worse edge that has a reflection of a lamp on it.
+    """Return the share of the worse edge on which there is the reflection of a lamp.
 
     A reflection is clipped, while the middle of the beam and the surroundings beside it are not.
     """

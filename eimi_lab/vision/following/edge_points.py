@@ -120,7 +120,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Edge:
-    """The image and the colour projection from which the profiles across one edge are read.
+    """The image and the colour projection with which the profiles across one edge are read.
 
     `outward` is +1 if the outside lies clockwise of the curve's tangent, else -1.
     """
@@ -133,7 +133,7 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit steps at arc lengths of a curve; return the edge points (n, 2), the steps, and which of them were found.
+        """Fit steps at arc lengths of a curve; return the points (n, 2), the steps, and whether each step was found.
 
         With `level` the slope of the light beside the edge is removed first. This requires the position of the edge.
         """
@@ -150,7 +150,7 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """Return profiles (n, m) along normals, about 0 inside and 1 outside, and which of them lie in the image."""
+        """Return profiles (n, m) along normals, about 0 inside and 1 outside, and whether each lies in the image."""
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
@@ -191,7 +191,7 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 def _common(slope: Array, residual_rms: Array) -> Array:
     """Return, for each profile, the median (n,) of the slopes of its neighbours.
 
-    Neighbours whose slope is too steep or not straight are left out, because they show another body. The value is 0 if
+    Neighbours whose slope is too steep or not straight are left out, because they show another body. The result is 0 if
     most neighbours are left out.
     """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
@@ -223,7 +223,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     sigma : ndarray, shape (n,)
         Standard deviation along the normal.
     kept : ndarray of bool, shape (n,)
-        Which points are within four standard deviations of the line.
+        Whether each point is within four standard deviations of the line.
     """
     kept = np.ones(len(points), dtype=bool)
     offset, freedom = _off_smooth_line(points, kept)
@@ -240,7 +240,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Return the signed distances (n,) from a spline of few pieces through the kept points, and its degrees of freedom.
+    """Return signed distances (n,) from a spline of few pieces through the kept points, and degrees of freedom.
 
     The pieces are equally long. With equally many points in each, a piece where points are few would be too long for
     the shape of the edge, and the misfit would count as scatter.

@@ -1,7 +1,8 @@
-"""Remove the points at the ends of the edges from where the width of the beam changes.
+"""Remove the points at the ends of the edges where the width of the beam changes.
 
-Near the tip and near the clamp, the border of a shadow or a body in the background may replace an edge. It leaves the
-edge slowly at first, so that no single point is an outlier, and a spline through all points follows it.
+Near the tip and near the clamp, the border of a shadow or a body in the background may replace an edge. This line
+leaves the edge slowly at first. No single point is then an outlier, and a spline through all points follows the wrong
+line.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 
 def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[StripEdges, StripEdges]:
-    """Remove the points at either end from where the beam is clearly wider or narrower than before.
+    """Remove the points of both ends, beginning where the beam is clearly wider or narrower than before.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
 
 
 def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
-    """Return the edge with the kept points alone, and with their own scatter."""
+    """Return the edge with only the kept points, and with standard deviations from the scatter of these points."""
     if kept.all() or kept.sum() < _FEWEST:
         return edge
     points, sigma, near = estimate_scatter(edge.points[kept], edge.sigma[kept])
@@ -56,7 +57,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which places (n,) lie before the first place whose width differs from that of the preceding stretch.
+    """Return whether places (n,) lie before the first place whose width differs from that of the previous stretch.
 
     `along` and `widths` are in stated widths; the last place is the end that is examined.
     """

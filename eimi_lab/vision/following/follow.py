@@ -61,7 +61,7 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return the same result for the picture from which this one was cut at a place (2,), px."""
+        """Return the same result for the picture from which this picture was cut at a place (2,), px."""
         return replace(
             self,
             working=self.working and replace(self.working, origin_px=self.working.origin_px + by_px),
@@ -77,7 +77,7 @@ class FollowedBeam:
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """Sure places (n, 2) px of the left and of the right edge, to a twentieth of a width; empty without edges."""
+        """Sure places (n, 2) px of both edges, accurate to a twentieth of a width; empty without edges."""
         if self.sides is None or self.unrolled is None:
             return ()
         seams = self.unrolled.middle + self.sides.edge[..., None] * self.unrolled.aside
@@ -192,7 +192,7 @@ def _change(width: Array) -> float:
 
 
 def _narrowing(width: Array) -> float:
-    """Return the largest fraction by which a fifth of the beam's length is narrower than a fifth before it.
+    """Return the largest fraction by which a fifth of the beam's length is narrower than an earlier fifth.
 
     A fish's tail or the neck of a drop becomes narrower; a beam does not.
     """

@@ -1,4 +1,4 @@
-"""Hypotheses of a strip: where each one is, how it bends, and how well the image supports it."""
+"""Hypotheses of a strip: the place and the bend of each strip, and its support by the image."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def least_variance(picture: WorkingPicture) -> float:
-    """Return the least variance of a colour, summed over the channels.
+    """Return the smallest variance of a colour, summed over the channels.
 
     The standard deviation of a channel is at least two grey levels, twice the noise, and a fortieth of the picture's
     range.
@@ -108,7 +108,7 @@ def least_variance(picture: WorkingPicture) -> float:
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return how clearly the inside and the outside differ at both edges together, (...) from 0 to 2.
+    """Return how clearly inside and outside differ at both edges together: (...) from 0 to 2.
 
     With the squared step d² between the mean colours inside and outside of an edge, the evidence is e = d² / variance
     and the support of the edge is e / (e + 9).
@@ -139,7 +139,7 @@ def brightness_step(colours: NDArray[np.float32]) -> Array:
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the inside of colours (..., 15, c) differs from the remembered inside, (...) from 0 to 2."""
+    """Return how much the inside of colours (..., 15, c) differs from the remembered inside: (...) from 0 to 2."""
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
@@ -148,9 +148,9 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array
 ) -> NDArray[np.float32]:
-    """Return the remembered colours after another step.
+    """Return the remembered colours after another step of the search.
 
-    Each colour that is still the same moves by 12 % toward the present one.
+    Each colour that has not changed moves by 12 % toward the present colour.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Remove the reflections of a lamp from the picture in which a beam is searched; they would split the beam into two."""
+"""Remove the reflections of a lamp from the searched picture, because they would split the beam into two."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HALO = 0.12  # widths around a reflection that are replaced too
 
 
 def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
-    """Replace clipped lines and spots that are narrower than a third of the beam by what is beside them.
+    """Replace clipped lines and spots that are narrower than a third of the beam by their surroundings.
 
     Parameters
     ----------

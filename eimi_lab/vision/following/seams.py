@@ -47,7 +47,7 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
     """Find connected seams with the largest sum of falls, several at a time.
 
-    The value of a place is its fall less 0.25 ((place - expected) / tolerance)². A seam moves by at most two places
+    The value of a place is its fall minus 0.25 ((place - expected) / tolerance)². A seam moves by at most two places
     from station to station; each place costs 0.05. Dynamic programming finds the seam with the largest total value. A
     parabola through the neighbouring values gives the fraction of a place.
 
@@ -58,7 +58,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
     across : ndarray, shape (m,)
         Places across the beam, in stated widths.
     expected : ndarray, shape (k, n)
-        Where each seam is expected.
+        Expected place of each seam.
     tolerance : float
         Standard deviation about the expected place, in stated widths.
 

@@ -1,4 +1,4 @@
-"""Detect where an edge is the border of a shadow, by colours that a shadow does not change.
+"""Detect where an edge is the border of a shadow, with colours that a shadow does not change.
 
 White light dims all colours of a surface in shadow by the same factor (R. Gershon, A. D. Jepson and J. K. Tsotsos,
 "Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). In a projection
@@ -50,7 +50,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Returns
     -------
     Seams
-        `Seams.shadow` is also set where the border is that of a translucent rim, and is not moved.
+        The moved seams. `Seams.shadow` is also set where the border belongs to a translucent rim and is not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -102,7 +102,7 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return where (n,) the stretch between an edge and the border of a shadow has less light than the surroundings."""
+    """Return whether, (n,), the stretch between an edge and a shadow's border has less light than the surroundings."""
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -121,7 +121,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Return the first projection where (n,) the edge was moved, and the second elsewhere."""
+    """Return a projection: the first one where, (n,), the edge was moved, and the second one elsewhere."""
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -1,4 +1,4 @@
-"""The place and size of the beam that are stated before its picture is searched."""
+"""The place and size of the beam that are stated before the search in a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decide where along the beam each edge is sure, and where the beam ends."""
+"""Decide at which places along the beam each edge is sure, and where the beam ends."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Sides:
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1 for a full step.
     sound : ndarray of bool, shape (2, n)
-        Where an edge is sure.
+        Whether each edge is sure at each station.
     end : int
         Number of stations before the end of the beam.
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of what may be its shadow, in stated widths.
+        Distance between an edge and the border of a possible shadow of the beam, in stated widths.
     """
 
     edge: Array
@@ -99,7 +99,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed path on which the worse edge is sure.
+    """Return the share of the followed path on which the worse edge is sure, under the name of its finding.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return a mask (2, n) of the stations where each edge has a full step, is straight and separates its sides."""
+    """Return a mask (2, n): whether each edge has a full step, is straight and separates its two sides."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -146,7 +146,7 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle (n,), rad, by which a seam (n, 2) turns from one arm before a station to one arm behind it."""
+    """Return the angle (n,), rad, between the arms of a seam (n, 2) before and behind each station."""
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -154,7 +154,7 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return the longest chain of runs of sound stations of one side that continue each other.
+    """Return the longest chain of sound runs of one side in which each run continues the previous run.
 
     After a gap the edge must lie near the straight continuation of the edge before it, within the largest bend over the
     gap, and the beam must be as wide as before. This condition excludes the head of a hammer, the border of a shadow
@@ -167,7 +167,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     width : ndarray, shape (n,)
         Width in stated widths; NaN where the other edge is not sure.
     sound : ndarray of bool, shape (n,)
-        Where the edge is sure.
+        Whether the edge is sure at each station.
     scale : float
         Stated width, px.
     lever : int
@@ -195,7 +195,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 
 def _as_wide(before: Array, after: Array, gap: float) -> bool:
-    """Return whether a body is as wide behind a gap (in widths) as before; True if fewer than 3 widths are known."""
+    """Return whether a body behind a gap (in widths) is as wide as before; True if fewer than 3 widths are known."""
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if min(len(before), len(after)) < 3:
         return True

@@ -78,7 +78,7 @@ class UnrolledPicture:
 
     @cached_property
     def bins(self) -> ColourBins:
-        """Bins of a histogram over all colours but the rarest hundredth."""
+        """Bins of a histogram over all colours except the rarest hundredth."""
         channels = self.colours.shape[2]
         bins = _BINS if channels > 1 else 3 * _BINS
         low, high = np.percentile(self.colours.reshape(-1, channels), (0.5, 99.5), axis=0)
@@ -141,5 +141,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Map places (n, 2) of the coarse working picture to the fine one."""
+    """Map places (n, 2) of the coarse working picture to the fine working picture."""
     return fine.from_picture(coarse.to_picture(points))

@@ -28,7 +28,7 @@ class WorkingPicture:
     pixels : ndarray of float32, shape (height, width, channels)
         Grey values on a scale from 0 to 255.
     origin_px : ndarray, shape (2,)
-        Where the part was cut from the image.
+        Upper left corner of the part in the image.
     factor : float
         Enlargement.
     beam : StatedBeam
@@ -47,7 +47,7 @@ class WorkingPicture:
 
     @cached_property
     def span(self) -> float:
-        """Grey levels from the darkest to the brightest hundredth."""
+        """Number of grey levels between the darkest and the brightest hundredth of the pixels."""
         darkest, brightest = np.percentile(self.pixels[::3, ::3], (1, 99))
         return float(brightest - darkest)
 

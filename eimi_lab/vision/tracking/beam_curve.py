@@ -26,7 +26,7 @@ class BeamCurve:
     Parameters
     ----------
     root_px : ndarray, shape (2,)
-        Where the line begins, at the clamp.
+        Beginning of the line, at the clamp.
     coefficients : ndarray, shape (DEGREE + 1,)
         Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) over the length.
     length_px : float
@@ -61,7 +61,7 @@ class BeamCurve:
         offset_px : ndarray, shape (p,)
             Distances of the points from the curve, along its normals.
         weight : ndarray, shape (p,)
-            Weight of each point; 0 for none.
+            Weight of each point; 0 for a point that is not used.
         """
         nodes, _ = self._integrated()
         middle = 0.5 * (nodes[1:] + nodes[:-1])
@@ -103,7 +103,7 @@ def curve_through(points_px: Array, length_px: float) -> BeamCurve:
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        Points of the centre line, from the clamp; the first one is the root.
+        Points of the centre line, from the clamp; the first point is the root.
     length_px : float
         Length of the beam; beyond the last point the curve continues straight.
     """

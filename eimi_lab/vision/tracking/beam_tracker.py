@@ -1,6 +1,6 @@
-"""Find the beam in each frame of a recording, near its place in the frames before.
+"""Find the beam in each frame of a recording, near its place in the previous frames.
 
-The beam is a curve of fixed length (`beam_curve`). In each frame its last change is first continued. The
+The beam is a curve of fixed length (`beam_curve`). In each frame the last change of the curve is first continued. The
 curve is then moved to the band that contrasts with its surroundings, and then to the middle between the two edges. Only
 the pixels around the beam are read.
 """
@@ -51,7 +51,7 @@ class SeenBeam:
 
     @property
     def is_seen(self) -> bool:
-        """Whether enough of the beam was seen to follow it further."""
+        """Whether enough of the beam was seen for the next frame to be searched."""
         return float(np.isfinite(self.middle_px[:, 0]).mean()) >= _FEWEST
 
 
@@ -118,7 +118,7 @@ class BeamTracker:
             raise ValueError("the beam does not contrast with its surroundings")
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the beam in the next frame; most of its points are NaN if it was not seen."""
+        """Return the beam in the next frame; most of its points are NaN if the beam was not seen."""
         grey = self._grey(image)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
@@ -173,7 +173,7 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return how far the fastest point moved since the frame before: no exposure is longer than that time."""
+        """Return how far (px) the fastest point moved since the previous frame, which no motion blur can exceed."""
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
@@ -219,5 +219,5 @@ def _across(points: Array, places: Array, normals: Array) -> Array:
 
 
 def _nearest(line: Array, places: Array) -> Array:
-    """Return the point of a line nearest to each place."""
+    """Return, for each place, the nearest point of a line."""
     return np.asarray(line[((places[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)])
