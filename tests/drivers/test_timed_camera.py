@@ -135,6 +135,24 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
     assert [what for what, _ in inner.calls] == ["grab", "close"]
 
 
+def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
+    """After a sleep of the computer, the deadline has passed, but the driver of the camera is not the cause."""
+    inner, now = StubbornCamera("grab"), [0.0]
+
+    def refuse() -> None:
+        raise InstrumentError("the run stood still for 60 s")
+
+    def clock_after_a_sleep() -> float:
+        now[0] += 60.0
+        return now[0]
+
+    camera = TimedCamera("cam 3", lambda: inner, seconds=clock_after_a_sleep, meanwhile=refuse)
+    with pytest.raises(InstrumentError, match="the run stood still for 60 s"):
+        camera.grab(3.0)
+    inner.release.set()
+    camera.close()
+
+
 def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
     """A busy host delays the camera beyond every deadline, but its processor time is short."""
     inner = StubbornCamera("grab")

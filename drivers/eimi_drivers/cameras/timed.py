@@ -126,11 +126,11 @@ class TimedCamera:
             try:
                 answer_of_call, error = answers.get(timeout=LOOK_EVERY_S)
             except queue.Empty:
+                if self._meanwhile:  # first: after a sleep of the computer, the driver is not the cause
+                    self._meanwhile()
                 if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
                     raise InstrumentTimeout(self._lost) from None
-                if self._meanwhile:
-                    self._meanwhile()
                 continue
             if isinstance(error, InstrumentError) or (error is not None and not isinstance(error, Exception)):
                 raise error
