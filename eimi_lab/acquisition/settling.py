@@ -72,7 +72,7 @@ def wait_until_settled(
     noise : Noise
         Noise of the camera.
     stop_if_asked : callable
-        Called before each frame; it may raise.
+        Called before and after each frame; it may raise.
     see : callable
         Receives every new frame and its time on the clock (s).
     not_before_s : float
@@ -91,7 +91,9 @@ def wait_until_settled(
     while clock.now() <= max(began + rule.timeout_s, not_before_s):
         stop_if_asked()
         frame = camera.grab(GRAB_TIMEOUT_S)
-        at, image = clock.now(), mean_grey(frame.image)
+        at = clock.now()
+        stop_if_asked()  # the camera may need long for a frame, and the band below takes as long
+        image = mean_grey(frame.image)
         if past:
             previous = past[-1][1]
             if noise.exceeds_rounding and np.array_equal(previous, image):

@@ -4,6 +4,7 @@ layout            groups, columns and attributes of the file
 writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash
 empty_file        a dataset of frames before its first state
 recordings        frames between the states: transients, ring-downs and conditioning
+frame_chunk       a frame as one compressed chunk of HDF5
 frame_stream      frames that are compressed in threads and written while they arrive
 recorded_frames   the frames of a ring-down, read one at a time
 steps             the set-points of a run, and the steps of its ring-downs

@@ -1,8 +1,7 @@
 """Frames that are compressed in threads and written while they arrive, faster than HDF5's own filters allow.
 
-HDF5 compresses in the thread that writes, one chunk after another. Here several threads compress frames with ISA-L
-(Intel's igzip, the same format as gzip) and compute the checksum of HDF5's filter fletcher32; another thread writes the
-finished chunks in their order. Any HDF5 reader reads the file with its ordinary filters.
+HDF5 compresses in the thread that writes, one chunk after another. Here several threads compress frames
+(`frame_chunk`), and another thread writes the finished chunks in their order.
 
 At most a stated number of bytes of frames is in memory. If the disk or the processors are too slow, `put` waits.
 """
@@ -17,11 +16,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-from isal import isal_zlib
 from numpy.typing import NDArray
 
+from eimi_lab.dataset.frame_chunk import compressed, write_chunk
 from eimi_lab.dataset.layout import to_stored
-from eimi_lab.dataset.repair.checksums import fletcher32
 
 RING_BYTES = 512 << 20
 """Frames in memory that are not yet on the disk: three seconds of 120 frames of 1.3 MB."""
@@ -29,7 +27,6 @@ RING_BYTES = 512 << 20
 COMPRESSING = 2
 """Threads that compress; igzip leaves Python's lock while it works."""
 
-_LEVEL = 1  # of igzip: the ratio of gzip's level 1 at a quarter of its time
 _AHEAD = 64  # frames by which the stack is lengthened at once
 
 
@@ -94,7 +91,7 @@ class FrameStream:
                 meanwhile()
         if self._error:
             raise self._error
-        chunk = self._compressing.submit(_chunk, image)
+        chunk = self._compressing.submit(_stored_chunk, image)
         self._writing.submit(self._write, self._accepted, chunk)
         self._accepted += 1
 
@@ -106,7 +103,7 @@ class FrameStream:
             row = self._first + number
             if row >= len(self._frames):
                 self._frames.resize(row + _AHEAD, axis=0)
-            self._frames.id.write_direct_chunk((row, *(0 for _ in self._shape)), data)
+            write_chunk(self._frames, row, data)
             self.written = number + 1
         except BaseException as error:  # raised again in the thread of the caller
             self._error = error
@@ -134,7 +131,5 @@ def _size(shape: tuple[int, ...]) -> int:
     return int(np.prod(shape, dtype=object))
 
 
-def _chunk(image: NDArray[Any]) -> bytes:
-    """Return a frame as a chunk of HDF5: compressed, with its checksum behind it."""
-    compressed = isal_zlib.compress(np.ascontiguousarray(to_stored(image)), level=_LEVEL)
-    return bytes(compressed) + fletcher32(compressed).to_bytes(4, "little")
+def _stored_chunk(image: NDArray[Any]) -> bytes:
+    return compressed(to_stored(image))

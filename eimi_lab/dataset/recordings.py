@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.protocol import Protocol
+from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.layout import append, columns, frame_stack, group
 from eimi_lab.process.limits import refuse_unpacked
 
@@ -131,7 +132,7 @@ def append_moments(
         Function that is called after every frame.
     """
     for image in images:
-        append(store["frames"], image[np.newaxis])
+        append_image(store["frames"], image)
         beat()
     store["frames"].flush()
     append_times(recording, store, belongs_to, moments)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import Frame, SensorReading
 from eimi_lab.dataset.empty_file import empty_file
+from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.frame_stream import FrameStream
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
@@ -305,7 +306,7 @@ class DatasetWriter:
         }
         with self._writing():
             for image in images:
-                append(self._frames, image[np.newaxis])
+                append_image(self._frames, image)
                 self._beat()
             for name, column in self._columns.items():
                 append(column, rows[name])

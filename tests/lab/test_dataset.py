@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -16,6 +17,7 @@ from eimi_drivers.interfaces import Frame, Identity
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
@@ -314,3 +316,18 @@ def test_a_truncated_file_is_refused_in_one_line(files: Path, frame: Callable[..
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(InputError, match=r"run\.h5: is a damaged HDF5 file"), open_dataset(path):
         pass
+
+
+@pytest.mark.parametrize("colours", [(), (3,)])
+@pytest.mark.parametrize("filters", [{"compression": "gzip", "fletcher32": True}, {"compression": "lzf"}, {}])
+def test_a_frame_is_appended_to_a_stack_with_any_filters(
+    tmp_path: Path, colours: tuple[int, ...], filters: dict[str, Any]
+) -> None:
+    images = np.random.default_rng(1).integers(0, 4000, (3, 40, 31, *colours), np.uint16)
+    shape = images.shape[1:]
+    with h5py.File(tmp_path / "stack.h5", "w") as file:
+        stack = file.create_dataset("frames", (0, *shape), "u2", chunks=(1, *shape), maxshape=(None, *shape), **filters)
+        for image in images:
+            append_image(stack, image)
+    with h5py.File(tmp_path / "stack.h5") as file:
+        assert np.array_equal(file["frames"], images)
