@@ -36,7 +36,7 @@ GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look": (showing.report, watching.dashboard, watching.phone, publishing.publish, showing.demo, studying.study),
 }
 SERVERS = (bench.emulate, watching.dashboard, watching.phone)
-"""Commands that print by themselves, before they serve; all others return a `Result`."""
+"""Commands that print before they serve a page or an instrument; all other commands return a `Result`."""
 
 _LONGEST_SUMMARY = 200
 

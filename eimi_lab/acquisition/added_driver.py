@@ -16,7 +16,7 @@ from eimi_drivers.interfaces import UnusableDriver
 from eimi_drivers.supplies.supply_names import SUPPLIES
 
 LONGEST_ON_WINDOWS = 24_000
-"""Most characters of a driver there. A command line has at most 32767 (Microsoft, CreateProcessW), others included."""
+"""Largest number of characters of a driver on a command line, which has at most 32767 (Microsoft, CreateProcessW)."""
 
 
 def pack(name: str) -> str:

@@ -38,7 +38,7 @@ FOLLOWS_WITHIN_S = 1.5
 """The measured current lags behind a ramp by less than this time."""
 
 EXCHANGES_REMEMBERED = 3
-"""A step of the ramp down is expected to take as long as the longest of this many exchanges before it."""
+"""A step of the ramp down is expected to take as long as the longest of the last exchanges; this is their number."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
 """A wrong current is measured again after this time; only a second wrong value ends the run."""

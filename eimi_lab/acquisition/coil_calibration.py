@@ -30,7 +30,7 @@ SETTLED_AFTER_S = 0.5
 """Time between the moment at which the current is reached and the first reading of the field."""
 BETWEEN_READINGS_S = 0.1
 READINGS = 5
-"""Readings of the field at each current."""
+"""Number of readings of the field at each current."""
 
 
 @dataclass(frozen=True)

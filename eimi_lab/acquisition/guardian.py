@@ -25,10 +25,10 @@ from eimi_lab.process.pipes import handed_down, never_wait_to_write, readable
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
-"""Time without a beat after which the guardian takes the run to stand still."""
+"""Time without a beat after which the guardian treats the run as standing still."""
 
 SILENT_FOR_S = 1.5
-"""Time without a report after which the run takes the guardian to be gone; it reports four times as often."""
+"""Time without a report after which the run treats the guardian as gone; it reports four times as often."""
 
 BEAT_EVERY_S = 0.1
 LONGEST_GAP_S = 10.0

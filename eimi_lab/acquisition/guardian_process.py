@@ -229,7 +229,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 raise
             off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)
             unidentified = _compare(ward, supply)  # the line may have been reopened
-            remark = f"; not every stage went well ({error})"
+            remark = f"; a stage of switching off failed ({error})"
         measured = f", {off.current_A:.2f} A measured" if off else ""
         if unidentified:
             raise SwitchOffFailed(

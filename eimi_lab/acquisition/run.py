@@ -98,7 +98,7 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
     if rate_Hz and rig.camera.frame_rate_Hz and rig.camera.frame_rate_Hz < rate_Hz:
         raise InputError(
             f"protocol {protocol.name}: ring_down.rate_Hz = {rate_Hz:g}, but rig {rig.name} sets "
-            f"camera.frame_rate_Hz = {rig.camera.frame_rate_Hz:g}; raise the one or lower the other"
+            f"camera.frame_rate_Hz = {rig.camera.frame_rate_Hz:g}; change one of the two rates"
         )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)

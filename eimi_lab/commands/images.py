@@ -65,8 +65,8 @@ def import_(
         int | None,
         typer.Option(
             metavar="N",
-            help="of a video: import every N-th frame; each load of states.csv acts from its time_s or frame until the "
-            "next row, or until the column until_s",
+            help="for a video: import every N-th frame; each load of states.csv acts from its time_s or frame until "
+            "the next row, or until the column until_s",
             min=1,
         ),
     ] = None,

@@ -170,7 +170,10 @@ def export(
         float | None, typer.Option("--bulk-modulus-kPa", help="bulk modulus of the card; it is never taken from a fit")
     ] = None,
     bulk_ratio: Annotated[
-        float | None, typer.Option("--bulk-ratio", help="instead: bulk modulus divided by initial shear modulus")
+        float | None,
+        typer.Option(
+            "--bulk-ratio", help="instead of --bulk-modulus-kPa: bulk modulus divided by initial shear modulus"
+        ),
     ] = None,
     force: Force = False,
 ) -> Result:

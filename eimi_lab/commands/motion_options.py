@@ -30,28 +30,28 @@ class MotionOptions(PictureOptions):
     ] = False
     rate: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="of a motion: frames per second, if the file states none or plays slowly"),
+        typer.Option(metavar="HZ", help="for a motion: frames per second, if the file states none or plays slowly"),
     ] = None
     released: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            help="of a motion: time in the file at which the beam was released or its load changed",
+            help="for a motion: time in the file at which the beam was released or its load changed",
             show_default="last frame within 3 % of the greatest deflection",
         ),
     ] = None
     hanging: Annotated[
-        float | None, typer.Option(metavar="N", help="of a motion: weight that hangs at the tip, in newtons")
+        float | None, typer.Option(metavar="N", help="for a motion: weight that hangs at the tip, in newtons")
     ] = None
     removed: Annotated[
         float | None,
-        typer.Option(metavar="N", help="of a motion: weight taken from the tip at the release, in newtons"),
+        typer.Option(metavar="N", help="for a motion: weight taken from the tip at the release, in newtons"),
     ] = None
-    exposure: Annotated[float | None, typer.Option(metavar="S", help="of a motion: exposure time of a frame")] = None
+    exposure: Annotated[float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame")] = None
     row_time: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="of a motion: time from one row of the picture to the next below (rolling shutter)"
+            metavar="S", help="for a motion: time from one row of the picture to the next below (rolling shutter)"
         ),
     ] = None
 

@@ -73,5 +73,7 @@ def read_motion(
 
     options.refuse_track_options()
     if calibration or options.changes():
-        raise InputError(f"{source}: is in the beam frame; leave out --calibration, --clamp and the like")
+        raise InputError(
+            f"{source}: is in the beam frame; leave out --calibration, --clamp and the other options that place points"
+        )
     return read_motion_csv(source, specimen, facts)

@@ -52,11 +52,11 @@ class TrueBench(Table):
     taper_mm: float = 0.0
     """Change of the width from the clamp to the end of the flexible part."""
     coil_constant_mT_per_A: float | None = Field(default=None, gt=0)
-    """Field per current at the magnet, instead of the stated one."""
+    """Field per current at the magnet, instead of the stated value."""
     background_field_mT: Pair | None = None
-    """Field without a current, instead of the stated one: to the right and down in the image."""
+    """Field without a current, instead of the stated field: to the right and down in the image."""
     field: CoilShapeTable | None = None
-    """The coil's field as a function of the place, instead of the stated one."""
+    """The coil's field as a function of the place, instead of the stated field."""
 
 
 class TrueMaterials(Document):

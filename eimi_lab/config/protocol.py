@@ -118,7 +118,7 @@ class Settle(Table):
     pairs: int = Field(ge=1)
     """Number of successive pairs of frames that must be below the limit."""
     drift_window_s: float = Field(gt=0)
-    """Two frames this far apart in time must also be below the limit, because silicone creeps."""
+    """Two frames that are this time apart must also be below the limit, because silicone creeps."""
     dwell_s: float = Field(default=0.0, ge=0, le=3600)
     """Shortest time that a state lasts, from the moment at which its current was set; creep needs a minute."""
     timeout_s: float = Field(gt=0)

@@ -111,7 +111,7 @@ class Camera(Table):
     pixel_format: str | None = None
     """Pixel format of a GenICam camera by its name there, such as "Mono12Packed" or "BayerRG8"."""
     trigger: str | None = None
-    """Of a GenICam camera: "software", which is the default without a frame rate, or an input such as "Line1"."""
+    """For a GenICam camera: "software", which is the default without a frame rate, or an input such as "Line1"."""
     playback: Playback = NO_PLAYBACK
     """How a folder of pictures or a video replaces the camera."""
 

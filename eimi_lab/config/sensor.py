@@ -24,7 +24,7 @@ SUPPLY = "supply"
 Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
 
 UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
-"""The unit that a sensor of each quantity must have; any unit will do for another quantity."""
+"""The unit that a sensor of each quantity must have; another quantity may have any unit."""
 
 
 class RigSensor(Table):
@@ -44,14 +44,14 @@ class RigSensor(Table):
     at_magnet: float = 1.0
     """Field at the magnet divided by the field at the probe; negative if the probe is mounted the other way round."""
     uncertainty: float | None = Field(default=None, ge=0)
-    """Standard uncertainty of one reading, in its unit; by default the one that the sensor states itself, if any."""
+    """Standard uncertainty of one reading, in its unit; by default the uncertainty that the sensor states."""
     uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
-    """Standard uncertainty that all readings share, as a fraction: that of the probe's calibration and of at_magnet."""
+    """Standard uncertainty that all readings share, as a fraction: from the probe's calibration and from at_magnet."""
 
     at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
-    """Of coil-resistance: temperature of the coil before the run, which is that of the room."""
+    """For coil-resistance: temperature of the coil before the run, which is that of the room."""
     at_rest_A: float | None = Field(default=None, gt=0)
-    """Of coil-resistance: current with which the resistance at rest is measured, before the first state."""
+    """For coil-resistance: current with which the resistance at rest is measured, before the first state."""
 
     @field_validator("driver")
     @classmethod

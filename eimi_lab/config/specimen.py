@@ -88,16 +88,16 @@ class Beam(Table):
     density_kg_m3: Density
     """Density of the silicone."""
     poisson_ratio: float = Field(default=0.5, gt=0, le=0.5)
-    """Poisson's ratio of the material at small strain. A fit takes the material as incompressible; below 0.495 it says
-    what this does to the modulus."""
+    """Poisson's ratio of the material at small strain. A fit assumes an incompressible material; below 0.495 it
+    states the effect of this assumption on the modulus."""
     section: mechanics.Section = "solid"
     """Model of the depth: the solid beam, or one of two planar approximations."""
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
     """Magnetisation of silicone cast with magnetic powder, along and across the beam at rest."""
     rest_shape: Literal["measured", "straight"] | CentreLine = MEASURED
-    """Shape without load: "measured" in the states without field and tip force, where gravity acts along the beam and
-    edges were found; "straight", with the stated widths; or the centre line, as the name of a CSV file beside this one
-    (columns x_mm, y_mm, from the clamp to the tip) or as its points [x, y]."""
+    """Shape without load. "measured": from the states without field and tip force; gravity must act along the beam, and
+    these states must have edges. "straight": straight, with the stated widths. Otherwise the centre line: the name of a
+    CSV file beside this one (columns x_mm, y_mm, from the clamp to the tip), or its points [x, y]."""
     measured_with: str | None = Field(default=None, min_length=1)
     """Instrument that measured the lengths; specimens that name the same one share its error."""
 
@@ -119,7 +119,7 @@ class Magnet(Table):
     """Length of silicone between the magnet and the tip."""
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Direction of the magnetisation at rest: 0 along the beam toward the tip, positive toward the positive field.
-    Data sheets give its uncertainty as 3 to 5 degrees; 1 degree is worth 3 to 5 % of the modulus."""
+    Data sheets give its uncertainty as 3 to 5 degrees; 1 degree changes the modulus by 3 to 5 %."""
 
 
 class TipLoad(Table):

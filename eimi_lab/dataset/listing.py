@@ -202,7 +202,7 @@ def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
     starts = [row.number("time_s") if by_time else float(row.count("frame")) for row in rows]
     for row, start, before in zip(rows[1:], starts[1:], starts, strict=False):
         if start <= before:
-            raise row.fault(column, "later than in the row before it")
+            raise row.fault(column, "later than in the previous row")
     frames: list[ListedFrame] = []
     for index, (row, start) in enumerate(zip(rows, starts, strict=True)):
         end = starts[index + 1] if index + 1 < len(rows) else np.inf

@@ -25,7 +25,7 @@ LEAST_RISE_K = 1.0
 """A smaller rise (K) does not test the model."""
 
 SEARCHED = np.geomspace(0.1, 10.0, 201)
-"""The time constants that are compared with the stated one, as fractions of it."""
+"""The time constants that are compared with the stated one, as fractions of the stated one."""
 
 DIFFERENT = 0.3
 """A best time constant that differs by more than this fraction from the stated one is reported, if it fits better."""

@@ -43,7 +43,7 @@ from eimi_lab.vision.flags import judge
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30
 HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-"""Errors that h5py raises on damaged files."""
+"""Errors that h5py raises for damaged files."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:

@@ -58,7 +58,7 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
         open_end = BULK_NAME in fit.identifiability.not_fixed
         lines.append(
             f"bulk modulus {_kPa(fit.bulk_modulus.value)} [{_kPa(low)}, {_kPa(high)}] kPa"
-            + ("; the data agree with an infinite one" if open_end else "")
+            + ("; the data agree with an infinite bulk modulus" if open_end else "")
         )
     return lines
 

@@ -51,7 +51,7 @@ def measured_differences(datasets: Sequence[DatasetReference]) -> list[str]:
             if abs(one - other) > DIFFERENT_K:
                 lines.append(
                     f"{first.path} was measured at {one:.1f} °C and {second.path} at {other:.1f} °C: they differ by "
-                    f"more than {DIFFERENT_K:g} K, and the fit takes the material as the same"
+                    f"more than {DIFFERENT_K:g} K, but the fit assumes equal materials"
                 )
         if first.measured_field and second.measured_field:
             lines += _field_difference(first, first.measured_field, second, second.measured_field)

@@ -47,7 +47,7 @@ from eimi_lab.process.detached import detached
 from eimi_lab.process.pipes import handed_down
 
 CONFIRMED_WITHIN_S = 4.0
-"""Kill a run that has not confirmed the output as off within this time after STOP; its guardian then takes over."""
+"""A run that has not confirmed the output as off within this time after STOP is killed; its guardian takes over."""
 
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40

@@ -37,7 +37,7 @@ N_PER_GRAM = 9.80665e-3
 """Weight of a gram at standard gravity (ISO 80000-4), N."""
 
 FREED = ("axis", "clamp")
-"""Inputs that a fit of clicked photographs frees: the pictures determine both better than clicks and a level."""
+"""Inputs that a fit of clicked photographs frees, because the pictures determine them better than clicks do."""
 
 DENSITY_SIGMA_KG_M3 = 10.0
 _SIZES = ("length_mm", "width_mm", "depth_mm")

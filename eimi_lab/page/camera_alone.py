@@ -24,7 +24,7 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.pipes import never_wait_to_write, readable, received
 
 EVERY_S = 0.25
-"""Time between two frames; enough to focus by, and little work for a computer that also fits."""
+"""Time between two frames: short enough for focusing, and little work for a computer that also fits."""
 
 FRAME_WITHIN_S = 5.0
 GIVES_WAY = 5  # nice

@@ -33,7 +33,7 @@ from eimi_lab.process.pipes import never_wait_to_write, received
 from eimi_lab.process.stopping import signal_main_thread
 
 SIGNAL = "signal "
-"""Begins the line by which the page sends a signal, whose number follows, where the system cannot (Windows)."""
+"""Beginning of the line with which the page sends a signal on Windows; the number of the signal follows."""
 
 SHOWN_EVERY_S = 1 / 40
 RATE_OVER_S = 1.0

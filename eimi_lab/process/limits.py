@@ -20,7 +20,7 @@ from eimi_lab.process.errors import InputError
 ASSUMED_FREE_BYTES = 4 << 30
 """Assumed free memory if the system does not state it."""
 SHARE_OF_FREE = 4
-"""At most one part in this number of the free memory is unpacked from a file at once."""
+"""At most the free memory divided by this number is unpacked from a file at once."""
 _CRASHED = 0xC0000000
 """The least exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
 WALL_WITHIN_S = 3600.0

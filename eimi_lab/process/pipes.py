@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any
 
 LOOK_EVERY_S = 0.01
-"""On Windows, a process that waits for a pipe looks this often whether something has come."""
+"""On Windows, a process that waits for a pipe checks for data at this interval."""
 
 if sys.platform == "win32":
     import msvcrt

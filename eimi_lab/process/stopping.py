@@ -21,7 +21,7 @@ TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIG
 
 AGAIN_AFTER_S = 0.05
 IN_HASTE_AFTER_S = 1.0
-"""Windows ends a process 5 s after its console was closed: a second signal follows so long after the first."""
+"""Time (s) from the first signal to the second: Windows ends a process 5 s after its console was closed."""
 
 
 class Stopped(BaseException):

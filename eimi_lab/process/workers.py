@@ -145,8 +145,8 @@ def completed(
                 losses += 1
                 if losses == LARGEST_NUMBER_OF_LOSSES:
                     raise ChildProcessError(
-                        f"worker processes were lost {losses} times in succession: is there enough memory for so many? "
-                        "(fewer --workers need less)"
+                        f"worker processes were lost {losses} times in succession: is there enough memory? "
+                        "(fewer --workers need less of it)"
                     ) from error
 
 

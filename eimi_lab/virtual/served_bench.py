@@ -28,7 +28,7 @@ from eimi_lab.virtual.virtual_rig import true_field_mT, truth_of, virtual_camera
 from eimi_lab.virtual.virtual_sensors import emulated_instrument
 
 TRIGGERS_PER_S = 10.0
-"""How often the camera looks for a software trigger; if it computed more pictures, the run would be slowed down."""
+"""How often per second the camera checks for a software trigger; more pictures would slow the run down."""
 
 _LOCAL_PORT = re.compile(r"(TCPIP\d*::|socket://)(127[.\d]*|localhost)::?(?P<port>\d+)(::SOCKET)?", re.IGNORECASE)
 _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)

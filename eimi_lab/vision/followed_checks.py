@@ -40,10 +40,10 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_stretch",
-        quantity="the same length, if both edges are clear and without a gap up to there",
+        quantity="length over which the beam was followed, if both edges are clear and have no gap",
         limit=0.55,
         below=True,
-        remedy="Only this part of the beam is used: look in the overlay what covers the rest, and check length_mm.",
+        remedy="Only this part of the beam is used: see in the overlay what covers the rest, and check length_mm.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.4,
     ),
@@ -53,7 +53,7 @@ FOLLOWED = (
         quantity="share of the followed path on which the worse edge is sure, if long stretches are not",
         limit=0.7,
         below=True,
-        remedy="Look in the overlay which edge is lost, and put something of another colour behind the beam there.",
+        remedy="See in the overlay which edge is lost, and put something of another colour behind the beam there.",
     ),
     Check(
         name="NOT_FOLLOWED",
@@ -87,7 +87,7 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_faint",
-        quantity="the same evidence, if both edges are sure without a gap from the clamp to the tip",
+        quantity="mean evidence for the beam, if both edges are sure without a gap from the clamp to the tip",
         limit=0.2,
         below=True,
         remedy="Check in the overlay that the edges are those of the beam: the evidence is weak; put something even "
@@ -130,7 +130,7 @@ FOLLOWED = (
         finding="followed_narrowing",
         quantity="relative narrowing of the followed body toward its tip",
         limit=0.4,
-        remedy="Look in the overlay what was followed: a beam of one width does not taper this much.",
+        remedy="Check in the overlay what was followed: a beam of one width does not taper this much.",
     ),
     Check(
         name="WIDTH_ANOMALY",
@@ -146,7 +146,7 @@ FOLLOWED = (
     Check(
         name="OWN_SHADOW",
         finding="followed_shadow",
-        quantity="RMS distance between edges and the borders of what may be shadows, px",
+        quantity="RMS distance between edges and the borders of possible shadows, px",
         limit=0.0,
         remedy="Check in the overlay that the edges are those of the beam, not of its shadow and not of a layer inside "
         "it; move the lamp, or move the background farther back.",
@@ -199,7 +199,7 @@ FOLLOWED = (
         finding="followed_tip",
         quantity="1 if the edges were followed from the clamp, so that the tip is not used",
         limit=0.0,
-        remedy="Nothing needs to be done: each edge ends where it stops being sure, and a fit compares it up to there.",
+        remedy="Nothing needs to be done: each edge ends at its last sure place, and a fit compares it up to there.",
         severity=Severity.NOTE,
     ),
     Check(

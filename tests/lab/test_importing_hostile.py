@@ -112,7 +112,7 @@ def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files
     with open_dataset(files / "out.h5") as dataset:
         assert [len(dataset.images(k)) for k in (0, 1)] == [2, 2]  # frames 0 and 3; 6 and 9
     for table, every, expected in (
-        ("time_s,current_A\n0.5,0\n0.2,1\n", "2", "row 3: time_s = '0.2' should be later than in the row before it"),
+        ("time_s,current_A\n0.5,0\n0.2,1\n", "2", "row 3: time_s = '0.2' should be later than in the previous row"),
         ("time_s,current_A\n0,0\n0.11,1\n0.15,2\n", "2", "row 3: time_s = '0.11' should be the beginning of a load"),
         ("time_s,current_A\n0,0\n", "0", "--every"),
     ):

@@ -338,7 +338,7 @@ def test_c3d_files_are_imported(run: Run, files: Path) -> None:
 MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
     "no sigma": (
         ("--rest", "0", *BY_CALIBRATION),
-        "does not state how exact its positions are; give --sigma in its unit",
+        "does not state the uncertainty of its positions; give --sigma in its unit",
     ),
     "no rest": (("--sigma", "1", *BY_CALIBRATION), "contains no positions at rest; give --rest FRAME"),
     "rest elsewhere": (("--sigma", "1", "--rest", "9", *BY_CALIBRATION), "--rest 9: "),

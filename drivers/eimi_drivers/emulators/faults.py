@@ -90,7 +90,7 @@ class Fault(Enum):
     )
     TRIP = (
         "a protection switches the output off",
-        "notices the trip, does not switch on again, and reports it",
+        "notices the trip, does not switch on again, and reports the trip",
     )
     BROWNOUT = (
         f"the mains fail briefly: nothing answers for {RESTARTS_WITHIN_S:g} s, then the supply is as after power-up",

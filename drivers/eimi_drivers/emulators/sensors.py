@@ -17,7 +17,7 @@ from eimi_drivers.supplies.transport import Responder
 class SensorFault(Enum):
     """A fault of the sensor rather than of its line, with its effect and the behaviour of a correct program."""
 
-    STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice it")
+    STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice this fault")
     JUMP = ("the value is a hundred times too large", "ends the run if an interlock bounds the sensor")
 
     def __init__(self, effect: str, correct: str) -> None:

@@ -33,7 +33,7 @@ READ_BACK_WITHIN_S = 0.6
 """Time (s) within which a new set-point must read back; some Korad firmware needs 0.45 s."""
 
 LATE_ANSWER_S = 1.0
-"""Time (s) after an unanswered query in which no other is sent; a late answer that arrives meanwhile is discarded."""
+"""Time (s) after an unanswered query in which no other query is sent; a late answer to the first query is discarded."""
 
 PROTECTION_MARGIN = 1.1
 """Ratio of the level of the instrument's own protection to the limit. The protection is for a failed regulator."""

@@ -81,7 +81,7 @@ class GenesysSupply(SupplyBase):
     default_channel = 6
     protections = OVER_VOLTAGE
     without_contact = (
-        f"{STAYS_ON}; a Genesys+ has a watchdog in its front panel's menu (manual GH10-100, 5.10), a run bears 10 s"
+        f"{STAYS_ON}; a Genesys+ has a watchdog in its front panel's menu (manual GH10-100, 5.10); set 10 s for a run"
         + armed_in_words(protections)
     )
 

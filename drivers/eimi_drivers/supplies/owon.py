@@ -25,7 +25,7 @@ REFUSED = b"ERR"
 """The answer to a message that the supply does not accept."""
 
 MOST_REFUSALS = 3
-"""Number of ERR answers that show that the question was refused: at most two commands are sent before a question."""
+"""This many ERR answers show that the query itself was refused, because at most two commands precede a query."""
 
 
 class OwonSpeSupply(ScpiSupply):

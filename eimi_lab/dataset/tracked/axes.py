@@ -175,5 +175,7 @@ def _sigma_mm(tracks: Tracks, placing: Placing, mm_per_unit: float, origin: str)
             raise InputError(f"--sigma {placing.sigma:g}: should be greater than 0, in the unit of {origin}")
         return np.full(shape, placing.sigma * mm_per_unit)
     if tracks.sigma is None:
-        raise InputError(f"{origin}: does not state how exact its positions are; give --sigma in its unit, such as 0.1")
+        raise InputError(
+            f"{origin}: does not state the uncertainty of its positions; give --sigma in its unit, such as 0.1"
+        )
     return tracks.sigma * mm_per_unit

@@ -16,8 +16,8 @@ from eimi_lab.reporting.shown import ShownFit
 
 _HEAD = ("law", "cause", "probability", "value", "change of the modulus", "decide by")
 _CAPTION = (
-    "Possible causes of the residuals, weighed against each other by their evidence. The change of the modulus is what "
-    "the cause would make if it were taken into account."
+    "Possible causes of the residuals, weighed against each other by their evidence. The change of the modulus is "
+    "that of a fit that takes the cause into account."
 )
 _NOTE = "Two causes may be present together, so that the probabilities may add up to more than 1."
 _LEAST = 0.01  # a cause of smaller probability has no row, except the first two

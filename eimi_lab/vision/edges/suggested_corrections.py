@@ -129,4 +129,4 @@ def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[di
     frame = BeamFrame(calibration)
     for along, across in [(0.0, aside) for aside in ASIDE] + [(aside, 0.0) for aside in ASIDE]:
         x, y = np.round(frame.to_px([[along * width_mm, across * width_mm]])[0], 1).tolist()
-        yield {"clamp_midpoint_px": (x, y)}, f"clamp_midpoint_px = [{x:g}, {y:g}]: is the clamp where it is said to be?"
+        yield {"clamp_midpoint_px": (x, y)}, f"clamp_midpoint_px = [{x:g}, {y:g}]: is the clamp at the stated place?"

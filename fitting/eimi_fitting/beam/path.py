@@ -140,7 +140,7 @@ def candidates(
     bulk = BULK_RATIO * np.where(sound, mu, 1.0)
     if bulk_modulus_Pa is not None:
         if section == "plane-stress":
-            raise ValueError("plane stress is computed for incompressible materials only: it takes no bulk modulus")
+            raise ValueError("plane stress is computed for incompressible materials only: leave out the bulk modulus")
         bulk_MPa = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
         sound = sound & np.isfinite(bulk_MPa) & (bulk_MPa > 0)
         bulk = np.where(sound, np.minimum(bulk_MPa, _MOST_BULK_RATIO * mu), bulk)

@@ -71,7 +71,7 @@ class NotExplained(Exception):
         self.experiment, self.state = experiment, state
         self._arguments = (experiment, state, error_mm, deflection_mm, curves)
         super().__init__(
-            f"the best candidate is {error_mm:.3g} mm off (root mean square), where the beam moves by "
+            f"the best candidate is {error_mm:.3g} mm off (root mean square), but the beam moves by "
             f"{deflection_mm:.3g} mm at most: "
             f"no material explains this{' and the tensile curves' if curves else ''}; check that state's edges, the "
             "sign of the field, the scale of the picture, and specimen and calibration"
