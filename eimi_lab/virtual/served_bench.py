@@ -181,11 +181,6 @@ class ServedBench:
         self._say(f"{self._path}: the rig of this bench, for `eimi acquire` in another terminal; Ctrl-C ends the bench")
 
 
-def _port_of_coil(source: str) -> int:
-    """Return the port on which the coil's current is served: that of a virtual camera's source, or any free one."""
-    return (port_of(source) or 0) if ADDRESS.fullmatch(source) else 0
-
-
 def _served(instrument: Responder, address: str) -> AbstractContextManager[str]:
     port = port_of(address)
     return serve_pty(instrument) if port is None else serve_tcp(instrument, port=port)

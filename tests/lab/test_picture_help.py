@@ -217,7 +217,7 @@ def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path
     ("key", "value", "told"),
     [
         ("pixels_per_mm", "4.0", "one is found with pixels_per_mm = 8, 2 times as much: is the scale right?"),
-        ("clamp_midpoint_px", "[24.0, 8.0]", "one is found with clamp_midpoint_px = [64, 8]: is the clamp where"),
+        ("clamp_midpoint_px", "[24.0, 8.0]", "one is found with clamp_midpoint_px = [64, 8]: is the clamp at"),
         ("clamp_midpoint_px", "[124.0, 8.0]", "one of its edges begins outside the picture"),
         ("clamp_midpoint_px", "[118.0, 80.0]", "no body of the stated width leaves the clamp there or nearby"),
     ],

@@ -85,8 +85,8 @@ def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, 
     if 0.0 < even_turn_deg < _MOST_TURN_DEG:
         effect = 100.0 * stiffening_by_twist(even_turn_deg, even_turn_deg, width, depth)
         even_turn = (
-            f": a turn of {even_turn_deg:.1f} degrees of the whole beam about its axis gives the same width and changes "
-            f"a fitted modulus by {effect:+.2g} %"
+            f": a turn of {even_turn_deg:.1f} degrees of the whole beam about its axis gives the same width and "
+            f"changes a fitted modulus by {effect:+.2g} %"
         )
     twist_effect = 100.0 * stiffening_by_twist(0.0, twist_deg, width, depth)
     return {"even_turn": even_turn, "twist_effect": f"{twist_effect:+.2g}"}
