@@ -17,10 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eimi_fitting.inference.planning.design_of_experiment import (
-    equally_spaced,
-    exchange,
-)
+from eimi_fitting.inference.planning.exchange import equally_spaced, exchange
 from eimi_lab.config.specimen import load_specimen
 from tests.shared.planned_states import FIELD_MT, Bench, Setting, fitted, half_percent, measured, planned
 from tests.shared.virtual_measurements import stated

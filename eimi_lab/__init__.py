@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from eimi_lab.face.acquiring import DryRun as DryRun
     from eimi_lab.face.acquiring import acquire as acquire
     from eimi_lab.face.acquiring import open as open
-    from eimi_lab.face.identifying import discover as discover
+    from eimi_lab.face.discovering import discover as discover
     from eimi_lab.face.identifying import fit as fit
     from eimi_lab.face.identifying import open_fits as open_fits
     from eimi_lab.face.identifying import tensile as tensile
@@ -98,7 +98,7 @@ _HOMES = {
     "Validation": "eimi_lab.fits.validation",
     "Validations": "eimi_lab.face.results",
     "acquire": "eimi_lab.face.acquiring",
-    "discover": "eimi_lab.face.identifying",
+    "discover": "eimi_lab.face.discovering",
     "export": "eimi_lab.face.using",
     "fit": "eimi_lab.face.identifying",
     "import_pictures": "eimi_lab.face.segmenting",

@@ -48,7 +48,7 @@ def discover(
     Laws are compared by their error on data that were left out of their fit. If the data do not distinguish the laws,
     the result says so.
     """
-    from eimi_lab.face.identifying import discover as discover_terms
+    from eimi_lab.face.discovering import discover as discover_terms
     from eimi_lab.fits.discovering import lines
     from eimi_lab.fits.fitting import check_section
 

@@ -11,6 +11,7 @@ steps             the set-points of a run, and the steps of its ring-downs
 state             the value `State`: the loads and flags of one state
 points            datasets of tracked material points instead of frames
 tip_force_angles  directions of tip forces in the file
+opened_file       open an HDF5 file that is finished, in use or crashed
 reading           `open_dataset`, for finished files, for files in use and for crashed files
 containment       check that a file holds all its data itself and claims no absurd amounts
 rewriting         safe change of a finished file by way of a copy

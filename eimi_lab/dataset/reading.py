@@ -26,12 +26,10 @@ from eimi_lab.dataset.logged_sensor import SensorLog
 from eimi_lab.dataset.measured_columns import measured_column
 from eimi_lab.dataset.measured_field import measured_line
 from eimi_lab.dataset.moving.stored_motions import read_motions
+from eimi_lab.dataset.opened_file import open_file
 from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.recorded_frames import RecordedFrames, creep_frames, recorded_ring_downs
 from eimi_lab.dataset.recordings import CONDITIONING, TRANSIENTS, Recording, read_recording
-from eimi_lab.dataset.repair.mended_file import MendedFile
-from eimi_lab.dataset.repair.probing import why_unreadable
-from eimi_lab.dataset.repair.superblock import close_superblock
 from eimi_lab.dataset.sensor_logs import read_sensor_logs
 from eimi_lab.dataset.state import State
 from eimi_lab.dataset.steps import RingDownStep, SetPoint, read_set_points
@@ -40,7 +38,6 @@ from eimi_lab.dataset.tip_force_angles import tip_force_angles
 from eimi_lab.dataset.upright import turn
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
-from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
@@ -48,13 +45,6 @@ from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
 
 _IF_DAMAGED = "`eimi recover` makes a copy of what is readable"
-_NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
-# Messages for files that a user may confuse with a dataset, by the ending of the name.
-_CONFUSED_WITH_DATASET = {
-    ".json": "is a JSON file, not a dataset, which `eimi acquire` or `eimi import` writes; a fit is given with --fit",
-    ".toml": "is a TOML file, not a dataset, which `eimi acquire` or `eimi import` writes",
-    ".csv": "is a table; `eimi import` makes a dataset from a table and the pictures that it lists",
-}
 
 
 class Dataset:
@@ -436,57 +426,3 @@ def open_dataset(path: str | Path) -> Dataset:
     except BaseException:
         file.close()
         raise
-
-
-def open_file(path: Path) -> tuple[h5py.File, bool]:
-    """Return the HDF5 file, and whether its writer closed it; raise InputError if it cannot be read."""
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; a dataset is a file, which `eimi import` makes from a folder of images")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        is_hdf5 = h5py.is_hdf5(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
-    if not is_hdf5:
-        raise InputError(f"{path}: {_not_a_dataset(path)}")
-    try:
-        return h5py.File(path, "r"), True
-    except OSError as error:
-        reason = str(error)
-    if _has_a_writer(path):
-        if is_being_written(path):
-            if reason := why_unreadable(path):
-                raise InputError(f"{path}: is a damaged HDF5 file ({reason})")
-            return h5py.File(path, "r", libver="latest", swmr=True), False
-        crashed = MendedFile(path)
-        close_superblock(crashed)
-        try:
-            return h5py.File(crashed, "r"), False
-        except OSError as error:
-            reason = str(error)
-    raise InputError(f"{path}: is a damaged HDF5 file ({reason}); `eimi recover` makes a copy of what is readable")
-
-
-def _not_a_dataset(path: Path) -> str:
-    """Return a description of a file that is not HDF5, judged by its name, with advice on its use."""
-    from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
-    from eimi_lab.vision.image_files import ENDINGS as IMAGES
-
-    ending = path.suffix.lower()
-    if ending in IMAGES:
-        return "is a picture; `eimi import` makes a dataset from pictures"
-    if ending in VIDEOS:
-        return "is a video; `eimi import` makes a dataset from a video"
-    return _CONFUSED_WITH_DATASET.get(ending, _NOT_HDF5)
-
-
-def _has_a_writer(path: Path) -> bool:
-    """Return whether a file is marked as open for writing, by a present writer or by one that crashed.
-
-    The version is byte 8 of the superblock and the consistency flags are byte 11 (HDF5 File Format Specification 3.0,
-    section II.A, superblock versions 2 and 3).
-    """
-    with path.open("rb") as raw:
-        superblock = raw.read(12)
-    return len(superblock) == 12 and superblock[8] == 3 and superblock[11] != 0

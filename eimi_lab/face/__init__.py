@@ -3,7 +3,8 @@
 given        types and conversion of arguments: paths, names of shipped files, objects that are open or loaded already
 acquiring    open, open_fits, acquire
 segmenting   import_pictures, import_points, segment
-identifying  fit, tensile, discover
+identifying  open_fits, fit, tensile
+discovering  discover
 using        simulate, validate, plan, report, export
 results      classes of returned values, which print themselves as tables
 

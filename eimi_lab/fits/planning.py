@@ -23,10 +23,9 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     KnownLaw,
     Rivals,
     candidates,
-    equally_spaced,
-    exchange,
     rivals,
 )
+from eimi_fitting.inference.planning.exchange import equally_spaced, exchange
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.protocol import Currents, Protocol
 from eimi_lab.config.rig import Rig

@@ -16,10 +16,9 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     EdgeNoise,
     KnownLaw,
     candidates,
-    equally_spaced,
-    exchange,
     rivals,
 )
+from eimi_fitting.inference.planning.exchange import equally_spaced, exchange
 from eimi_fitting.laws import LAWS
 from tests.shared.planned_states import Bench, Setting, fitted, half_percent, measured, planned
 from tests.shared.virtual_measurements import stated

@@ -1,0 +1,77 @@
+"""Discover the terms of a law from datasets and tensile tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from eimi_lab.face.given import AnyDataset, AnyPath, SectionName, closed_meanwhile, named_options, output_of, several
+from eimi_lab.face.results import Discovered
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fitting import check_section
+
+
+@named_options
+def discover(
+    datasets: AnyDataset | Sequence[AnyDataset],
+    *,
+    tensile: AnyPath | Sequence[AnyPath] = (),
+    tensile_window: float | str = "full",
+    term: str | Sequence[str] = (),
+    most_terms: int = 3,
+    lot: float = 0.02,
+    section: SectionName | None = None,
+    include_flagged: bool = False,
+    seed: int = 1,
+    output: AnyPath | None = None,
+    force: bool = False,
+) -> Discovered:
+    """Select the terms of a law by cross-validation, the error on data that were held out.
+
+    Parameters
+    ----------
+    datasets : str, Path or Dataset, or a sequence of them
+        Bending datasets of one material.
+    tensile : str or Path, or a sequence of them
+        Tensile curves of the same material.
+    tensile_window : float or str
+        Largest strain of the tensile curves in per cent, or ``"full"``.
+    term : str or sequence of str
+        Terms of the library: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``, ``"ogden=-4"`` and so on.
+    most_terms : int
+        Largest number of terms in a law.
+    lot : float
+        Relative standard deviation by which the moduli of beam and tensile specimen differ.
+    section, include_flagged, seed
+        See `eimi_lab.fit`.
+    output : str or Path
+        A discovery.json to write.
+    force : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    Discovered
+        A statement in words, and the sets of terms that the data cannot distinguish.
+
+    Raises
+    ------
+    InputError
+        If a name does not exist or the data cannot be used.
+    """
+    from eimi_lab.fits.discovering import content, discovered, library_of
+    from eimi_lab.fits.tensile_files import check_windows, read_curve
+
+    library, chosen = library_of(several(term)), check_section(section)
+    (percent,) = check_windows([f"{tensile_window}"], "--tensile-window")
+    curve_paths = [Path(path) for path in several(tensile)]
+    with closed_meanwhile(several(datasets)) as paths:
+        path = output_of(output, [*paths, *curve_paths], force)
+        curves = tuple(read_curve(path, percent, 1.0) for path in curve_paths)
+        evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in paths)
+        numbers = {"most_terms": most_terms, "lot": lot, "seed": seed}
+        discovery = discovered(evidence, curves, library=library, **numbers)
+    result = Discovered(discovery, content(discovery, evidence, curves, **numbers))
+    if path:
+        result.write(path, force)
+    return result
