@@ -33,6 +33,7 @@ first_frame         the time from the start of the program to the first frame
 settling            time of the settling statistic for a frame
 kill_campaign       runs killed at random moments: state of the coil and stored states
 off_campaign        every fault that can keep a coil on, at full current
+off_faults          the faults of off_campaign
 spoilt_bench        a run at full current on an emulated supply in another process
 spoilt_run          `eimi` with a camera that can be disturbed from outside
 camera_faults       an emulated GigE camera that loses packets, vanishes or is replaced

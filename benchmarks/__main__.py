@@ -23,9 +23,6 @@ class Benchmark:
 
     words: what the table of the script shows; page: the page that explains its figures; arguments: the arguments of a
     full run; short: the arguments of a short run.
-
-    words: what its table shows; page: the page that explains its figures; arguments: those of a full run; short: those
-    of a short run.
     """
 
     name: str

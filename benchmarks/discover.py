@@ -48,9 +48,6 @@ class Case:
 
     noise: noise of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha;
     evidence: the kinds of evidence, each of which is used separately.
-
-    noise: of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha; evidence: the
-    kinds of evidence, each of which is used separately.
     """
 
     seed: int

@@ -90,8 +90,6 @@ class Trial:
 
     unread: whether the standard error of the run goes into a full pipe that nobody reads. heard_s: the time at which
     each of `lines` came.
-
-    unread: whether standard error goes into a full pipe that nobody reads. heard_s: when each of `lines` came.
     """
 
     folder: Path

@@ -2,7 +2,4 @@
 
 They are installed with the package, so that `eimi acquire dragon_skin_10 --specimen type1 --rig virtual` finds them by
 name from every folder. A path can be given instead of a name.
-
-They are installed with the suite, so that `eimi acquire dragon_skin_10 --specimen type1 --rig virtual` finds them by
-name from anywhere; a path of one's own works in the same places.
 """

@@ -33,8 +33,6 @@ class Stepping:
     """A run in progress: its bench, its files and its times.
 
     began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
-
-    began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
     """
 
     protocol: Protocol

@@ -1,8 +1,6 @@
 """The wait for rest, the measured current, the guardian and the limits, each tested alone.
 
 The instruments are made for the tests, and time is simulated.
-
-Each alone, with instruments made for the purpose, in simulated seconds.
 """
 
 from __future__ import annotations

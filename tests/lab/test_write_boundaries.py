@@ -1,8 +1,6 @@
 """The file at every write of a run: the contents that a power cut or a kill could leave behind.
 
 The writes are traced below HDF5, by a library preloaded into the writer, and the file is rebuilt from them.
-
-The writes are traced below HDF5, by a library preloaded into the writer, and the file is built again from them.
 """
 
 from __future__ import annotations

@@ -11,5 +11,6 @@ hidden_laws           laws of terms drawn at random
 mutated_files         datasets and TOML files changed at random
 emulated_gige         an emulated GigE camera in a process of its own
 processes             wait for processes and their effects
+supply_transcripts    the messages of every supply driver, with the replies
 outside               a package outside of this project, with a supply and a camera
 """

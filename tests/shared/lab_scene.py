@@ -25,8 +25,6 @@ class Scene:
     """A bench.
 
     size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
-
-    size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
     """
 
     rng: np.random.Generator

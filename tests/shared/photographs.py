@@ -140,9 +140,6 @@ class Outcome:
 
     kind: the kind of photograph; rms_px, pull (RMS of error over stated deviation) and coverage if edges were detected;
     usable: whether a fit uses the edges; doubtful: whether a flag marks them as doubtful.
-
-    kind; rms_px, pull (RMS of error over stated deviation) and coverage if there are edges; usable by a fit; doubtful:
-    whether a flag says so.
     """
 
     kind: str

@@ -72,9 +72,7 @@ def _main(path: Path, within_s: str) -> None:
 def bound_memory(file_bytes: int) -> None:
     """Limit the memory of this process to a quarter of the free memory, or to a multiple of a file's size.
 
-    The multiple is `UNPACKED_PER_BYTE`.
-
-    The address space of the libraries comes on top of that.
+    The multiple is `UNPACKED_PER_BYTE`. The address space of the libraries is added to the limit.
     """
     limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 

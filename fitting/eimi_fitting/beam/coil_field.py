@@ -202,8 +202,6 @@ class CoilShape:
 
         The field has neither curl nor divergence. With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds
         = g, and dB_t/dt = -h/2.
-
-        With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds = g, and dB_t/dt = -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)

@@ -286,9 +286,6 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     Together with the first cause they have a probability of about one. At most two are returned, each with at least a
     twentieth of the probability of the first cause. A second cause that is probable together with the first cause is no
     rival.
-
-    At most two are returned, each with at least a twentieth of the probability of the first. A second cause that is
-    probable beside the first is no rival.
     """
     first, *others = causes
     return tuple(
