@@ -93,7 +93,7 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """Run a benchmark; return its section of the page and whether it succeeded."""
+    """Run a benchmark; return its section of the page, and whether the benchmark succeeded."""
     arguments = benchmark.short if short else benchmark.arguments
     command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)

@@ -71,7 +71,7 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Return a row for a camera that is killed; a camera with `serial_number` then takes its place, or none (None)."""
+    """Return a row for a camera that is killed; a camera with `serial_number` then replaces it, or none does (None)."""
     size_px = SIZES_PX[0]
 
     def outcome() -> str:

@@ -34,12 +34,12 @@ LEAST_CHANGE_A = 0.02
 
 
 class CoilOnLeads(CoilSupply):
-    """A coil whose supply measures the voltage of its leads too. contact_ohm: resistance of a bad contact in them."""
+    """A coil whose supply also measures the voltage of the leads. contact_ohm: resistance of a bad contact."""
 
     contact_ohm = 0.0
 
     def read(self) -> Reading:
-        """Return what the meters of the supply show."""
+        """Return the readings of the supply's meters."""
         measured = super().read()
         return replace(measured, voltage_V=measured.voltage_V + self.contact_ohm * measured.current_A)
 

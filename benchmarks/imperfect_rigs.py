@@ -75,7 +75,7 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of one loop, which at the magnet is 2 % lower 15 mm from the loop's middle."""
+    """Return the loads in the field of one loop: at the magnet, the field is 2 % lower 15 mm from the loop's middle."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 

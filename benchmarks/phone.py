@@ -55,7 +55,7 @@ class Outcome:
 
 
 def outcome(seed: int, share: float, folder: Path) -> Outcome:
-    """Render the photographs of one scene into a folder, and identify the beam in them."""
+    """Render the photographs of one scene into a folder, and fit the beam in these photographs."""
     scene = drawn_scene(seed, share)
     bodies = bent_bodies(scene)
     folder.mkdir(parents=True, exist_ok=True)

@@ -52,7 +52,7 @@ class Supply:
             self.told.append((float(at), on == "1", float(set_A), float(true_A)))
 
     def tell(self, word: str) -> None:
-        """Cause a fault, or end it."""
+        """Cause a fault, or end the present fault."""
         assert self._process.stdin is not None
         print(word, file=self._process.stdin, flush=True)
 

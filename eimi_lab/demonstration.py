@@ -43,7 +43,7 @@ class Score:
 
     @property
     def difference_percent(self) -> float:
-        """Return the deviation of the identified modulus from the true one, in per cent."""
+        """Return the deviation of the identified modulus from the true modulus, in per cent."""
         return 100 * (self.fit.initial_shear_modulus.value / self.truth_Pa - 1)
 
 

@@ -222,7 +222,7 @@ def _example(path: str, examples: Mapping[str, str]) -> str:
 
 
 def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
-    """Yield the tables of a document with their names; the document itself comes first."""
+    """Yield the tables of a document with their names; the document comes first."""
     yield name, model
     for key, annotation in _keys(model).items():
         inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)

@@ -1,4 +1,4 @@
-"""Take the frames of one state, and flag those with defects."""
+"""Take the frames of one state, and flag frames with defects."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def open_coil(
 def open_virtual_sensors(
     rig: Rig, supply: PowerSupply, field_mT: Callable[[], float], clock: Clock
 ) -> tuple[OpenSensor, ...]:
-    """Open the sensors of a virtual rig: emulated ones in its true field, and its coil as a thermometer."""
+    """Open the sensors of a virtual rig: emulated sensors in the true field, and the coil as a thermometer."""
     from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
     return tuple(

@@ -22,7 +22,7 @@ def cannot_reverse(rig: Rig) -> bool:
 
 
 def swaps_leads(protocol: Protocol, rig: Rig) -> bool:
-    """Return whether the leads of the coil have to be swapped in a run. Raises InstrumentError as `cannot_reverse`."""
+    """Return whether the leads of the coil have to be swapped during a run. Raises the errors of `cannot_reverse`."""
     return protocol.current.both_polarities and cannot_reverse(rig)
 
 

@@ -14,7 +14,7 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """Where the beam is in the images and how it looks; stored in the dataset with the calibration."""
+    """The place and the look of the beam in the images; stored in the dataset with the calibration."""
 
     clamp: Annotated[
         str | None, typer.Option(metavar="X,Y", help="middle of the line where the beam leaves its clamp, in px")

@@ -43,7 +43,7 @@ def _reachable(argument: Any) -> Any:
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """Return the command with the options --json and --quiet; it prints its result."""
+    """Return the command with the options --json and --quiet; the command prints its result."""
     parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
     printing_options = [

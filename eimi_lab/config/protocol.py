@@ -235,7 +235,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of the run, the conditioning and the ring-downs, each with the key that defines it."""
+        """The extreme currents of the run, the conditioning and the ring-downs, with the key that defines each."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None
@@ -249,7 +249,7 @@ class Protocol(Document):
 
     @property
     def rate_Hz(self) -> float | None:
-        """The frames per second that the ring-downs need; None if they need none."""
+        """The frames per second that the ring-downs need; None if the ring-downs need no rate."""
         return self.ring_down.rate_Hz if self.ring_down else None
 
     @property
@@ -265,6 +265,6 @@ class Protocol(Document):
 
 
 def load_protocol(name: str | Path) -> Protocol:
-    """Read a protocol from a path, or a shipped one by its name ("dragon_skin_10"); raise InputError if invalid."""
+    """Read a protocol from a path, or a shipped protocol by its name ("dragon_skin_10"). Raises InputError."""
     file = locate(name)
     return parse(Protocol, read_text(file), file)

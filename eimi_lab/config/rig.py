@@ -150,7 +150,7 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the camera with a frame rate, unless it has one or a trigger, or plays a recording."""
+        """Return the camera with this frame rate, unless it has a frame rate or a trigger, or plays a recording."""
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
             return self

@@ -271,7 +271,7 @@ class SpecimenFile(Document):
 
 
 def load_specimen(name: str | Path) -> SpecimenFile:
-    """Read a specimen from a path, or a shipped one by its name ("type1"); raise InputError if it is not valid.
+    """Read a specimen from a path, or a shipped specimen by its name ("type1"); raise InputError if it is not valid.
 
     The points of a centre line in a CSV file replace the name of that file in the text, so that the text is complete.
     """

@@ -188,7 +188,7 @@ def _longest_key(line: str) -> int:
 
 
 def differences(before: str, after: str) -> tuple[str, ...]:
-    """Return one line for each key whose value differs between two TOML texts; comments and order are ignored."""
+    """Return one line for each key whose value differs between two TOML texts; comments and order have no effect."""
     old, new = _flat(tomllib.loads(before), ""), _flat(tomllib.loads(after), "")
     return tuple(
         f"{key} was {_stated(old, key)}, and is {_stated(new, key)} now"

@@ -65,7 +65,7 @@ class MeasuredHeating:
 
     @property
     def contradicts(self) -> bool:
-        """Return whether the readings fit another time constant clearly better than the stated one."""
+        """Return whether another time constant than the stated one fits the readings clearly better."""
         far = abs(self.best_time_constant_s / self.time_constant_s - 1) > DIFFERENT
         return far and self.best_rms_K < 0.7 * self.rms_K
 

@@ -1,4 +1,4 @@
-"""Open an HDF5 file for reading: one that is finished, one that a run is writing, or one whose writer crashed."""
+"""Open an HDF5 file for reading: a finished file, a file that a run is writing, or one whose writer crashed."""
 
 from __future__ import annotations
 

@@ -247,7 +247,7 @@ class Dataset:
             return recorded_ring_downs(self._entry, len(self.states))
 
     def camera_setting(self, name: str) -> float | None:
-        """Return a setting that was read back from the camera, such as exposure_s; None if it was not read back."""
+        """Return a setting that was read back from the camera, such as exposure_s; None without a read-back."""
         with self._naming_damage():
             stored = self._entry.get(f"instrument/detector/settings/{name}")
             return None if stored is None else float(stored[()])

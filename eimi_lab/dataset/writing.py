@@ -74,7 +74,7 @@ def _ignore() -> None:
 
 
 class StorageFailed(OSError):
-    """The file cannot be written any more; the states stored so far are safe."""
+    """The file can no longer be written; the states that were stored before are safe."""
 
     def __init__(self, message: str, reason: str = "") -> None:
         """Create the error; ``reason`` is the operating system's part of the message."""

@@ -69,22 +69,22 @@ def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
 
 
 def protocol_of(given: AnyProtocol) -> Protocol:
-    """Return the given protocol, or load it from its file. Raises InputError."""
+    """Return the given protocol; if it is a path or a name, load the protocol from its file. Raises InputError."""
     return given if isinstance(given, Protocol) else load_protocol(Path(given))
 
 
 def specimen_of(given: AnySpecimen) -> SpecimenFile:
-    """Return the given specimen, or load it from its file. Raises InputError."""
+    """Return the given specimen; if it is a path or a name, load the specimen from its file. Raises InputError."""
     return given if isinstance(given, SpecimenFile) else load_specimen(Path(given))
 
 
 def rig_of(given: AnyRig) -> Rig:
-    """Return the given rig, or load it from its file. Raises InputError."""
+    """Return the given rig; if it is a path or a name, load the rig from its file. Raises InputError."""
     return given if isinstance(given, Rig) else load_rig(Path(given))
 
 
 def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path | None:
-    """Return the path of an output, if there is one.
+    """Return the path of an output; None if no output is given.
 
     Raises InputError if it is one of the files that are read, or exists and `force` is false.
     """

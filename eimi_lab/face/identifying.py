@@ -357,7 +357,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Add to the message of a signal what an interrupted fit leaves behind."""
+    """Add a sentence to the message of a signal that interrupts a fit: how the fit can be continued."""
     try:
         yield
     except Stopped as stopped:

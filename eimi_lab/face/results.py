@@ -146,7 +146,7 @@ class Discovered:
 
     @property
     def identified(self) -> bool:
-        """Whether the data single out one set of terms."""
+        """Whether the data determine exactly one set of terms."""
         return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:

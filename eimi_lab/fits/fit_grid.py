@@ -171,7 +171,7 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """Yield the fits to the data as measured, in order, each with the replicates that follow it in the grid."""
+    """Yield the fits to the measured data in order, each with the replicates that follow it in the grid."""
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):
         record = done[index]

@@ -30,7 +30,7 @@ class Record(BaseModel):
 
 
 class Stability(Record):
-    """The stability of a law: the criterion, and the stretch up to which it is met (null: at all checked stretches)."""
+    """The stability of a law: the criterion, and the largest stretch that fulfils it (null: all checked stretches)."""
 
     criterion: str
     stable_up_to_stretch: float | None
@@ -121,7 +121,7 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that the data do not determine, so that search bounds determine their intervals."""
+        """Return the parameters that the data do not determine: the bounds of the search determine their intervals."""
         return ()
 
     def stretch_in_words(self) -> str:

@@ -189,7 +189,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
     __repr__ = LawRecord.__repr__
 
     def residuals(self, dataset: int = 0) -> Residuals:
-        """Return the distances of the measured places from the simulated ones, by state, edge and arc length.
+        """Return the distances of the measured places from the simulated places, by state, edge and arc length.
 
         Parameters
         ----------

@@ -19,7 +19,7 @@ _SMOOTHED = 9  # points of a moving mean, without which the scatter of the point
 
 @dataclass(frozen=True)
 class Residuals:
-    """Distances of the measured places of one dataset from the simulated ones.
+    """Distances of the measured places of one dataset from the simulated places.
 
     Parameters
     ----------

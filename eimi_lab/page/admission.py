@@ -136,7 +136,7 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that receives this message first, and then those of `receive`."""
+    """Return a function that receives this message first, and afterwards the messages of `receive`."""
     waiting = [first]
 
     async def received() -> Message:

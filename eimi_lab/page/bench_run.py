@@ -71,7 +71,7 @@ AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """The inputs and options of a run, as `eimi acquire` takes them."""
+    """The inputs and options of a run, in the form for `eimi acquire`."""
 
     protocol: str
     specimen: str
@@ -270,7 +270,7 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read events and messages until the run has ended, and its guardian too if it took over."""
+        """Read events and messages until the run has ended, and until its guardian has ended if it took over."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil in (

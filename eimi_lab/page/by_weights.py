@@ -117,7 +117,7 @@ def picture(path: Path) -> bytes:
 
 
 def accepted(received: Path, target: Path) -> dict[str, Any]:
-    """Check a photograph that was received, and rename it to its own name.
+    """Check a photograph that was received, and rename the file to the photograph's name.
 
     Raises
     ------

@@ -32,7 +32,7 @@ NO_CURRENT = {"state": None, "set_A": 0.0, "measured_A": 0.0, "on": False, "heat
 
 
 def show(memory: int, bell: int, rig: str, specimen: str) -> None:
-    """Write frames into the shared memory, and signal each of them through the bell, until standard input closes.
+    """Write frames into the shared memory, and announce each frame through a pipe, until standard input closes.
 
     Raises
     ------

@@ -64,7 +64,7 @@ def _is_complete(kind: str, file: Path) -> bool:
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:
-    """Return a choice as the command line takes it: the path of a file, or the name of a shipped file.
+    """Return a choice in the form for the command line: the path of a file, or the name of a shipped file.
 
     Raises
     ------

@@ -48,8 +48,8 @@ class DataFolder:
 
     root: Path
 
-    def inside(self, name: str) -> Path:
-        """Return the path of a name that came from the page.
+    def inside(self, name: object) -> Path:
+        """Return the path of a name that came from the page; any value that is no text stands for the folder itself.
 
         Links are followed before the check, so that a link to a place outside is refused in the same way as "..".
 
@@ -58,6 +58,7 @@ class DataFolder:
         InputError
             If the path lies outside the folder.
         """
+        name = name if isinstance(name, str) else ""
         parts = PurePosixPath(name)
         wrong = "\0" in name or "\\" in name or parts.is_absolute() or ".." in parts.parts or ":" in name
         if not wrong:
@@ -69,6 +70,13 @@ class DataFolder:
                 wrong = not path.is_relative_to(self.root)
         if wrong:
             raise InputError(f"{name!r}: leads out of the folder of this page, {self.root}")
+        return path
+
+    def picture_in(self, folder: object, picture: object) -> Path:
+        """Return the path of a picture in a folder, both named by the page; raise InputError if there is none."""
+        path = self.inside(f"{self.name_of(self.inside(folder))}/{picture}")
+        if not path.is_file():
+            raise InputError(f"{picture}: no such picture in this folder")
         return path
 
     def name_of(self, path: Path) -> str:

@@ -44,7 +44,7 @@ _EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes
 
 
 def show_frames(memory: int, bell: int, rig: str) -> None:
-    """Send each newest frame until the pipe `bell` is closed; the run closes the pipe at its end."""
+    """Send each newest frame until the pipe `bell`, which announces the frames, is closed at the end of the run."""
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
         if not os.read(bell, 4096):

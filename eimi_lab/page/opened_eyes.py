@@ -1,4 +1,4 @@
-"""The two eyes (`eye`) that look at the frames of one run or of the live camera, seen from the server."""
+"""The two processes of `eye` that look at the frames of one run or of the live camera, seen from the server."""
 
 from __future__ import annotations
 

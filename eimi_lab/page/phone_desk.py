@@ -13,7 +13,7 @@ from starlette.routing import BaseRoute, Route
 from eimi_lab.page import by_weights
 from eimi_lab.page.admission import RECEIVED_PICTURE
 from eimi_lab.page.data_folder import DataFolder
-from eimi_lab.page.tabs import Tabs, body_of
+from eimi_lab.page.tabs import Tabs, body_of, table_of
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.image_files import ENDINGS
@@ -38,16 +38,18 @@ class PhoneDesk:
         ]
 
     async def _opened(self, request: Request) -> Response:
-        return JSONResponse(await self._worker.do(by_weights.opened, self._inside(request.query_params.get("folder"))))
+        return JSONResponse(
+            await self._worker.do(by_weights.opened, self._folder.inside(request.query_params.get("folder")))
+        )
 
     async def _picture(self, request: Request) -> Response:
-        path = self._picture_in(request.query_params.get("folder"), request.query_params.get("picture"))
+        path = self._folder.picture_in(request.query_params.get("folder"), request.query_params.get("picture"))
         return Response(await self._worker.do(by_weights.picture, path), media_type="image/jpeg")
 
     async def _receive(self, request: Request) -> Response:
         """Store the photograph in the request's body; a different file of the same name is never replaced."""
         self._tabs.check_control(request)
-        folder = self._inside(request.query_params.get("folder"))
+        folder = self._folder.inside(request.query_params.get("folder"))
         name = request.query_params.get("name", "")
         if not folder.is_dir():
             raise InputError(f"{self._folder.name_of(folder)}: is not a folder")
@@ -56,7 +58,7 @@ class PhoneDesk:
             raise InputError(f"{name}: is not a picture that can be read ({endings}); save or export it as JPEG")
         if name.startswith(".") or "/" in name or len(name) > LONGEST_NAME:
             raise InputError(f"{name[:LONGEST_NAME]}: should be the short name of a picture")
-        target = self._inside(f"{self._folder.name_of(folder)}/{name}")
+        target = self._folder.inside(f"{self._folder.name_of(folder)}/{name}")
         received = folder / f".{secrets.token_hex(8)}{target.suffix}"
         try:
             with received.open("xb") as file:
@@ -68,28 +70,12 @@ class PhoneDesk:
 
     async def _edges(self, request: Request) -> Response:
         body = await body_of(request)
-        path = self._picture_in(body.get("folder"), body.get("picture"))
-        tables = _table(body, "clicks"), _table(body, "beam")
+        path = self._folder.picture_in(body.get("folder"), body.get("picture"))
+        tables = table_of(body, "clicks"), table_of(body, "beam")
         return JSONResponse(await self._worker.do(by_weights.edges, path, *tables))
 
     async def _save(self, asked: dict[str, Any]) -> Any:
-        folder, replace = self._inside(asked.get("folder")), asked.get("replace") is True
-        tables = _table(asked, "clicks"), _table(asked, "beam"), _table(asked, "grams")
+        folder, replace = self._folder.inside(asked.get("folder")), asked.get("replace") is True
+        tables = table_of(asked, "clicks"), table_of(asked, "beam"), table_of(asked, "grams")
         saved = await self._worker.do(by_weights.saved, folder, *tables, replace)
         return {**saved, "dataset": self._folder.name_of(folder / saved["dataset"]), "free": list(by_weights.FREED)}
-
-    def _picture_in(self, folder: Any, picture: Any) -> Path:
-        path = self._inside(f"{self._folder.name_of(self._inside(folder))}/{picture}")
-        if not path.is_file():
-            raise InputError(f"{picture}: no such picture in this folder")
-        return path
-
-    def _inside(self, name: Any) -> Path:
-        return self._folder.inside(name if isinstance(name, str) else "")
-
-
-def _table(asked: dict[str, Any], key: str) -> dict[str, Any]:
-    table = asked.get(key)
-    if not isinstance(table, dict):
-        raise InputError(f"{key} is missing; it should be an object")
-    return table

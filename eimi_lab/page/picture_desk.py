@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from starlette.requests import Request
@@ -11,9 +10,8 @@ from starlette.routing import BaseRoute, Route
 
 from eimi_lab.page import by_hand, choices
 from eimi_lab.page.data_folder import DataFolder
-from eimi_lab.page.tabs import Tabs, body_of
+from eimi_lab.page.tabs import Tabs, body_of, table_of
 from eimi_lab.page.worker import Worker
-from eimi_lab.process.errors import InputError
 
 
 class PictureDesk:
@@ -37,42 +35,28 @@ class PictureDesk:
         return JSONResponse(await self._worker.do(by_hand.folders, self._folder))
 
     async def _opened(self, request: Request) -> Response:
-        return JSONResponse(await self._worker.do(by_hand.opened, self._inside(request.query_params.get("folder"))))
+        return JSONResponse(
+            await self._worker.do(by_hand.opened, self._folder.inside(request.query_params.get("folder")))
+        )
 
     async def _picture(self, request: Request) -> Response:
-        path = self._picture_in(request.query_params.get("folder"), request.query_params.get("picture"))
+        path = self._folder.picture_in(request.query_params.get("folder"), request.query_params.get("picture"))
         return Response(await self._worker.do(by_hand.picture, path), media_type="image/jpeg")
 
     async def _edges(self, request: Request) -> Response:
         asked = await body_of(request)
-        path = self._picture_in(asked.get("folder"), asked.get("picture"))
+        path = self._folder.picture_in(asked.get("folder"), asked.get("picture"))
         specimen = choices.chosen(self._folder, "specimen", asked.get("specimen"))
-        return JSONResponse(await self._worker.do(by_hand.edges, path, _table(asked, "calibration"), specimen))
+        return JSONResponse(await self._worker.do(by_hand.edges, path, table_of(asked, "calibration"), specimen))
 
     async def _save(self, asked: dict[str, Any]) -> Any:
-        path, replace = self._inside(asked.get("folder")), asked.get("replace") is True
-        tables = _table(asked, "calibration"), _table(asked, "currents")
+        path, replace = self._folder.inside(asked.get("folder")), asked.get("replace") is True
+        tables = table_of(asked, "calibration"), table_of(asked, "currents")
         return await self._worker.do(by_hand.saved, path, *tables, replace)
 
     async def _dataset(self, asked: dict[str, Any]) -> Any:
-        path = self._inside(asked.get("folder"))
+        path = self._folder.inside(asked.get("folder"))
         specimen = choices.chosen(self._folder, "specimen", asked.get("specimen"))
         target = path / f"{path.name}.h5"
         states = await self._worker.do(by_hand.dataset_of, path, specimen, target, asked.get("replace") is True)
         return {"dataset": self._folder.name_of(target), "states": states}
-
-    def _picture_in(self, folder: Any, picture: Any) -> Path:
-        path = self._inside(f"{self._folder.name_of(self._inside(folder))}/{picture}")
-        if not path.is_file():
-            raise InputError(f"{picture}: no such picture in this folder")
-        return path
-
-    def _inside(self, name: Any) -> Path:
-        return self._folder.inside(name if isinstance(name, str) else "")
-
-
-def _table(asked: dict[str, Any], key: str) -> dict[str, Any]:
-    table = asked.get(key)
-    if not isinstance(table, dict):
-        raise InputError(f"{key} is missing; it should be an object")
-    return table

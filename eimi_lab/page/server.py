@@ -42,7 +42,7 @@ CLOSE_WITHIN_S = 10
 
 
 class Page:
-    """The routes, with the folder and the worker that they share."""
+    """The page: its routes, and the folder and the worker that the routes share."""
 
     def __init__(self, folder: Path) -> None:
         """Open a data folder; raise InputError if it is not a folder."""

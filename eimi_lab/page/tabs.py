@@ -42,6 +42,14 @@ async def body_of(request: Request) -> dict[str, Any]:
     return asked
 
 
+def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return the JSON object under a key of a request's body; raise InputError if there is none."""
+    table = body.get(key)
+    if not isinstance(table, dict):
+        raise InputError(f"{key} is missing; it should be an object")
+    return table
+
+
 @dataclass(eq=False)
 class Tab:
     """A tab with its WebSocket.

@@ -58,7 +58,7 @@ class Descriptors:
 
 @dataclass(frozen=True)
 class Watched:
-    """The arguments of `acquire` with which a person can watch the run and pause it."""
+    """The arguments of `acquire` with which a person can watch and pause a run."""
 
     bench: Bench
     show: Show = show_nothing
@@ -180,7 +180,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """Writes frames into the shared memory and signals each of them through the bell."""
+    """Write frames into the shared memory, and announce each frame to the page through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

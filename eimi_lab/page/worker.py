@@ -21,7 +21,10 @@ LONGEST_S = 120.0
 
 
 class Worker:
-    """A process that does one task after another. It is started when it is first needed, and again after a crash."""
+    """A process that does one task after another.
+
+    The process is started when it is first needed, and again after a crash.
+    """
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None

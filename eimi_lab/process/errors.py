@@ -22,5 +22,5 @@ class OwnFault(Exception):
 
 
 def tell(message: str) -> None:
-    """Print a message to the user in one line on stderr."""
+    """Print a message to the user in one line on standard error."""
     print("eimi: " + " ".join(message.split()), file=sys.stderr)

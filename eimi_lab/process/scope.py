@@ -55,7 +55,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _ends_with_the_session_anyway() -> bool:
-    """Return whether the user's systemd ends at the earliest when this process would end anyway."""
+    """Return whether the user's systemd lives at least as long as this process would without a scope."""
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
     except (OSError, KeyError):  # no such system; no name of the user

@@ -182,7 +182,7 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Block a signal within the context, and in processes started there; this process receives it afterwards."""
+    """Block a signal within the context, and in processes started there; afterwards this process receives it."""
     if sys.platform == "win32":
         yield
     else:
@@ -195,7 +195,7 @@ def _blocked(name: str) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
-    """Create a pool of processes on this machine; they end with this process, and when the block raises an error."""
+    """Create a pool of processes on this machine; they end with this process, or after an error in the block."""
     before = set(multiprocessing.active_children())
     start_resource_tracker()
     pool = _Processes(workers, multiprocessing.get_context("spawn"), _begin_work)

@@ -42,7 +42,9 @@ _held_lock = threading.Lock()
 
 
 class WriterLock:
-    """The exclusive right to write to a file, held until `release`; the same thread may take it several times.
+    """The exclusive right to write to a file, held until `release`.
+
+    The same thread may take the lock several times.
 
     If the file system does not support locks, a warning is printed and there is no lock.
 
@@ -74,7 +76,7 @@ class WriterLock:
             _held[self._file] = _Held(descriptor, owner)
 
     def release(self) -> None:
-        """Release the lock; a lock that was taken twice must be released twice."""
+        """Release the lock; a lock that was taken twice has to be released twice."""
         with _held_lock:
             held = _held.get(self._file)
             if held is None or held.owner[0] != os.getpid():

@@ -27,7 +27,7 @@ Node = dict[str, Any]
 
 
 def licence_node(licence: str | None) -> Node | None:
-    """Return the entity of a licence, given by its SPDX identifier or its URL; raise InputError if it is neither."""
+    """Return the entity of a licence, given by its SPDX identifier or its URL; raise InputError for any other text."""
     if licence is None:
         return None
     if licence.startswith(("https://", "http://")):

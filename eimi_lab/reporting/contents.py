@@ -63,7 +63,7 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """The fits and datasets of a report, its date, its command line (empty if there was none) and its laws of time."""
+    """The fits and datasets of a report, its date, its command line (perhaps empty) and its laws of time."""
 
     fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]

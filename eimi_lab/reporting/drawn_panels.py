@@ -53,16 +53,16 @@ class DrawnPanels:
         self._draw(report, self._of_report)
 
     def summary(self) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the first pages with their values, in their order."""
+        """Return the panels of the first pages with their values, in the order of their places."""
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the appendix before or after the datasets with their values, in their order."""
+        """Return the panels of the appendix before or after the datasets, with values, in the order of places."""
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]
 
     def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of a dataset with their values, in their order."""
+        """Return the panels of a dataset with their values, in the order of their places."""
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:

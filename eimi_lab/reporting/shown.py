@@ -119,7 +119,7 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a fit with the colour and marker of its law and the line of its origin, given by their numbers."""
+    """Return a fit with the colour and marker of its law and the line style of its origin, given by their numbers."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

@@ -31,7 +31,7 @@ MEASURE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether one claim agrees with the results for one material and section, with the numbers as evidence."""
+    """The verdict on one claim for one material and section: whether the results agree, with numbers as evidence."""
 
     claim: str
     material: str

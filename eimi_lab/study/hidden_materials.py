@@ -51,7 +51,7 @@ class PowersOfFirstInvariant(_OfOneShape):
     second = 0.05
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives; log1p and expm1 keep them accurate near rest."""
+        """Return the energy and its derivatives; log1p and expm1 keep both accurate near rest."""
         mu, growth = parameters[..., 0], np.log1p(x / 3)
         terms = list(zip(self.shares, self.powers, strict=True))
         energy = sum(1.5 * m / a * np.expm1(a * growth) for m, a in terms) + self.second * y

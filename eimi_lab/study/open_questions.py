@@ -169,7 +169,7 @@ def _sensitivity_mm(experiment: Experiment) -> float:
 
 
 def _off_percent(fit: Fit) -> float:
-    """Return the deviation of the identified modulus from the true one, in per cent."""
+    """Return the deviation of the identified modulus from the true modulus, in per cent."""
     return 100 * (fit.initial_shear_modulus.value / PLAIN.modulus_Pa - 1)
 
 

@@ -30,7 +30,7 @@ PICTURES, NAMES = 24, 3000
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return a person who types `p` in the first state with a current, and Enter some reads later, in the pause."""
+    """Return the lines of a user who types `p` in the first state with a current, and later, in the pause, Enter."""
     looks: list[bool] = []
 
     def typed() -> str | None:

@@ -165,7 +165,7 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
 
 @pytest.mark.slow
 def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
-    """Short version: `tests/fitting/test_magnetisation_angle.py`, from arrays."""
+    """`tests/fitting/test_magnetisation_angle.py` contains a short version, which starts from arrays."""
     rig, exact = load_rig("virtual"), load_specimen("type1")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -53,7 +53,7 @@ WRONG_PX = 3.0
 
 @dataclass(frozen=True)
 class Photograph:
-    """A picture and its truth.
+    """A rendered photograph with the true outline of its beam.
 
     image: (height, width, 3) uint8; beam: the true outline.
     """

@@ -7,6 +7,7 @@ aravis         GigE Vision and USB3 Vision cameras of any vendor through Aravis
 aravis_settings    write the settings of a camera through Aravis, and read them back
 aravis_library     the functions of the library Aravis
 gentl          cameras through the GenTL producer of their vendor
+labelled       put the name of a camera before the message of an error
 pixel_formats  decode the pixel formats of GenICam cameras
 rolling_shutter    the time between the rows of a rolling shutter
 image_series   sort image files by the numbers in their names

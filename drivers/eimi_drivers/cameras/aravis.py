@@ -8,15 +8,16 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from ctypes import byref, c_int, c_size_t
 from dataclasses import dataclass
 
 from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, Aravis, load_aravis
 from eimi_drivers.cameras.aravis_settings import set_up
+from eimi_drivers.cameras.labelled import labelled
 from eimi_drivers.cameras.pixel_formats import decode
 from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
@@ -131,7 +132,7 @@ class AravisCamera:
         self._objects: list[int] = []
         self._control = _ControlChannel(self._label)
         try:
-            with self._errors_named():
+            with labelled(self._label):
                 self._camera = self._open()
                 self._objects.append(self._camera)
                 self._gige = bool(self._aravis.camera_is_gv_device(self._camera))
@@ -144,15 +145,6 @@ class AravisCamera:
         except InstrumentError:
             self.close()
             raise
-
-    @contextmanager
-    def _errors_named(self) -> Iterator[None]:
-        try:
-            yield
-        except InstrumentError as error:
-            if str(error).startswith(self._label):
-                raise
-            raise type(error)(f"{self._label}: {error}") from error
 
     def _open(self) -> int:
         try:
@@ -244,7 +236,7 @@ class AravisCamera:
         """
         if self._closed:
             raise InstrumentDisconnected(f"{self._label}: it was closed")
-        with self._errors_named():
+        with labelled(self._label):
             return self._next_frame(timeout_s)
 
     def _next_frame(self, timeout_s: float) -> Frame:

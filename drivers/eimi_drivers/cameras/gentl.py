@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from eimi_drivers.cameras.aravis_settings import RESULTING_RATES
+from eimi_drivers.cameras.labelled import labelled
 from eimi_drivers.cameras.pixel_formats import choose_format, decode, depth_of
 from eimi_drivers.cameras.rolling_shutter import READOUT_FEATURE, SHUTTER_FEATURES, row_time_s
 from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
@@ -123,11 +124,8 @@ class GenTLCamera:
     @contextmanager
     def _errors_named(self) -> Iterator[None]:
         try:
-            yield
-        except InstrumentError as error:
-            if str(error).startswith(self._label):
-                raise
-            raise type(error)(f"{self._label}: {error}") from error
+            with labelled(self._label):
+                yield
         except self._out_of_range as error:
             raise SetPointRefused(f"{self._label}: {' '.join(str(error).split())}") from error
         except (self._errors, self._api.GenericException) as error:

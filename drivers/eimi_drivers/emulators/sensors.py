@@ -1,4 +1,4 @@
-"""Emulated gaussmeters and thermometers: one model of the measured quantity, and the dialect of each family on it."""
+"""Emulated gaussmeters and thermometers: a model of the measured quantity, and the dialect of each family."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ class SupplyBase(ABC):
 
     @abstractmethod
     def identify(self) -> Identity:
-        """Ask the instrument for its identity. Raises AnotherSupply if it has changed."""
+        """Ask the instrument for its identity. Raises AnotherSupply if the identity has changed."""
 
     @abstractmethod
     def output_on(self) -> bool:
@@ -287,7 +287,7 @@ class SupplyBase(ABC):
         return found_off
 
     def _confirm_identity(self) -> None:
-        """Identify the supply that was switched off on a reopened line. Raises SwitchOffFailed if it may be another."""
+        """Identify the supply that was switched off on a reopened line. Raises SwitchOffFailed if in doubt."""
         try:
             identity = self.identify()
         except InstrumentError as error:
@@ -429,7 +429,7 @@ class SupplyBase(ABC):
         return text
 
     def _bind(self, text: str, serial_number: str) -> Identity:
-        """Return the identity of the instrument. Raises AnotherSupply if it is not the one that answered first."""
+        """Return the identity of the instrument. Raises AnotherSupply if another instrument answered first."""
         address = self._link.address
         identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))
         self._bound = self._bound or identity

@@ -94,7 +94,7 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Return line number and text of the next event; None if it is of another kind."""
+        """Return line number and text of the next event; None if the event is of another kind."""
         if self._next == len(self._events):
             raise TranscriptMismatch(f"{doing} after the end of the transcript")
         number, next_kind, text = self._events[self._next]

@@ -83,7 +83,7 @@ def split_address(address: str) -> tuple[str, int | None]:
 
 
 def usb_serial_number(address: str) -> str:
-    """Return the serial number of the USB device that a serial port belongs to; "" if it has none or is no USB port."""
+    """Return the serial number of the USB device of a serial port; "" if the device has none, or is no USB device."""
     port = serial_port(address)
     name = os.path.realpath(port) if port.startswith("/") else port.upper()
     if not name.startswith(("/", "COM")) or name.startswith("/dev/pts/"):
@@ -362,7 +362,7 @@ class Responder(Protocol):
     """Define an object that replaces an instrument: it receives bytes and returns the answer as bytes."""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive a message and return the answer, empty if there is none. Raises ConnectionError on a cut line."""
+        """Receive a message and return the answer, perhaps empty. Raises ConnectionError on a cut line."""
 
 
 class InProcessTransport:

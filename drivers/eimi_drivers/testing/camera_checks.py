@@ -215,7 +215,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Grab one frame more than the camera may have stored before it was disturbed."""
+    """Grab frames: one more than the camera may have stored before the disturbance."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

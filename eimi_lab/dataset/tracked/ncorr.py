@@ -29,7 +29,7 @@ _SAVED = "data_dic_save"
 
 
 def read_ncorr(path: Path) -> Tracks:
-    """Read the displacements; frame 0 is the reference picture, frame 1 the first current one. Raises InputError."""
+    """Read the displacements; frame 0 is the reference picture, frame 1 the next picture. Raises InputError."""
     try:
         displacements, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, MatReadError, OSError) as error:

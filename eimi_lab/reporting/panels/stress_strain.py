@@ -104,7 +104,7 @@ def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
 
 
 def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode) -> None:
-    """Draw the difference of each fit's stress from that of the first fit, in per cent, up to `_MOST_PERCENT`."""
+    """Draw the relative difference (%) of each fit's stress from that of the first fit, up to `_MOST_PERCENT`."""
     nonzero = strain[1:]
     curves = [stress_curve(shown, nonzero, mode) for shown in fits]
     for shown, curve in zip(fits, curves, strict=True):

@@ -388,7 +388,7 @@ def _design(time: Array, modes: Array, bend: Array) -> Array:
 
 
 def _wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return the real and the imaginary part of exp(psi)."""
+    """Return the real and the imaginary part of exp(psi), where psi is the exponent of a mode."""
     size = np.exp(np.minimum(psi.real, 30.0))
     return size * np.cos(psi.imag), size * np.sin(psi.imag)
 

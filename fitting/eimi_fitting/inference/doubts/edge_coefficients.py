@@ -108,7 +108,9 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance (G, D) of the coefficients due to noise, from the remainder; if too short, as stated.
+    """Return the variance (G, D) of the coefficients due to noise, from the remainder of the residuals.
+
+    If the remainder is too short, the stated uncertainty gives the variance.
 
     The stated uncertainty of tracked points is common to all points of a state.
     """
