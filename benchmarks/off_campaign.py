@@ -100,13 +100,14 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 def _called_off_too_early(trial: Trial) -> list[str]:
     """Return the messages that reported the coil as off while a current above the limit flowed.
 
-    The limit is the one that the message states; without one, it is the smallest of all families.
+    The limit is the one that this message or the last one before it states; without one, it is the smallest of all
+    families.
     """
-    early = []
+    early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
         true_A = trial.supply.true_A(at_s)
         stated = re.search(r"off, below (\S+) A measured", line)
-        limit_A = float(stated[1]) if stated else OFF_A
+        limit_A = float(stated[1]) if stated else limit_A
         if re.search("the coil (is|was switched) off", line) and abs(true_A) > limit_A + LEAST_CHANGE_A:
             early.append(f"called off at {true_A:.2f} A: {line}")
     return early
