@@ -29,8 +29,9 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
-_OF_LATER_RELEASES = ("background_field_mT", "field")  # keys that the hash of a calibration has only if it has them
+_OF_LATER_RELEASES = ("background_field_mT", "field", "camera_tilt_deg", "ruler_px")  # keys that the hash of a calibration has only if it has them
 _ROUNDING = 1e-9  # of the sine of an angle
+LARGEST_CAMERA_TILT_DEG = 30.0
 
 
 class Picture(Table):
@@ -95,6 +96,11 @@ class Calibration(Document):
     """OpenCV's distortion coefficients: 4, 5, 8, 12 or 14 numbers."""
     stand_off_mm: float | None = Field(default=None, gt=0)
     """Distance from the entrance pupil of the lens to the middle plane of the beam."""
+    camera_tilt_deg: Pair | None = None
+    """Angles by which the beam's plane comes nearer to the camera toward the right and toward the bottom of the picture;
+    it needs stand_off_mm."""
+    ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
+    """Two ticks of the ruler from which the scale was read; a tilt of the camera leaves their distance as it is."""
     telecentric: bool = False
     """true for a telecentric lens, which needs no stand-off."""
     calibrated_on: date | None = None
@@ -120,6 +126,13 @@ class Calibration(Document):
             raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 4, 5, 8, 12 or 14")
         if self.telecentric and self.stand_off_mm is not None:
             raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
+        if self.camera_tilt_deg is not None and self.stand_off_mm is None:
+            raise ValueError("stand_off_mm is missing: camera_tilt_deg has an effect only at a stated distance")
+        if self.camera_tilt_deg is not None and max(map(abs, self.camera_tilt_deg)) > LARGEST_CAMERA_TILT_DEG:
+            raise ValueError(
+                f"camera_tilt_deg = {list(self.camera_tilt_deg)} should be two angles from -{LARGEST_CAMERA_TILT_DEG:g} "
+                f"to {LARGEST_CAMERA_TILT_DEG:g}"
+            )
         sizes = {key: (key, getattr(self, key)) for key in ("pixels_per_mm", "coil_constant_mT_per_A", "stand_off_mm")}
         check_sizes(
             self.uncertainty or {}, sizes, largest=0.5

@@ -89,6 +89,7 @@ class BeamFrame:
         self._distortion = np.array(calibration.distortion or ())
         self._origin = self._undistort(np.array([calibration.clamp_midpoint_px], dtype=np.float64))[0]
         self._stand_off_mm = None if calibration.telecentric else calibration.stand_off_mm
+        self._tilt_deg, self._ruler_px = calibration.camera_tilt_deg or (0.0, 0.0), calibration.ruler_px
         self.field_deg = self._in_beam_frame(calibration.positive_field_deg - calibration.axis_angle_deg)
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
@@ -143,7 +144,13 @@ class BeamFrame:
             raise ValueError(
                 f"stand_off_mm = {self._stand_off_mm:g} should be more than half of depth_mm = {depth_mm:g}"
             )
-        return View((centre - self._origin) @ self._axes.T / self._scale, self._stand_off_mm)
+        along, across = self.components(self._tilt_deg).tolist()
+        return View(
+            (centre - self._origin) @ self._axes.T / self._scale,
+            self._stand_off_mm,
+            (along, across),
+            None if self._ruler_px is None else self.to_mm(self._ruler_px),
+        )
 
     def _undistort(self, points: Array) -> Array:
         if self._matrix is None or len(points) == 0:

@@ -1,7 +1,7 @@
 """Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
 
-The scale follows from the ruler. The stand-off is the focal length in pixels over the scale. The tilt of the camera
-about its axis follows from the ruler, which lies level or hangs plumb, or from the clamp's edge. There is no coil.
+The scale follows from the ruler. The stand-off is the focal length in pixels over the scale. The roll of the camera
+follows from the ruler, which lies level or hangs plumb, or from the clamp's edge. There is no coil.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ FEWEST_RULER_PX = 40.0
 LARGEST_TILT_DEG = 20.0  # of a phone; beyond it, a ruler is probably neither level nor plumb
 LEVEL_DEG = 0.5  # assumed: a ruler or a clamp that was set level or plumb by eye or with a level
 UPRIGHT_DEG = 1.5  # assumed: a phone that was held upright
+PARALLEL_DEG = 2.0  # assumed: a phone that was held parallel to the plane of the beam by eye
 IN_PLANE_MM = 1.0  # assumed: distance of the ruler from the middle plane of the beam
 CLICK_SHARE = 4e-4  # assumed: uncertainty of a click as a share of the diagonal of the picture
 CLICK_PX = 1.0  # assumed: smallest uncertainty of a click
@@ -112,7 +113,10 @@ def measure_bench(
     nearer = 0.5 * depth_mm / stand_off_mm
     from_axis = (clamp[0] - 0.5 * (size[0] - 1), clamp[1] - 0.5 * (size[1] - 1))
     clamp = (clamp[0] - nearer * from_axis[0], clamp[1] - nearer * from_axis[1])
-    clamp_px = math.hypot(click_px / math.sqrt(len(clicked.clamp_px)), 0.5 * nearer * math.hypot(*from_axis))
+    by_tilt = 0.5 * depth_mm * math.radians(PARALLEL_DEG) * scale  # of the near face relative to the middle plane
+    clamp_px = math.hypot(
+        click_px / math.sqrt(len(clicked.clamp_px)), 0.5 * nearer * math.hypot(*from_axis), by_tilt
+    )
     scale_share = math.hypot(scale_share, IN_PLANE_MM / stand_off_mm)
     values = {
         "pixels_per_mm": (f"{scale:.5g}", f"{scale_share * scale:.2g}", ruler_words),
@@ -127,6 +131,11 @@ def measure_bench(
             f"{stand_off_mm:.1f}",
             f"{min(LARGEST_STAND_OFF_SIGMA_MM, stand_off_share * stand_off_mm):.2g}",
             stand_off_words,
+        ),
+        "camera_tilt_deg": (
+            "[0.0, 0.0]",
+            f"{PARALLEL_DEG:g}",
+            f"the phone was parallel to the plane of the beam (assumed to {PARALLEL_DEG:g} degrees about both axes)",
         ),
     }
     reach_px = REACH * length_mm * scale
@@ -244,16 +253,17 @@ def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
     """Return calibration.toml with the source of each value in a comment."""
-    ticks = " and ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
+    ticks = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
     lines = [
         '# Written by the page "Weights and a phone" from clicks on a picture. Angles: clockwise from the image\'s +x.',
-        f"# Ticks of the ruler: {ticks}. Tip: [{clicked.tip_px[0]:.1f}, {clicked.tip_px[1]:.1f}].",
+        f"# Tip: [{clicked.tip_px[0]:.1f}, {clicked.tip_px[1]:.1f}].",
     ]
     settings = [f"{key} = {value}" for key, (value, _, _) in values.items()]
     wide = max(map(len, settings)) + 2
     words = [source for _, _, source in values.values()]
     lines += [f"{setting:{wide}}# {source}" for setting, source in zip(settings, words, strict=True)]
     lines += [
+        f"ruler_px = [{ticks}]    # the ticks of the ruler",
         f"calibrated_on = {day.isoformat()}",
         "",
         "[uncertainty]    # standard uncertainties; correct them if you know better",

@@ -18,9 +18,11 @@ CLICKED_PX = 10.0  # distance from the centre line within which a person clicks
 _CLICKED_EVIDENCE = 0.25  # gain of a step on a clicked line: the person has seen the body there
 _CLICKED_COST = 2.0  # largest cost of a step beside a clicked line, more than a step gains
 _CARRIED_COST = 0.15  # and beside the line of an earlier picture: a clear body elsewhere is better
+_CLICKED_SPREAD = 0.1  # of the distance from the nearest click: by so much a line between few clicks may miss the beam
 _CARRIED_SPREAD = 0.25  # of the distance from the clamp: by so much the beam may move between two pictures
 _AHEAD = 0.15  # of the line's length: difference of the arc lengths at which a strip and the line are compared
 _SAMPLES = 120  # of the line
+_APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no direction, and count as one place
 
 
 @dataclass(frozen=True)
@@ -33,10 +35,8 @@ class CentreLine:
         Places from the clamp outward, equally spaced, px.
     length_px : float
         Length of the line.
-    free_px : float
-        Distance from the line within which a strip has no cost.
-    spread : float
-        Increase of that distance with the distance from the clamp.
+    free_px : ndarray, shape (n,)
+        Distance from each place within which a strip has no cost.
     evidence : float
         Gain of a step within the free distance.
     largest_cost : float
@@ -45,8 +45,7 @@ class CentreLine:
 
     points: Array
     length_px: float
-    free_px: float
-    spread: float
+    free_px: Array
     evidence: float
     largest_cost: float
 
@@ -77,9 +76,10 @@ class CentreLine:
         if along_px > self.length_px:
             return np.zeros(x.shape)
         arc = np.linspace(0.0, self.length_px, len(self.points))
-        near = self.points[np.abs(arc - along_px) <= _AHEAD * self.length_px + width_px]
-        distance = np.hypot(x[..., None] - near[:, 0], y[..., None] - near[:, 1]).min(axis=-1)
-        excess = np.maximum(0.0, distance - self.free_px - self.spread * along_px) / (0.5 * width_px)
+        is_near = np.abs(arc - along_px) <= _AHEAD * self.length_px + width_px
+        near = self.points[is_near]
+        distance = np.hypot(x[..., None] - near[:, 0], y[..., None] - near[:, 1])
+        excess = np.maximum(0.0, (distance - self.free_px[is_near]).min(axis=-1)) / (0.5 * width_px)
         cost = np.minimum(0.5 * excess**2, self.largest_cost)
         return np.asarray(np.where(excess > 0.0, -cost, self.evidence))
 
@@ -100,15 +100,19 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     -------
     CentreLine
     """
-    corners = off_clamp(clamp_px, clicks_px)
+    corners = _merged(off_clamp(clamp_px, clicks_px))
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     spline = CubicSpline(chord, corners, bc_type=((1, ahead), (2, np.zeros(2))))
-    return _line(spline(np.linspace(0.0, chord[-1], 4 * _SAMPLES)), CLICKED_PX, 0.0, _CLICKED_EVIDENCE, _CLICKED_COST)
+    at = np.linspace(0.0, chord[-1], 4 * _SAMPLES)
+    from_click = np.abs(at[:, None] - chord).min(axis=1)
+    free_px = CLICKED_PX + _CLICKED_SPREAD * from_click
+    return _line(spline(at), free_px, _CLICKED_EVIDENCE, _CLICKED_COST)
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the line of an earlier picture, (n, 2) `middle_px`; the beam may have moved since then."""
-    return _line(middle_px, CLICKED_PX, _CARRIED_SPREAD, 0.0, _CARRIED_COST)
+    """Return the line of another picture of the series, (n, 2) `middle_px`, beside which the beam may lie."""
+    from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
+    return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
@@ -118,8 +122,23 @@ def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
     return np.vstack([clamp_px, clicks_px[first:]])
 
 
-def _line(places: Array, free_px: float, spread: float, evidence: float, largest_cost: float) -> CentreLine:
+def _merged(corners: Array) -> Array:
+    """Return the corners (n, 2) of a line, px, with the mean of each group of clicks in place of the group.
+
+    Every click may lie 10 px beside the beam. A line through two clicks that are closer than a few times this distance
+    has any direction, and may turn back.
+    """
+    groups: list[list[Array]] = []
+    for place in corners[1:]:
+        if groups and np.linalg.norm(place - np.mean(groups[-1], axis=0)) < _APART_PX:
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    return np.vstack([corners[:1], [np.mean(group, axis=0) for group in groups]])
+
+
+def _line(places: Array, free_px: Array, evidence: float, largest_cost: float) -> CentreLine:
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
     even = np.linspace(0.0, arc[-1], _SAMPLES)
     points = np.column_stack([np.interp(even, arc, places[:, axis]) for axis in (0, 1)])
-    return CentreLine(points, float(arc[-1]), free_px, spread, evidence, largest_cost)
+    return CentreLine(points, float(arc[-1]), np.interp(even, arc, free_px), evidence, largest_cost)

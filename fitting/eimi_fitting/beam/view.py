@@ -12,7 +12,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A lens whose axis is normal to the plane of the beam. Lengths are in the scale of mid-depth.
+    """A lens before the plane of the beam. Lengths are in the scale of mid-depth.
+
+    The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is stated. A tilt about the axis of the
+    lens is a roll, which is no part of a view.
 
     Attributes
     ----------
@@ -20,12 +23,51 @@ class View:
         The point at mid-depth that lies on the axis of the lens.
     stand_off_mm : float
         Distance from the pupil to that point.
+    tilt_deg : tuple of float
+        Angles by which the plane of the beam comes nearer to the camera along x and along y.
+    ruler_mm : ndarray, shape (2, 2), optional
+        Two places whose distance and direction were measured in the picture. A tilt leaves both as they are. Without
+        them the scale holds where the axis of the lens meets the plane.
+
+    Examples
+    --------
+    Along x the plane comes nearer by 3 degrees. The place at 40 mm appears farther from the clamp:
+
+    >>> view = View(np.zeros(2), stand_off_mm=200.0, tilt_deg=(3.0, 0.0))
+    >>> view.seen(np.array([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]])).round(2).tolist()
+    [[0.0, 0.0], [40.37, 0.0]]
     """
 
     centre_mm: Array
     stand_off_mm: float
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return the image (..., 2) in mm of places (..., 3) in mm; z points away from the camera."""
-        scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
-        return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)
+        """Return the image (..., 2) in mm of places (..., 3) in mm; z points away from the camera.
+
+        The clamp, at the origin, always appears at the origin if it lies at mid-depth.
+        """
+        if not any(self.tilt_deg):
+            scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
+            return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)
+        clamp = self._tilted(np.zeros(3))
+        appear = self._tilted(places_mm) - clamp
+        if self.ruler_mm is None:
+            return appear
+        ends = self._tilted(np.column_stack([self.ruler_mm, np.zeros(2)]))
+        (along, across), (seen_along, seen_across) = self.ruler_mm[1] - self.ruler_mm[0], ends[1] - ends[0]
+        similar = complex(along, across) / complex(seen_along, seen_across)
+        turned = np.array([[similar.real, similar.imag], [-similar.imag, similar.real]])
+        return np.asarray(appear @ turned)
+
+    def _tilted(self, places_mm: Array) -> Array:
+        """Return the central projection of places (..., 3) on the tilted picture, (..., 2), about its centre."""
+        slope = np.radians(self.tilt_deg)
+        angle = float(np.hypot(*slope))
+        toward = slope / angle
+        from_centre = places_mm[..., :2] - self.centre_mm
+        along, away = from_centre @ toward, places_mm[..., 2]
+        moved = np.cos(angle) * along + np.sin(angle) * away - along
+        distance = self.stand_off_mm - np.sin(angle) * along + np.cos(angle) * away
+        return np.asarray((self.stand_off_mm / distance)[..., None] * (from_centre + moved[..., None] * toward))

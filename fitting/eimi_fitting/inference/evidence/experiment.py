@@ -15,7 +15,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, Observation
-from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under, stand_off_under
+from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under, view_under
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.laws.law import Law
 
@@ -136,7 +136,7 @@ def _observed_of(
         view = observed.view
         if view is None:
             return observed
-        return replace(observed, view=replace(view, stand_off_mm=stand_off_under(view.stand_off_mm, deviations)))
+        return replace(observed, view=view_under(view, deviations))
     scale = np.array([specimen.length_mm / before.length_mm, specimen.width_mm / before.width_mm])
     step = observed.rest_mm * (scale - 1)
     return replace(observed, rest_mm=observed.rest_mm + step, moved_mm=observed.moved_mm + step)

@@ -19,6 +19,7 @@ from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.view import View
 
 if TYPE_CHECKING:
     from eimi_fitting.beam.loads import Loads
@@ -62,8 +63,8 @@ class Source:
         Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
         to its position in the picture.
     specimen, loads, lens : callable, optional
-        Take the stated specimen, loads or stand-off of the lens in mm and the deviations (parts,) of one candidate, and
-        return another specimen, other loads or another stand-off.
+        Take the stated specimen, loads or view of the lens and the deviations (parts,) of one candidate, and return
+        another specimen, other loads or another view.
     """
 
     words: str
@@ -81,12 +82,17 @@ class Source:
     image: Callable[[Array], tuple[Array, Array]] | None = None
     specimen: Callable[[Specimen, Array], Specimen] | None = None
     loads: Callable[[Loads, Array], Loads] | None = None
-    lens: Callable[[float, Array], float] | None = None
+    lens: Callable[[View, Array], View] | None = None
 
     @property
     def bends(self) -> bool:
         """Whether candidates that differ in this source need another specimen, other loads or another lens."""
         return any((self.specimen, self.loads, self.lens))
+
+    @property
+    def changes_shapes(self) -> bool:
+        """Whether the source changes the shapes of the beam, and not only how the camera sees these shapes."""
+        return any((self.specimen, self.loads, self.field))
 
 
 @dataclass(frozen=True)
@@ -169,8 +175,13 @@ def _field_graded(loads: Loads, deviation: Array) -> Loads:
     return replace(loads, coil=replace(shape, gradient_per_m=more))
 
 
-def _farther(stand_off_mm: float, deviation: Array) -> float:
-    return stand_off_mm + float(deviation[0])
+def _farther(view: View, deviation: Array) -> View:
+    return replace(view, stand_off_mm=view.stand_off_mm + float(deviation[0]))
+
+
+def _tilted(view: View, deviation: Array) -> View:
+    along, across = view.tilt_deg
+    return replace(view, tilt_deg=(along + float(deviation[0]), across + float(deviation[1])))
 
 
 def _beam(name: str) -> Callable[[Specimen, Array], Specimen]:
@@ -313,6 +324,16 @@ SOURCES: dict[str, Source] = {
         key="stand_off_mm",
         lens=_farther,
     ),
+    "tilt": Source(
+        words="tilt of the camera about the picture's axes",
+        parts=("tilt along the beam", "tilt across the beam"),
+        unit="deg",
+        largest=20.0,
+        usual=1.0,
+        stated_in="calibration",
+        key="camera_tilt_deg",
+        lens=_tilted,
+    ),
     "offset": Source(
         words="zero of the field",
         parts=("offset",),
@@ -389,9 +410,9 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
     return loads
 
 
-def stand_off_under(stand_off_mm: float, deviations: Mapping[str, Array]) -> float:
-    """Return the stand-off of the lens in mm with deviations (parts,) of its sources."""
+def view_under(view: View, deviations: Mapping[str, Array]) -> View:
+    """Return the view of the lens with deviations (parts,) of its sources."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
-            stand_off_mm = change(stand_off_mm, deviation)
-    return stand_off_mm
+            view = change(view, deviation)
+    return view

@@ -250,8 +250,7 @@ def changes_by(
             deviation = step * size * np.eye(len(source.parts))[part]
             deviated = experiment.under({key: deviation}) if source.bends else experiment
             setup = Setup.of([*candidate.freed, (key, part, step * size)], 1)
-            is_bent = source.bends or source.field
-            shapes = _bent(candidate, deviated, setup, stated_shapes.every) if is_bent else stated_shapes
+            shapes = _bent(candidate, deviated, setup, stated_shapes.every) if source.changes_shapes else stated_shapes
             if _in_equilibrium(shapes):
                 misfit = deviated.observed.misfit(deviated.model, shapes, setup)
                 return np.asarray(misfit.residuals[0] - residuals) / step
