@@ -79,6 +79,9 @@ EXAMPLES: dict[type[Document], tuple[str, ...]] = {
 }
 # Examples of keys that no shipped file has.
 FURTHER_EXAMPLES = {
+    "camera_tilt_deg": "[0.0, 1.5]",
+    "ruler_px": "[[60, 845], [460, 845]]",
+    "uncertainty.camera_tilt_deg": "2.0",
     "current.values_A": "[0.0, 0.2, 0.5]",
     "creep": "true",
     "settle.dwell_s": "60.0",

@@ -29,7 +29,8 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
-_OF_LATER_RELEASES = ("background_field_mT", "field", "camera_tilt_deg", "ruler_px")  # keys that the hash of a calibration has only if it has them
+# Keys that the hash of a calibration has only if the calibration has them.
+_OF_LATER_RELEASES = ("background_field_mT", "field", "camera_tilt_deg", "ruler_px")
 _ROUNDING = 1e-9  # of the sine of an angle
 LARGEST_CAMERA_TILT_DEG = 30.0
 
@@ -97,8 +98,8 @@ class Calibration(Document):
     stand_off_mm: float | None = Field(default=None, gt=0)
     """Distance from the entrance pupil of the lens to the middle plane of the beam."""
     camera_tilt_deg: Pair | None = None
-    """Angles by which the beam's plane comes nearer to the camera toward the right and toward the bottom of the picture;
-    it needs stand_off_mm."""
+    """Angles by which the plane of the beam comes nearer to the camera, toward the right and toward the bottom of the
+    picture; needs stand_off_mm."""
     ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
     """Two ticks of the ruler from which the scale was read; a tilt of the camera leaves their distance as it is."""
     telecentric: bool = False
@@ -130,8 +131,8 @@ class Calibration(Document):
             raise ValueError("stand_off_mm is missing: camera_tilt_deg has an effect only at a stated distance")
         if self.camera_tilt_deg is not None and max(map(abs, self.camera_tilt_deg)) > LARGEST_CAMERA_TILT_DEG:
             raise ValueError(
-                f"camera_tilt_deg = {list(self.camera_tilt_deg)} should be two angles from -{LARGEST_CAMERA_TILT_DEG:g} "
-                f"to {LARGEST_CAMERA_TILT_DEG:g}"
+                f"camera_tilt_deg = {list(self.camera_tilt_deg)} should be two angles "
+                f"from -{LARGEST_CAMERA_TILT_DEG:g} to {LARGEST_CAMERA_TILT_DEG:g}"
             )
         sizes = {key: (key, getattr(self, key)) for key in ("pixels_per_mm", "coil_constant_mT_per_A", "stand_off_mm")}
         check_sizes(

@@ -123,12 +123,39 @@ def _find_all(
                 edge_set = _edges_in(frames, state.index, projection, partial(_return, last_reliable), expected)
             if _is_reliable(edge_set):
                 last_reliable = edge_set
-            edge_set = replace(edge_set, flags=state.flags + edge_set.flags)
             edge_sets.append(edge_set)
-            report(
-                f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {_in_words(edge_set.flags)}"
-            )
-    return clamp_judged_when_straight(edge_sets)
+            flags = state.flags + edge_set.flags
+            report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {_in_words(flags)}")
+    _search_again_beside_others(frames, projection, edge_sets)
+    return clamp_judged_when_straight(
+        [
+            replace(edge_set, flags=state.flags + edge_set.flags)
+            for state, edge_set in zip(frames.dataset.states, edge_sets, strict=True)
+        ]
+    )
+
+
+def _search_again_beside_others(frames: Frames, projection: Projection | None, edge_sets: list[EdgeSet]) -> None:
+    """Search again in the states without edges, and replace their edges if a beam is found there.
+
+    The middle of the beam in the nearest reliable state is the expected centre line, first from earlier states and then
+    from later ones: the beam moves little from state to state. If several bodies may be the beam in the first states,
+    the next reliable state decides between these bodies.
+    """
+    states = range(len(edge_sets))
+    first_reliable = next((index for index in states if _is_reliable(edge_sets[index])), len(edge_sets))
+    for order in (states, reversed(states)):
+        guide: EdgeSet | None = None
+        for index in order:
+            before = edge_sets[index]
+            if _is_reliable(before):
+                guide = before
+            elif guide is not None and not len(before.middle_mm):
+                again = _edges_in(frames, index, projection, partial(_return, guide), guide.middle_mm)
+                if _is_reliable(again):
+                    edge_sets[index] = guide = again
+            elif guide is not None and index < first_reliable and not leaves_out(before.flags):
+                edge_sets[index] = _edges_in(frames, index, projection, partial(_return, guide))
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
@@ -279,17 +306,19 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
     -------
     advice, picture
         A text with the probable cause, and a PNG of the first frame with rulers in pixels and with the outline of the
-        straight beam according to the calibration and the specimen.
+        straight beam according to the calibration and the specimen. If the text suggests another value, the edges that
+        are found with this value are drawn in green.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         image, calibration, beam = frames.mean(index), frames.calibration, dataset.specimen.specimen
-        words = suggest_correction(image, calibration, dataset.specimen, dataset.projection())
+        suggested = suggest_correction(image, calibration, dataset.specimen, dataset.projection())
         shown = dataset.images(index)[0]
     half, long = beam.width_mm / 2, beam.length_mm
     sides = [[[0, -half], [long, -half]], [[0, half], [long, half]], [[0, -3 * half], [0, 3 * half]]]
     lines = [BeamFrame(calibration).to_px(side) for side in sides]
-    return words, _png(ruled_picture(shown, lines))
+    words = suggested.words + (" (green in the picture)" if suggested.edges_px else "")
+    return words, _png(ruled_picture(shown, lines, suggested.edges_px))
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:

@@ -36,8 +36,8 @@ SPECIMEN, CALIBRATION, STATES = "specimen.toml", "calibration.toml", "states.csv
 N_PER_GRAM = 9.80665e-3
 """Weight of a gram at standard gravity (ISO 80000-4), N."""
 
-FREED = ("axis", "clamp")
-"""Inputs that a fit of clicked photographs frees, because the pictures determine them better than clicks do."""
+FREED = ("axis", "clamp", "tilt")
+"""Inputs that a fit of clicked photographs frees: the pictures determine them better than clicks, level or eye."""
 
 DENSITY_SIGMA_KG_M3 = 10.0
 _SIZES = ("length_mm", "width_mm", "depth_mm")

@@ -14,20 +14,19 @@ from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.process.stderr import library_words
+from eimi_lab.vision.heic import kind_of, read_heic
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey
 
-ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
+ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".heic", ".heif"})
 _BYTES_PER_PIXEL = 8  # of 4 channels of 16 bits
 _PADDING_BYTES = 16
 """Webcams put up to about ten superfluous bytes before the marker that ends a scan; more are a sign of damage."""
 _DAMAGED_JPEG = re.compile(r"(Corrupt JPEG data|Premature end of JPEG)")  # libjpeg, jerror.h
 _PADDED = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker")
-_HEIC, _HEIF, _AVIF = "a HEIC picture", "a HEIF picture", "an AVIF picture"
-_BRANDS = {b"heic": _HEIC, b"heix": _HEIC, b"mif1": _HEIF, b"msf1": _HEIF, b"avif": _AVIF}  # ISO/IEC 23008-12, annex B
 _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of cameras
-    {".heic", ".heif", ".avif", ".dng", ".webp", ".gif", ".jp2", ".jxl", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf"}
+    {".avif", ".dng", ".webp", ".gif", ".jp2", ".jxl", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf"}
 )
 
 
@@ -72,8 +71,8 @@ def read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not raw:
         raise InputError(f"{path}: is empty")
-    if raw[4:8] == b"ftyp" and raw[8:12] in _BRANDS:
-        raise InputError(f"{path}: is {_BRANDS[raw[8:12]]}; save it as JPEG or PNG")
+    if kind_of(raw):
+        return read_heic(raw, path)
     if not is_whole(raw):
         raise InputError(f"{path}: is truncated or damaged; copy it again")
     size = claimed_size(raw)

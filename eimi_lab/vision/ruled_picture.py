@@ -15,11 +15,15 @@ from eimi_lab.vision.intensity import full_scale
 MARGIN_PX = 46  # around the frame, for the numbers
 _LINES = 12  # approximate number of grid lines along the longer side
 _INK, _PAPER, _RULE, _LINE = (0, 0, 0), (255, 255, 255), (0, 200, 255), (255, 0, 255)
+SUGGESTED = (0, 170, 0)
+"""Blue, green and red of suggested lines."""
 _FONT, _LETTERS = cv2.FONT_HERSHEY_SIMPLEX, 0.42
 _COMPASS_PX = 34
 
 
-def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.uint8]:
+def ruled_picture(
+    image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = (), suggested: Sequence[NDArray[np.float64]] = ()
+) -> NDArray[np.uint8]:
     """Draw a frame with a grid of pixel coordinates.
 
     The numbers and the compass stand beside the frame, never on it.
@@ -29,7 +33,9 @@ def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()
     image : ndarray, shape (H, W) or (H, W, 3)
         The frame; blue, green, red.
     lines : sequence of ndarray, shape (n, 2)
-        Lines to draw on the frame, px of the frame.
+        Lines to draw on the frame, px of the frame, in magenta.
+    suggested : sequence of ndarray, shape (n, 2)
+        Further lines, in green.
 
     Returns
     -------
@@ -48,9 +54,9 @@ def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()
     for y in range(0, height, step):
         _rule(sheet, (MARGIN_PX, MARGIN_PX + y), (MARGIN_PX + width - 1, MARGIN_PX + y))
         _write(sheet, str(y), (MARGIN_PX // 2, MARGIN_PX + y))
-    for line in lines:
+    for line, colour in [(line, _LINE) for line in lines] + [(line, SUGGESTED) for line in suggested]:
         drawn = np.rint(np.clip(line, -1e4, 1e5) + MARGIN_PX).astype(np.int32)
-        cv2.polylines(sheet, [drawn], False, _LINE, 2, cv2.LINE_AA)
+        cv2.polylines(sheet, [drawn], False, colour, 2, cv2.LINE_AA)
     _compass(sheet, (MARGIN_PX + _COMPASS_PX + 10, MARGIN_PX + height + _COMPASS_PX + 40))
     return np.asarray(sheet, dtype=np.uint8)
 

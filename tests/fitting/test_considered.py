@@ -123,7 +123,7 @@ SHORT = ("scale", "depth")
         *(
             pytest.param(key, marks=pytest.mark.slow)
             for key, own in SOURCES.items()
-            if own.stated_in and key not in (*SHORT, "stand-off", "magnet-offset")
+            if own.stated_in and key not in (*SHORT, "stand-off", "tilt", "magnet-offset")
         ),
     ],
 )

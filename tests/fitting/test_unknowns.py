@@ -9,7 +9,9 @@ import pytest
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.sources import SOURCES, Source
@@ -48,6 +50,30 @@ def test_a_new_nuisance_needs_one_entry(bent: Experiment, monkeypatch: pytest.Mo
     assert freed.deviation.value == pytest.approx(0.01, abs=1e-3)
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.mean_error_mm == pytest.approx(NOISE_MM, rel=0.3)
+
+
+def test_a_freed_tilt_of_the_camera_is_found_in_the_shapes_of_the_beam() -> None:
+    """The camera is tilted by 2 and -1 degrees. A fit that assumes no tilt is wrong by more than one that frees it."""
+    beam = Specimen(40.0, 3.0, 6.0, 1070.0, "plane-strain")
+    model = BeamModel(beam, 26, 2)
+    loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=[0.0, 4e-3, 8e-3, 1.6e-2])
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[60e3]]), loads)
+    ruler = np.array([[0.0, -20.0], [50.0, -20.0]])
+    straight = View(np.array([20.0, 5.0]), 180.0, ruler_mm=ruler)
+    tilted = replace(straight, tilt_deg=(2.0, -1.0))
+    sides = points_on(outline(model, shapes, tilted)[0], 1)[:, :, 1:-3]
+    edges = sides + np.random.default_rng(2).normal(0, 2 * NOISE_MM, sides.shape)
+    sigma = np.full(sides.shape[2], 2 * NOISE_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges], straight)
+    photographs = Experiment(BeamModel(beam), loads, observed)
+    blind = identify("neo-hookean", [photographs])
+    fit = identify("neo-hookean", [photographs], free=[NuisancePrior("tilt", 2.0)])
+    assert [one.name for one in fit.freed] == ["tilt along the beam", "tilt across the beam"]
+    for one, hidden in zip(fit.freed, tilted.tilt_deg, strict=True):
+        assert one.deviation.value == pytest.approx(hidden, abs=0.4)
+    assert fit.initial_shear_modulus.value == pytest.approx(60e3, rel=0.01)
+    assert abs(blind.initial_shear_modulus.value - 60e3) > 3 * abs(fit.initial_shear_modulus.value - 60e3)
+    assert fit.mean_error_mm < 0.5 * blind.mean_error_mm
 
 
 def test_the_correction_of_the_camera_inverts_its_error() -> None:

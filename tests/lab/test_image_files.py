@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.ExifTags import IFD, Base
 
 from eimi_lab.process.errors import InputError
+from eimi_lab.vision.calibration.exif_lens import focal_length
 from eimi_lab.vision.image_files import find_images, read_image
 
 
@@ -55,14 +59,39 @@ def test_a_jpeg_whose_pixels_are_damaged_is_refused_and_nothing_else_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_heic_picture_is_refused_with_its_format(tmp_path: Path) -> None:
-    heic = b"\0\0\0\x18ftypheic" + bytes(100)
-    (tmp_path / "IMG_1.HEIC").write_bytes(heic)
-    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and similar files as JPEG or PNG"):
+def test_a_heic_picture_is_read_as_the_same_jpeg(tmp_path: Path) -> None:
+    """An iPhone stores HEIC by default; orientation and Exif are those of the picture."""
+    pillow_heif = pytest.importorskip("pillow_heif")
+    pillow_heif.register_heif_opener()
+    pixels = np.full((96, 128, 3), 200, np.uint8)
+    pixels[:20, 64:] = (220, 30, 30)  # red, at the upper right
+    exif = Image.Exif()
+    exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = 26
+    path = tmp_path / "IMG_1.HEIC"
+    Image.fromarray(pixels).save(path, format="HEIF", exif=exif, quality=95)
+    assert find_images(tmp_path) == [path]
+    image = read_image(path)
+    assert (image.shape, image.dtype) == ((96, 128, 3), np.uint8)
+    assert np.abs(image.astype(int) - pixels[..., ::-1]).mean() < 5
+    lens = focal_length(path, (128, 96))
+    assert lens is not None
+    assert "26 mm" in lens.source
+    (tmp_path / "cut.heic").write_bytes(path.read_bytes()[:400])
+    with pytest.raises(InputError, match=r"cut.heic: is a HEI. picture that is truncated or damaged"):
+        read_image(tmp_path / "cut.heic")
+
+
+def test_a_heic_picture_without_its_library_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    (tmp_path / "IMG_1.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
+    with pytest.raises(InputError, match=r"pip install 'eimi-lab\[heic\]'.*Most Compatible, or export") as refused:
+        read_image(tmp_path / "IMG_1.HEIC")
+    assert "\n" not in str(refused.value)
+    (tmp_path / "IMG_1.HEIC").rename(tmp_path / "IMG_1.avif")
+    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.avif and similar files as JPEG or PNG"):
         find_images(tmp_path)
-    (tmp_path / "renamed.jpg").write_bytes(heic)
-    with pytest.raises(InputError, match="is a HEIC picture; save it as JPEG or PNG"):
-        read_image(tmp_path / "renamed.jpg")
 
 
 def test_the_orientation_of_a_phone_is_obeyed(tmp_path: Path) -> None:

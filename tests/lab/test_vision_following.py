@@ -6,6 +6,7 @@ import pytest
 
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset import segmentation
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
@@ -210,6 +211,23 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
     assert np.ptp(middles) < 0.1
 
 
+def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
+    """The search of the first two states finds no beam alone, as if it needed the centre line of the third state."""
+    guides = []
+
+    def find(image, *arguments, expected_mm=None, **more):
+        guides.append(expected_mm)
+        hidden = len(guides) < 3 or (expected_mm is None and len(guides) > 3)
+        return find_edges(np.full_like(image, 120) if hidden else image, *arguments, expected_mm=expected_mm, **more)
+
+    monkeypatch.setattr(segmentation, "find_edges", find)
+    assert followed_in(run, files, ("red",), ("red",), ("red",)) == ["red", "red", "red"]
+    assert [guide is None for guide in guides] == [True, True, True, False, False]
+    assert np.median(np.abs(guides[-1][:, 1])) == pytest.approx(
+        8.5 / 8.0, abs=0.1
+    )  # the stripe is 8.5 px from the clamp
+
+
 def test_clicked_points_off_the_beam_are_reported(files):
     clicks = {"picture": {"along_px": ((106.0, 40.0), (112.0, 70.0))}}
     calibration = load_calibration(files / "calibration.toml", clicks)
@@ -222,9 +240,11 @@ def test_clicked_points_off_the_beam_are_reported(files):
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
     """In the second state, a shift of a tenth of a pixel makes the other stripe the better one."""
     both = ("red", "blue")
-    guessed, sure = followed_in(run, files, both, both, aside_px=(0.0, -0.1))
+    guessed = followed_in(run, files, both)[0]
     assert guessed.endswith(", in doubt")
+    first, sure = followed_in(run, files, both, both, aside_px=(0.0, -0.1))
     assert sure == ("blue" if guessed.startswith("red") else "red")
+    assert first == f"{sure}, in doubt"  # a later state that is sure decides in the first one
 
 
 NOT_FOLLOWED = ("cable_yellow_wall", "wrapped_1")

@@ -114,9 +114,7 @@ def measure_bench(
     from_axis = (clamp[0] - 0.5 * (size[0] - 1), clamp[1] - 0.5 * (size[1] - 1))
     clamp = (clamp[0] - nearer * from_axis[0], clamp[1] - nearer * from_axis[1])
     by_tilt = 0.5 * depth_mm * math.radians(PARALLEL_DEG) * scale  # of the near face relative to the middle plane
-    clamp_px = math.hypot(
-        click_px / math.sqrt(len(clicked.clamp_px)), 0.5 * nearer * math.hypot(*from_axis), by_tilt
-    )
+    clamp_px = math.hypot(click_px / math.sqrt(len(clicked.clamp_px)), 0.5 * nearer * math.hypot(*from_axis), by_tilt)
     scale_share = math.hypot(scale_share, IN_PLANE_MM / stand_off_mm)
     values = {
         "pixels_per_mm": (f"{scale:.5g}", f"{scale_share * scale:.2g}", ruler_words),

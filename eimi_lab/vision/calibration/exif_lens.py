@@ -10,6 +10,8 @@ from pathlib import Path
 from PIL import Image
 from PIL.ExifTags import IFD, Base
 
+from eimi_lab.vision.heic import let_pillow_read_heic
+
 DIAGONAL_35MM = 43.2666
 """Diagonal (mm) of a frame of 36 x 24 mm. The "35 mm equivalent" has the same angle of view over the diagonal (CIPA
 DCG-001, 2005)."""
@@ -38,6 +40,7 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
     size : tuple of int
         Width and height of its pixels, px.
     """
+    let_pillow_read_heic()
     try:
         with Image.open(path) as picture:
             exif = picture.getexif()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from eimi_lab.vision.following.follow import NARROWEST_PX
 from eimi_lab.vision.intensity import full_scale
 from eimi_lab.vision.projection import Projection
 
+Array = NDArray[np.float64]
+
 WIDTHS = (0.8, 1.25)
 SCALES = (0.5, 0.7, 1.4, 2.0)
 TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
@@ -26,10 +29,26 @@ _FULL_LENGTH = 0.8  # of the stated length, at the last point: the corners at th
 _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 
+@dataclass(frozen=True)
+class SuggestedCorrection:
+    """A sentence on the value that is probably wrong, and the edges that were found with another value.
+
+    Attributes
+    ----------
+    words : str
+        A part of a sentence, to follow "no beam was found;".
+    edges_px : tuple of ndarray, shape (n, 2)
+        The edges that are found with the suggested value, px; empty if no value is suggested.
+    """
+
+    words: str
+    edges_px: tuple[Array, ...] = ()
+
+
 def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
-) -> str:
-    """Return a sentence on the value that is probably wrong for an image in which no beam was found.
+) -> SuggestedCorrection:
+    """Return the value that is probably wrong for an image in which no beam was found.
 
     The search is repeated without clicked points, and with another width, scale, axis or clamp, one change at a time
     and each clearly different from the stated value. The first change with which a beam of the full length is found,
@@ -48,8 +67,7 @@ def suggest_correction(
 
     Returns
     -------
-    str
-        A part of a sentence, to follow "no beam was found;".
+    SuggestedCorrection
     """
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         size = {key: changes[key] for key in changes if key == "width_mm"}
@@ -60,13 +78,17 @@ def suggest_correction(
             continue
         edges = find_edges(image, changed, beam, projection=projection)
         if _is_convincing(edges, beam):
-            return f"one is found with {words}"
+            frame = BeamFrame(changed)
+            edges_px = tuple(frame.to_px(edge.points_mm) for edge in (edges.left, edges.right))
+            return SuggestedCorrection(f"one is found with {words}", edges_px)
     if reason := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
-        return reason
+        return SuggestedCorrection(reason)
     wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
     if wide_px < NARROWEST_PX:
-        return f"it is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g}: go nearer, or use a longer lens;"
-    return (
+        return SuggestedCorrection(
+            f"it is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g}: go nearer, or use a longer lens;"
+        )
+    return SuggestedCorrection(
         "no body of the stated width leaves the clamp there or nearby: check clamp_midpoint_px, axis_angle_deg and "
         "pixels_per_mm, or help with --along, --region, --polarity and --beam-colour;"
     )

@@ -156,8 +156,8 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
 @pytest.mark.parametrize(
     ("name", "body", "words"),
     [
-        ("IMG_1.HEIC", b"\0\0\0\x18ftypheic", "IMG_1.HEIC: is not a picture that can be read"),
-        ("IMG_1.jpg", b"\0\0\0\x18ftypheic\0\0", "IMG_1.jpg: is a HEIC picture; save it as JPEG or PNG"),
+        ("IMG_1.webp", b"RIFF\0\0\0\0WEBP", "IMG_1.webp: is not a picture that can be read"),
+        ("IMG_1.HEIC", b"\0\0\0\x18ftypheic\0\0", "IMG_1.HEIC: is a HEIC picture"),
         ("IMG_1.jpg", b"\xff\xd8\xff\xe0 cut", "IMG_1.jpg: is truncated or damaged"),
         ("../IMG_1.jpg", b"", "should be the short name of a picture"),
         (".IMG_1.jpg", b"", "should be the short name of a picture"),

@@ -14,7 +14,7 @@ from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, Observation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, Observation, joined_misfits
 from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under, view_under
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.laws.law import Law
@@ -219,13 +219,7 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
         max_stretch=in_order(c.max_stretch for c in comparisons),
         shapes=(),
         misfits=tuple(
-            Misfit(
-                residuals=in_order(m.residuals for m in misfits),
-                weights=misfits[0].weights,
-                error_mm=in_order(m.error_mm for m in misfits),
-                deviation_mm=in_order(m.deviation_mm for m in misfits),
-            )
-            for misfits in zip(*(c.misfits for c in comparisons), strict=True)
+            joined_misfits(misfits).take(order) for misfits in zip(*(c.misfits for c in comparisons), strict=True)
         ),
     )
 
@@ -239,6 +233,7 @@ def compare(
     setups: Sequence[Setup] | None = None,
     near: Sequence[Shapes] = (),
     keep: bool = False,
+    seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
     """Simulate candidates in all experiments and compute their distance from the measurements.
 
@@ -258,6 +253,9 @@ def compare(
         Shapes of other candidates in each experiment, made with ``keep``. The solver starts from the first of them.
     keep : bool
         Keep the shapes of the first candidate for later calls.
+    seen : sequence of (ndarray, sequence of mapping), optional
+        Groups of candidates with the same lenses: their rows and, for each experiment, the deviations of the sources of
+        the lens. Every candidate belongs to one group. By default all candidates have the stated lenses.
 
     Returns
     -------
@@ -271,7 +269,7 @@ def compare(
         setup = setups[index] if setups else None
         start = near[index].every if near else None
         shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setup, start, keep)
-        misfit = experiment.observed.misfit(experiment.solved, shapes, setup, experiment.change)
+        misfit = _misfit(experiment, shapes, setup, [(rows, lenses[index]) for rows, lenses in seen])
         unconverged |= ~np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
         stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))
@@ -284,6 +282,26 @@ def compare(
         shapes=tuple(all_shapes),
         misfits=tuple(misfits),
     )
+
+
+def _misfit(
+    experiment: Experiment,
+    shapes: Shapes,
+    setup: Setup | None,
+    seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
+) -> Misfit:
+    """Return the misfit of all candidates, each seen through its own lens."""
+    model, change = experiment.solved, experiment.change
+    if len(seen) < 2:
+        through = experiment.under(seen[0][1]) if seen else experiment
+        return through.observed.misfit(model, shapes, setup, change)
+    misfits = [
+        experiment.under(lens).observed.misfit(
+            model, shapes.take(rows), None if setup is None else setup.take(rows), change
+        )
+        for rows, lens in seen
+    ]
+    return joined_misfits(misfits).take(np.argsort(np.concatenate([rows for rows, _ in seen])))
 
 
 def _solved(

@@ -122,6 +122,16 @@ class Misfit:
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
+def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
+    """Return the misfits of several groups of candidates as one; the groups have the same measurements."""
+    return Misfit(
+        residuals=np.concatenate([misfit.residuals for misfit in misfits]),
+        weights=misfits[0].weights,
+        error_mm=np.concatenate([misfit.error_mm for misfit in misfits]),
+        deviation_mm=np.concatenate([misfit.deviation_mm for misfit in misfits]),
+    )
+
+
 @dataclass(frozen=True)
 class EdgeObservation:
     """Measured edges of K states.

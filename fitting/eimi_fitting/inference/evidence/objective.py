@@ -206,6 +206,7 @@ class Problem:
                         setups=self.unknowns.setups(unit[rows], len(used)),
                         near=near,
                         keep=keep,
+                        seen=self.unknowns.seen(unit[rows], len(used)),
                     ),
                 )
                 for rows, deviations in self.unknowns.bent(unit, len(used))

@@ -8,13 +8,13 @@ standard deviation s of its prior, a nuisance deviates by 2 RANGE s (u - 1/2) at
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.inference.evidence.sources import SOURCES, Source, StatedSource
 from eimi_fitting.laws.search_space import SearchSpace
 
 Array = NDArray[np.float64]
@@ -140,6 +140,10 @@ class Setup:
                 linear = turn @ linear
                 shift = np.einsum("pij,pj->pi", turn, shift) + move
         return Setup(factor, linear, shift)
+
+    def take(self, rows: Rows) -> Setup:
+        """Return the setup of the candidates of these rows."""
+        return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
         """Return the true positions (P, ..., 2) of measured positions (..., 2), in mm."""
@@ -323,7 +327,7 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group candidates that have the same specimens, loads and lenses.
+        """Group candidates that have the same specimens and loads.
 
         Parameters
         ----------
@@ -337,7 +341,16 @@ class Unknowns:
         list of (ndarray, list of dict)
             For each group the rows of its candidates and, for each dataset, the deviations (parts,) by source.
         """
-        columns = [(c, n) for c, n in enumerate(self.freed, self.searched) if SOURCES[n.source].bends]
+        return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
+
+    def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
+        """Group candidates that have the same lenses; parameters and result as those of `bent`."""
+        return self._grouped(unit, datasets, lambda source: source.lens is not None)
+
+    def _grouped(
+        self, unit: Array, datasets: int, concerns: Callable[[Source], bool]
+    ) -> list[tuple[Rows, list[dict[str, Array]]]]:
+        columns = [(c, n) for c, n in enumerate(self.freed, self.searched) if concerns(SOURCES[n.source])]
         if not columns:
             return [(np.arange(len(unit)), [{} for _ in range(datasets)])]
         _, first, group = np.unique(unit[:, [c for c, _ in columns]], axis=0, return_index=True, return_inverse=True)

@@ -172,14 +172,15 @@ def _changes(
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
         if index in n.datasets
     ]
-    (_, deviations), *_ = problem.unknowns.bent(unit[None], len(problem.experiments))
+    (_, reshaped), *_ = problem.unknowns.bent(unit[None], len(problem.experiments))
+    (_, seen), *_ = problem.unknowns.seen(unit[None], len(problem.experiments))
     candidate = Candidate(
         problem.law, problem.unknowns.parameters(unit[None]), problem.unknowns.bulk_modulus_Pa(unit[None]), tuple(freed)
     )
     concerned = [(i, number) for i, number in enumerate(numbers) if index in number[0].datasets]
     sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in concerned]
     changes: list[Array | None] = [None] * len(numbers)
-    concerned_changes = changes_by(candidate, problem.experiments[index].under(deviations[index]), sizes)
+    concerned_changes = changes_by(candidate, problem.experiments[index].under(reshaped[index] | seen[index]), sizes)
     for (i, _), change in zip(concerned, concerned_changes, strict=True):
         changes[i] = change
     return changes
