@@ -5,6 +5,7 @@ following            follow the beam from its clamp in a photograph without a ba
 tracking             follow the beam from frame to frame of a recording
 calibration          measure the scale, the clamp, the axis and the direction of gravity
 image_files          list the images of a folder, and read them
+heic                 read the HEIC pictures of an iPhone
 image_sizes          read the size of an image from its header, before it is decoded
 image_wholeness      check that an image file is complete
 intensity            combine colours and frames into one image, and correct it by a dark frame and a flat field
