@@ -14,7 +14,8 @@ Moduli are in MPa (lengths in mm, forces in N). In COMSOL's card each value carr
 
 Sources: Abaqus Analysis User's Guide, hyperelastic behavior of rubberlike materials; CalculiX CrunchiX User's Manual,
 *HYPERELASTIC; ANSYS Material Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic
-materials; FEBio User's Manual, uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField.
+materials; FEBio User's Manual, uncoupled materials; SOFA v26.06, TetrahedronHyperelasticityFEMForceField and its folder
+of materials; SOFA's pull requests 5748 (Ogden, in v25.12) and 6206 (materials as components, after v26.06).
 """
 
 from __future__ import annotations
@@ -272,7 +273,9 @@ def _febio(material: Material) -> str:
 def _sofa(material: Material) -> str:
     """Write a force field for SOFA.
 
-    materialName is the law's keyword. ParameterSet holds all constants, including those of the volume term.
+    materialName is the law's keyword. ParameterSet holds all constants, including those of the volume term. Versions of
+    SOFA after v26.06 have HyperelasticityFEMForceField too, and a component for each law. The notes state the values of
+    that component.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME]
     material = material.long_term
@@ -280,7 +283,11 @@ def _sofa(material: Material) -> str:
     parameters = " ".join(_number(value) for value in constants.constants.values())
     name, keyword = escape(material.name), constants.keyword
     field = f'<TetrahedronHyperelasticityFEMForceField name="{name}" materialName="{keyword}"'
-    notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", *constants.notes, *time)
+    versions = (
+        "TetrahedronHyperelasticityFEMForceField is the element of SOFA up to v26.06; later ones (pull request 6206 of "
+        "2026) have it too, and also HyperelasticityFEMForceField, which takes its law from a component beside it"
+    )
+    notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", versions, *constants.notes, *time)
     return _comment(notes) + f'{field} ParameterSet="{parameters}"/>\n'
 
 

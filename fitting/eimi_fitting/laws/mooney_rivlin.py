@@ -92,6 +92,10 @@ class MooneyRivlin(InvariantLaw):
             case "febio":
                 return CardConstants("Mooney-Rivlin", {"c1": c10, "c2": c01})
             case "sofa":
-                return CardConstants("MooneyRivlin", {"c1": c10, "c2": c01, "k0": bulk})
+                note = (
+                    "the component beside HyperelasticityFEMForceField is MooneyRivlinMaterial with mu10 = c1, "
+                    "mu01 = c2, bulkModulus = k0"
+                )
+                return CardConstants("MooneyRivlin", {"c1": c10, "c2": c01, "k0": bulk}, notes=[note])
             case _:
                 raise NotInSolver(f"the mooney-rivlin law cannot be exported to {solver}")

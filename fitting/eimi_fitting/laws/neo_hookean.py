@@ -64,11 +64,16 @@ class NeoHookean(InvariantLaw):
             case "febio":
                 return CardConstants("incomp neo-Hookean", {"G": mu})
             case "sofa":
+                young, poisson = 9 * bulk * mu / (3 * bulk + mu), (3 * bulk - 2 * mu) / (6 * bulk + 2 * mu)
                 return CardConstants(
                     "NeoHookean",
                     {"mu": mu, "lambda": bulk - 2 * mu / 3},
                     volume="-mu ln(J) + lambda/2 ln(J)^2, lambda = K - 2 mu/3",
-                    notes=["SOFA uses the full invariant I1 here, not the isochoric one; both are equal at J = 1"],
+                    notes=[
+                        "SOFA uses the full invariant I1 here, not the isochoric one; both are equal at J = 1",
+                        "the component beside HyperelasticityFEMForceField is NeoHookeanMaterial with "
+                        f"youngModulus = {young:.10g}, poissonRatio = {poisson:.10g}",
+                    ],
                 )
             case _:
                 raise NotInSolver(f"the neo-hookean law cannot be exported to {solver}")

@@ -210,7 +210,13 @@ class Ogden:
                 return CardConstants(
                     "Ogden",
                     {"mu1": mu * alpha, "alpha1": alpha, "k0": bulk},
-                    notes=["card: W = mu1/alpha1^2 (...), mu1 = mu_p alpha_p"],
+                    notes=[
+                        "card: W = mu1/alpha1^2 (...), mu1 = mu_p alpha_p",
+                        "this card needs SOFA v25.12 or later (pull request 5748): the Ogden law of earlier versions "
+                        "fails SOFA's own tests, and its ParameterSet has another order, k0 mu1 alpha1",
+                        "the component beside HyperelasticityFEMForceField is OgdenMaterial with mu = mu1, "
+                        "alpha = alpha1, kappa = k0",
+                    ],
                 )
             case _:
                 raise NotInSolver(f"the ogden law cannot be exported to {solver}")

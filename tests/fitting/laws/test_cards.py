@@ -178,10 +178,35 @@ def test_sofa_constants_and_refusals() -> None:
     assert parameters(material("mooney-rivlin")) == pytest.approx([20e-3, 4e-3, 96])
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     assert parameters(one_term) == pytest.approx([34e-3, 1.7, 34])
+    for constant in ("mu = mu1", "alpha = alpha1", "kappa = k0"):
+        assert constant in material_card("sofa", one_term).partition("OgdenMaterial with ")[2]
     with pytest.raises(NotInSolver, match="sofa has one ogden term, and this law has 3"):
         material_card("sofa", material("ogden"))
     with pytest.raises(NotInSolver, match="sofa has no yeoh law"):
         material_card("sofa", material("yeoh"))
+
+
+def test_the_sofa_card_names_versions_and_the_later_element() -> None:
+    """SOFA v25.12 changed the Ogden law and the order of its constants; v26.06 is the last without the new element."""
+    one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
+    for chosen, component in (
+        (material("neo-hookean"), "NeoHookeanMaterial"),
+        (material("mooney-rivlin"), "MooneyRivlinMaterial"),
+        (one_term, "OgdenMaterial"),
+    ):
+        card = material_card("sofa", chosen)
+        assert "up to v26.06" in card
+        assert f"the component beside HyperelasticityFEMForceField is {component} with " in card
+        assert ("needs SOFA v25.12 or later" in card) == (chosen is one_term)
+
+
+def test_the_young_modulus_for_sofa_gives_the_constants_of_the_card() -> None:
+    """Lamé's constants of linear elasticity (any textbook): mu = E/2/(1 + nu), lambda = E nu/(1 + nu)/(1 - 2 nu)."""
+    card = material_card("sofa", material("neo-hookean"))
+    mu, lame = (float(x) for x in (ET.fromstring(card).get("ParameterSet") or "").split())
+    young, poisson = (float(x) for x in re.findall(r"(?:youngModulus|poissonRatio) = ([0-9.e-]+)", card))
+    assert young / 2 / (1 + poisson) == pytest.approx(mu, rel=1e-8)
+    assert young * poisson / (1 + poisson) / (1 - 2 * poisson) == pytest.approx(lame, rel=1e-5)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
