@@ -13,7 +13,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
-FOLDERS = {"eimi_lab.protocols": "protocols", "eimi_drivers": "drivers/eimi_drivers", "eimi_fitting": "fitting/eimi_fitting"}
+FOLDERS = {
+    "eimi_lab.protocols": "protocols",
+    "eimi_drivers": "drivers/eimi_drivers",
+    "eimi_fitting": "fitting/eimi_fitting",
+}
 
 
 def folder_of(package: str) -> Path:
@@ -43,7 +47,7 @@ def test_every_file_of_a_package_is_in_the_wheel() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt" or not (ROOT / ".git").exists(), reason="needs bash and a clone")
 def test_archive_and_wheel_without_a_checkout(tmp_path: Path) -> None:
-    """`.ci/package` installs the wheel of the unpacked archive, and runs commands and tests with it; it needs an index."""
+    """`.ci/package` installs the wheel of the unpacked archive, and runs commands and tests with it; needs an index."""
     command = [shutil.which("bash") or "bash", str(ROOT / ".ci" / "package"), str(tmp_path / "package")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

@@ -137,7 +137,8 @@ def factorise(
         Lower bands of the transposed matrices if the matrices are not symmetric. LU is then used for all of them, and
         it is not determined which are positive definite.
     only_definite : bool
-        Count symmetric matrices that are not positive definite as not sound, which saves their LU factorisation.
+        Count symmetric matrices that are not positive definite as not sound, which saves their LU factorisation. The
+        factors then take the place of the bands, which saves a copy of them.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -145,7 +146,7 @@ def factorise(
         lu, sound = _general_factors(band, upper, sound)
         return BandFactor(sound, np.zeros(len(band), bool), None, lu, k)
     batch, n, width = band.shape
-    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
+    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1, overwrite_ab=only_definite)
     indefinite = np.zeros(batch, bool)
     if info == 0:
         return BandFactor(sound, indefinite, cholesky, None, k)

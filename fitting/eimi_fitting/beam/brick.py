@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 POINTS = 18  # Gauss points of an element
 _SMALLEST = 1e-100  # its cube is not yet zero in floating point
+_AT_ONCE = 64  # elements of all candidates whose tangents are computed together; more take no less time
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -33,17 +34,15 @@ class Operators:
     """The operators that depend on the geometry only, computed once for a mesh.
 
     gradient: (E, 27, 3 q) gives gradients (I, q) of nodal values; weighted: (E, 3 q, 27) its transpose times weights;
-    slopes: (E, q, 3, 27) dN_a/dX_I and tangent: (E, 27, 3 q) the same times the weights, points before components;
-    pressure: (E, 3 q, 108); basis: (E, q, 4) pressure functions at the Gauss points; mass: (E, 4) their weighted
-    squares; load: (E, 27) and slope: (E, 27, 3) integrals of the shape functions and of their derivatives;
-    weights: (E, q) mm³.
+    basis: (E, q, 4) pressure functions at the Gauss points; mass: (E, 4) their weighted squares; load: (E, 27) and
+    slope: (E, 27, 3) integrals of the shape functions and of their derivatives; weights: (E, q) mm³.
+
+    The other orders of the same values are made where they are used, for a few elements at a time: for the solid of a
+    virtual beam they would fill 34 MB.
     """
 
     gradient: Array
     weighted: Array
-    slopes: Array
-    tangent: Array
-    pressure: Array
     basis: Array
     mass: Array
     load: Array
@@ -66,13 +65,9 @@ def operators(mesh: Bricks) -> Operators:
     n = len(x)
     weighted = slope * weights[:, :, None, None]
     basis, mass = orthogonal_basis(weights, np.stack([np.ones(POINTS), *places], axis=1))
-    pressure = np.einsum("eqaI,eqk->eIqak", weighted, basis, optimize=True).reshape(n, 3 * POINTS, 108)
     return Operators(
         slope.transpose(0, 2, 3, 1).reshape(n, 27, 3 * POINTS),
         weighted.transpose(0, 3, 1, 2).reshape(n, 3 * POINTS, 27),
-        np.ascontiguousarray(slope.transpose(0, 1, 3, 2)),
-        weighted.transpose(0, 2, 1, 3).reshape(n, 27, 3 * POINTS),
-        pressure,
         basis,
         mass,
         np.einsum("eq,qa->ea", weights, values),
@@ -156,31 +151,45 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
     The geometric part uses the predicted stress (6, E, B, q); see `beam.equilibrium`.
     """
-    F = ev.F
-    n, b = F.shape[2:4]
-    # A_iIjJ = F_iK D_KILJ F_jL + delta_ij S_IJ, for i <= j.
-    half = sum(F[:, k, None, None] * ev.D[PLACE[k]] for k in range(3))  # (i, I, 6, E, B, q)
-    T = np.empty((n, b, POINTS, 3, 6, 3))  # E, B, q, I, pair ij, J
-    for pair, (i, j) in enumerate(_PAIRS):
-        A = sum(half[i][:, PLACE[k]] * F[j, k] for k in range(3))  # (I, J, E, B, q)
-        if i == j:
-            A += predicted[PLACE]
-        T[..., pair, :] = A.transpose(2, 3, 4, 0, 1)
-    half_way = np.matmul(T.reshape(n, b, POINTS, 18, 3), ops.slopes[:, None])  # (E, B, q, 18, 27)
-    blocks = np.matmul(ops.tangent[:, None], half_way.reshape(n, b, 3 * POINTS, 162)).reshape(n, b, 27, 6, 27)
+    n, b = ev.J.shape[:2]
     K = np.empty((n, b, 3, 27, 3, 27))
-    for pair, (i, j) in enumerate(_PAIRS):
-        K[:, :, i, :, j, :] = blocks[:, :, :, pair]
-        if i != j:
-            K[:, :, j, :, i, :] = blocks[:, :, :, pair].swapaxes(-1, -2)
+    for some in _blocks(n, b):
+        F, D = ev.F[:, :, some], ev.D[:, :, some]
+        m = F.shape[2]
+        # A_iIjJ = F_iK D_KILJ F_jL + delta_ij S_IJ, for i <= j.
+        half = sum(F[:, k, None, None] * D[PLACE[k]] for k in range(3))  # (i, I, 6, m, B, q)
+        T = np.empty((m, b, POINTS, 3, 6, 3))  # m, B, q, I, pair ij, J
+        for pair, (i, j) in enumerate(_PAIRS):
+            A = sum(half[i][:, PLACE[k]] * F[j, k] for k in range(3))  # (I, J, m, B, q)
+            if i == j:
+                A += predicted[:, some][PLACE]
+            T[..., pair, :] = A.transpose(2, 3, 4, 0, 1)
+        slopes = ops.gradient[some].reshape(m, 27, 3, POINTS).transpose(0, 3, 2, 1).copy()  # (m, q, I, 27)
+        tangent = ops.weighted[some].reshape(m, 3, POINTS, 27).transpose(0, 3, 2, 1).reshape(m, 27, 3 * POINTS)
+        half_way = np.matmul(T.reshape(m, b, POINTS, 18, 3), slopes[:, None])  # (m, B, q, 18, 27)
+        blocks = np.matmul(tangent[:, None], half_way.reshape(m, b, 3 * POINTS, 162)).reshape(m, b, 27, 6, 27)
+        for pair, (i, j) in enumerate(_PAIRS):
+            K[some, :, i, :, j, :] = blocks[:, :, :, pair]
+            if i != j:
+                K[some, :, j, :, i, :] = blocks[:, :, :, pair].swapaxes(-1, -2)
     return K.reshape(n, b, 81, 81)
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     """Return the derivative (E, B, 81, 4) of the volume residual with respect to the displacement."""
     n, b = ev.J.shape[:2]
-    cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4)
-    return np.matmul(cofactor.reshape(n, b * 3, 3 * POINTS), ops.pressure).reshape(n, b, 81, 4)
+    cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
+    coupling = np.empty((n, b * 3, 108))
+    for some in _blocks(n, b):
+        weighted, basis = ops.weighted[some].reshape(-1, 3, POINTS, 27, 1), ops.basis[some, None, :, None]
+        np.matmul(cofactor[some], (weighted * basis).reshape(-1, 3 * POINTS, 108), out=coupling[some])
+    return coupling.reshape(n, b, 81, 4)
+
+
+def _blocks(elements: int, batch: int) -> list[slice]:
+    """Return slices of the elements of a mesh, so small that the tangents of each slice need little memory."""
+    size = max(_AT_ONCE // batch, 1)
+    return [slice(first, first + size) for first in range(0, elements, size)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:

@@ -31,6 +31,7 @@ _MOST_ITERATIONS = 25  # of Newton's method
 _LOADS = ("nodal", "force", "tensor", "pressure", "moment")
 _IN_COIL = ("in_coil", "silicone_in_coil")
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains are computed at once
+_ELEMENTS_ADDED = 64  # whose stiffness against a change of volume is added at once
 
 
 class Status(IntEnum):
@@ -254,7 +255,9 @@ class Solid:
             coupling, gap = kind.volume_coupling(ops, ev), element.volume_gap(ops, batch, ev, now.pressure)
             modulus = batch.bulk[:, None] / ops.mass[:, None, :]  # (E, B, d + 1)
             scaled = coupling * modulus[:, :, None, :]
-            K += np.matmul(scaled, coupling.swapaxes(-1, -2))
+            for first in range(0, n, _ELEMENTS_ADDED):
+                some = slice(first, first + _ELEMENTS_ADDED)
+                K[some] += np.matmul(scaled[some], coupling[some].swapaxes(-1, -2))
             effective = force + np.matmul(scaled, gap[..., None])[..., 0]
         right = loads.nodal.reshape(len(loads.nodal), -1)[:, self.free]
         tied = None
