@@ -150,6 +150,12 @@ class VirtualBeam:
         return np.concatenate([left, right[::-1]]), model.positions(shape, corners)[0, 0, :, :2]
 
 
+@lru_cache(maxsize=2)
+def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
+    """Return the solid model; it is the same for both signs of the field."""
+    return SolidBeside(specimen, *mesh)
+
+
 @lru_cache(maxsize=16)
 def _solved(
     specimen: Specimen,
@@ -163,7 +169,7 @@ def _solved(
 
     The largest field is the strongest one, or half or a quarter of it if no equilibrium is found there.
     """
-    beside, reach_mT = SolidBeside(specimen, *mesh), strongest_mT
+    beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):
         loads = virtual_loads.at(np.linspace(0, reach_mT, _FIELDS))
         effect = beside.solve(LAWS[law], np.array([values]), loads).effect

@@ -6,6 +6,7 @@ never reads entries of another and no loop over candidates is needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+_Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
@@ -22,59 +24,97 @@ def bandwidth(dofs: Indices) -> int:
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
+def _most(run: Indices) -> int:
+    """Return the largest number of contributions to one entry."""
+    return int(run.max(initial=0)) + 1
+
+
 class BandAssembly:
     """The place of each entry of the element matrices in the lower band of the whole matrix.
 
-    dofs: (E, d) global number of each local unknown, -1 if it is fixed; n: number of unknowns.
+    Parameters
+    ----------
+    dofs : ndarray of int, shape (E, d)
+        Global number of each local unknown, -1 if it is fixed.
+    n : int
+        Number of unknowns.
+    at_once : int or None
+        Number of elements whose matrices are added together; None: all of them.
     """
 
-    def __init__(self, dofs: Indices, n: int) -> None:
+    def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
         self.n = n
-        d = dofs.shape[1]
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        keep = (rows >= columns) & (columns >= 0)
+        elements, d = dofs.shape
+        size = at_once or elements
+        self.parts = [slice(first, first + size) for first in range(0, elements, size)]
         self.bandwidth = bandwidth(dofs)
-        source = np.flatnonzero(keep.ravel())  # index into (E, d, d)
-        target = columns.ravel()[source] * (self.bandwidth + 1) + (rows - columns).ravel()[source]
-        order = np.argsort(target, kind="stable")
-        source, target = source[order], target[order]
-        first = np.r_[True, target[1:] != target[:-1]]
-        run = np.arange(len(target)) - np.flatnonzero(first)[np.cumsum(first) - 1]
-        # Layer k holds the k-th contribution to each entry: up to four where four elements meet.
-        self._layers = [(source[run == k], target[run == k]) for k in range(run.max() + 1)]
         self._block = d * d
+        # For each part of the elements: (source, target, fresh), where no target occurs twice and fresh states that no
+        # element before contributes to it.
+        self._layers: list[list[_Layer]] = []
+        reached = np.zeros(n * (self.bandwidth + 1), bool)
+        for part in self.parts:
+            rows, columns = np.broadcast_arrays(dofs[part, :, None], dofs[part, None, :])
+            source = np.flatnonzero((rows >= columns) & (columns >= 0))  # index into (elements of the part, d, d)
+            row, column = rows.ravel()[source], columns.ravel()[source]
+            target = column * (self.bandwidth + 1) + row - column
+            order = np.argsort(target, kind="stable")
+            source, target = source[order], target[order]
+            first = np.r_[True, target[1:] != target[:-1]][: len(target)]
+            run = np.arange(len(target)) - np.flatnonzero(first)[np.cumsum(first) - 1]
+            fresh = (run == 0) & ~reached[target]
+            reached[target] = True
+            # Layer k holds the k-th contribution to each entry: up to four where four elements meet.
+            chosen = [(fresh, True), ((run == 0) & ~fresh, False), *((run == k, False) for k in range(1, _most(run)))]
+            self._layers.append(
+                [(source[c].astype(np.int32), target[c].astype(np.int32), new) for c, new in chosen if c.any()]
+            )
         free = np.flatnonzero(dofs.ravel() >= 0)
         self._sum = csr_array((np.ones(len(free)), (dofs.ravel()[free], free)), shape=(n, dofs.size))
-        self._cache: dict[int, list[tuple[Indices, Indices]]] = {}
+        self._cache: dict[int, list[list[_Layer]]] = {}
 
-    def _indices(self, batch: int) -> list[tuple[Indices, Indices]]:
+    def _indices(self, batch: int) -> list[list[_Layer]]:
         if batch == 1:  # a solid's indices are large, and a copy of them would have the same values
             return self._layers
         if batch not in self._cache:
             if len(self._cache) > 32:
                 self._cache.clear()
             shift = np.arange(batch, dtype=np.intp)[:, None]
-            size = self.n * (self.bandwidth + 1)
+            size, d2 = self.n * (self.bandwidth + 1), self._block
             self._cache[batch] = [
-                (
-                    ((source // self._block) * (batch * self._block) + source % self._block + shift * self._block),
-                    (target + shift * size),
-                )
-                for source, target in self._layers
+                [
+                    (
+                        (source + source // d2 * ((batch - 1) * d2) + shift * d2).ravel(),
+                        (target + shift * size).ravel(),
+                        new,
+                    )
+                    for source, target, new in ((s.astype(np.intp), t, new) for s, t, new in layers)
+                ]
+                for layers in self._layers
             ]
         return self._cache[batch]
 
-    def matrix(self, element_matrices: Array) -> Array:
-        """Return the lower band (B, n, bandwidth + 1) of element matrices (E, B, d, d)."""
-        batch = element_matrices.shape[1]
-        flat = element_matrices.ravel()
-        band = np.zeros(batch * self.n * (self.bandwidth + 1))
-        for k, (source, target) in enumerate(self._indices(batch)):
+    def divided(self, element_matrices: Array) -> Iterator[Array]:
+        """Return the parts of element matrices (E, B, d, d) whose elements are added together."""
+        return (element_matrices[part] for part in self.parts)
+
+    def matrix(self, parts: Iterable[Array]) -> Array:
+        """Return the lower band (B, n, bandwidth + 1) of element matrices.
+
+        parts: the matrices (e, B, d, d) of the elements of each of ``self.parts``, in their order.
+        """
+        band = np.zeros(0)
+        for k, matrices in enumerate(parts):
+            batch = matrices.shape[1]
             if k == 0:
-                band[target.ravel()] = flat[source.ravel()]
-            else:
-                band[target.ravel()] += flat[source.ravel()]
-        return band.reshape(batch, self.n, self.bandwidth + 1)
+                band = np.zeros(batch * self.n * (self.bandwidth + 1))
+            flat = matrices.ravel()
+            for source, target, new in self._indices(batch)[k]:
+                if new:
+                    band[target] = flat[source]
+                else:
+                    band[target] += flat[source]
+        return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
         """Return the assembled vectors (B, n) of element vectors (E, B, d)."""

@@ -10,6 +10,7 @@ Symmetric tensors have six components 11, 22, 33, 12, 23, 13, which are the firs
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 POINTS = 18  # Gauss points of an element
 _SMALLEST = 1e-100  # its cube is not yet zero in floating point
-_AT_ONCE = 64  # elements of all candidates whose tangents are computed together; more take no less time
+AT_ONCE = 64  # elements whose tangents are computed together; more take no less time, but more memory
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -151,28 +152,32 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
     The geometric part uses the predicted stress (6, E, B, q); see `beam.equilibrium`.
     """
-    n, b = ev.J.shape[:2]
-    K = np.empty((n, b, 3, 27, 3, 27))
-    for some in _blocks(n, b):
+    return np.concatenate(list(tangents(ops, ev, predicted)))
+
+
+def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
+    """Return the tangents of `stiffness`, those of `AT_ONCE` elements after another."""
+    for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
-        m = F.shape[2]
+        n, b = F.shape[2:4]
         # A_iIjJ = F_iK D_KILJ F_jL + delta_ij S_IJ, for i <= j.
-        half = sum(F[:, k, None, None] * D[PLACE[k]] for k in range(3))  # (i, I, 6, m, B, q)
-        T = np.empty((m, b, POINTS, 3, 6, 3))  # m, B, q, I, pair ij, J
+        half = sum(F[:, k, None, None] * D[PLACE[k]] for k in range(3))  # (i, I, 6, E, B, q)
+        T = np.empty((n, b, POINTS, 3, 6, 3))  # E, B, q, I, pair ij, J
         for pair, (i, j) in enumerate(_PAIRS):
-            A = sum(half[i][:, PLACE[k]] * F[j, k] for k in range(3))  # (I, J, m, B, q)
+            A = sum(half[i][:, PLACE[k]] * F[j, k] for k in range(3))  # (I, J, E, B, q)
             if i == j:
                 A += predicted[:, some][PLACE]
             T[..., pair, :] = A.transpose(2, 3, 4, 0, 1)
-        slopes = ops.gradient[some].reshape(m, 27, 3, POINTS).transpose(0, 3, 2, 1).copy()  # (m, q, I, 27)
-        tangent = ops.weighted[some].reshape(m, 3, POINTS, 27).transpose(0, 3, 2, 1).reshape(m, 27, 3 * POINTS)
-        half_way = np.matmul(T.reshape(m, b, POINTS, 18, 3), slopes[:, None])  # (m, B, q, 18, 27)
-        blocks = np.matmul(tangent[:, None], half_way.reshape(m, b, 3 * POINTS, 162)).reshape(m, b, 27, 6, 27)
+        slopes = ops.gradient[some].reshape(n, 27, 3, POINTS).transpose(0, 3, 2, 1).copy()  # (E, q, I, 27)
+        weighted = ops.weighted[some].reshape(n, 3, POINTS, 27).transpose(0, 3, 2, 1).reshape(n, 27, 3 * POINTS)
+        half_way = np.matmul(T.reshape(n, b, POINTS, 18, 3), slopes[:, None])  # (E, B, q, 18, 27)
+        blocks = np.matmul(weighted[:, None], half_way.reshape(n, b, 3 * POINTS, 162)).reshape(n, b, 27, 6, 27)
+        K = np.empty((n, b, 3, 27, 3, 27))
         for pair, (i, j) in enumerate(_PAIRS):
-            K[some, :, i, :, j, :] = blocks[:, :, :, pair]
+            K[:, :, i, :, j, :] = blocks[:, :, :, pair]
             if i != j:
-                K[some, :, j, :, i, :] = blocks[:, :, :, pair].swapaxes(-1, -2)
-    return K.reshape(n, b, 81, 81)
+                K[:, :, j, :, i, :] = blocks[:, :, :, pair].swapaxes(-1, -2)
+        yield K.reshape(n, b, 81, 81)
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
@@ -180,16 +185,15 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
     coupling = np.empty((n, b * 3, 108))
-    for some in _blocks(n, b):
+    for some in _parts(n):
         weighted, basis = ops.weighted[some].reshape(-1, 3, POINTS, 27, 1), ops.basis[some, None, :, None]
         np.matmul(cofactor[some], (weighted * basis).reshape(-1, 3 * POINTS, 108), out=coupling[some])
     return coupling.reshape(n, b, 81, 4)
 
 
-def _blocks(elements: int, batch: int) -> list[slice]:
-    """Return slices of the elements of a mesh, so small that the tangents of each slice need little memory."""
-    size = max(_AT_ONCE // batch, 1)
-    return [slice(first, first + size) for first in range(0, elements, size)]
+def _parts(elements: int) -> list[slice]:
+    """Return slices of the elements of a mesh, with `AT_ONCE` elements in each but the last."""
+    return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:

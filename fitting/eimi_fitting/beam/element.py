@@ -18,6 +18,7 @@ weights w dN_a/dX_I dN_b/dX_J.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -30,6 +31,7 @@ from eimi_fitting.laws.law import Law, PlanarEnergy, Section
 Array = NDArray[np.float64]
 
 POINTS = 6  # Gauss points of an element
+AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,11 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     K[:, :, 1, :, 0, :] = blocks[:, :, 1].swapaxes(-1, -2)
     K[:, :, 1, :, 1, :] = blocks[:, :, 2]
     return K.reshape(n, b, 18, 18)
+
+
+def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
+    """Return the tangents of `stiffness`, those of `AT_ONCE` elements after another: here of all at once."""
+    yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:

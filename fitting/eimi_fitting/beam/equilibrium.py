@@ -7,7 +7,7 @@ Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -31,7 +31,6 @@ _MOST_ITERATIONS = 25  # of Newton's method
 _LOADS = ("nodal", "force", "tensor", "pressure", "moment")
 _IN_COIL = ("in_coil", "silicone_in_coil")
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains are computed at once
-_ELEMENTS_ADDED = 64  # whose stiffness against a change of volume is added at once
 
 
 class Status(IntEnum):
@@ -200,7 +199,7 @@ class Solid:
         number[self.free] = np.arange(len(self.free))
         d, self._unknowns = self.dimensions, self.dimensions * mesh.elements.shape[1]  # of an element
         dofs = number.reshape(-1, d)[mesh.elements].transpose(0, 2, 1).reshape(-1, self._unknowns)
-        self.system = System(dofs, len(self.free), None if self.body is None else self.body.elements)
+        self.system = System(dofs, len(self.free), None if self.body is None else self.body.elements, self.kind.AT_ONCE)
         # Where the element arrays (E, ., d, nodes) find their values in (., N * d).
         self._gather = (mesh.elements[:, None, :] * d + np.arange(d)[:, None]).reshape(-1)
 
@@ -239,25 +238,26 @@ class Solid:
         b, n = len(now.displacement), len(self.mesh.elements)
         nodal = self.by_element(now.displacement)
         ev = kind.evaluate(ops, batch, nodal, now.pressure)
-        K = kind.stiffness(ops, ev, now.stress)
+        tangents: Iterator[Array] = kind.tangents(ops, ev, now.stress)
         force = ev.force.reshape(n, b, self._unknowns)
         symmetric = True
         if self.face is not None and np.any(loads.pressure):
             force, symmetric = force.copy(), False
+            (K,) = tangents
+            tangents = iter([K])
             self.face.press(loads.pressure, nodal.reshape(n, b, self._unknowns), force, K)
         if loads.silicone_in_coil:
             of_field, field_stiffness = loads.silicone_in_coil.load(nodal)
             force = force - of_field.reshape(force.shape)
-            K += field_stiffness.reshape(K.shape)
+            further = field_stiffness.reshape(n, b, self._unknowns, self._unknowns)
+            tangents = _plus(tangents, lambda some: further[some])
         effective = force
         mixed = kind.mixed(batch)
         if mixed:
             coupling, gap = kind.volume_coupling(ops, ev), element.volume_gap(ops, batch, ev, now.pressure)
             modulus = batch.bulk[:, None] / ops.mass[:, None, :]  # (E, B, d + 1)
             scaled = coupling * modulus[:, :, None, :]
-            for first in range(0, n, _ELEMENTS_ADDED):
-                some = slice(first, first + _ELEMENTS_ADDED)
-                K[some] += np.matmul(scaled[some], coupling[some].swapaxes(-1, -2))
+            tangents = _plus(tangents, lambda some: np.matmul(scaled[some], coupling[some].swapaxes(-1, -2)))
             effective = force + np.matmul(scaled, gap[..., None])[..., 0]
         right = loads.nodal.reshape(len(loads.nodal), -1)[:, self.free]
         tied = None
@@ -272,7 +272,9 @@ class Solid:
                 in_coil, stiffness_in_coil = loads.in_coil.load(now.rigid)
                 pull, stiffness = pull + in_coil, stiffness + stiffness_in_coil
             tied = tie, stiffness, pull
-        x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric, only_definite)
+        x, rigid, sound, indefinite = self.system.solve(
+            tangents, effective, right, tied, ev.valid, symmetric, only_definite
+        )
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
         flat[:, self.free] = x
         step = flat.reshape(now.displacement.shape)
@@ -359,6 +361,16 @@ class Solid:
             status[rows[done & step.indefinite]] = Status.BUCKLED
             rows = rows[ok & ~done & ~(step.indefinite & (few is not None))]
         return now, status, iterations
+
+
+def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
+    """Add a further stiffness, given for a slice of the elements, to the tangents of some elements after another."""
+    first = 0
+    for K in tangents:
+        some = slice(first, first + len(K))
+        K += further(some)
+        first = some.stop
+        yield K
 
 
 def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:

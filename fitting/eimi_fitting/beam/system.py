@@ -11,6 +11,7 @@ and the Schur complement costs three more right-hand sides. All of it is done fo
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -50,9 +51,11 @@ class System:
         Number of free unknowns.
     tied : ndarray of int or None
         Elements that have nodes of a rigid body.
+    at_once : int or None
+        Number of elements whose matrices are added together; None: all of them.
     """
 
-    def __init__(self, dofs: Indices, n: int, tied: Indices | None) -> None:
+    def __init__(self, dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> None:
         self.n = n
         self._tied = tied
         self._in_band = False
@@ -68,7 +71,7 @@ class System:
                 rows = n + np.arange(3)[:, None]
                 self._row_places = (self._columns * w + rows - self._columns).ravel()
                 self._corner_places = (n + _LOWER[1]) * w + _LOWER[0] - _LOWER[1]
-        self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n)
+        self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
         """Return the forces (B, n) on the nodes from those of the elements (E, B, d)."""
@@ -76,7 +79,7 @@ class System:
 
     def solve(
         self,
-        stiffness: Array,
+        stiffness: Array | Iterable[Array],
         force: Array,
         right: Array,
         body: tuple[Array, Array, Array] | None,
@@ -88,7 +91,8 @@ class System:
 
         Parameters
         ----------
-        stiffness : ndarray, shape (E, B, d, d)
+        stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
+            The matrices of all elements; or those of ``at_once`` elements after another, none of which is kept.
         force : ndarray, shape (E, B, d)
         right : ndarray, shape (B or 1, n)
         body : tuple of three ndarrays, or None
@@ -102,13 +106,16 @@ class System:
             See `factorise`.
         """
         rest = right - self.assembled(force)
+        parts = self._assembly.divided(stiffness) if isinstance(stiffness, np.ndarray) else stiffness
+        if not symmetric:
+            parts = list(parts)  # they are read once more for the transpose
+        tied_parts: list[Array] = []
+        band = self._assembly.matrix(self._passing(parts, tied_parts))
         if body is None:
-            factor = self._factor(
-                self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric, only_definite
-            )
+            factor = self._factor(band, parts, None, sound & bounded(rest), symmetric, only_definite)
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
         tie, further, pull = body
-        tied_stiffness, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
+        tied_stiffness, follow = np.concatenate(tied_parts), tie.swapaxes(-1, -2)
         rows = np.matmul(follow, tied_stiffness)  # (Et, B, 3, d)
         corner = np.matmul(rows, tie).sum(axis=0) + further
         pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
@@ -117,11 +124,11 @@ class System:
         rows = self._reach(rows)
         columns = rows if symmetric else self._reach(np.matmul(follow, tied_stiffness.swapaxes(-1, -2)))
         if self._in_band:
-            band = self._put(self._assembly.matrix(stiffness), rows, corner)
-            factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric, only_definite)
+            band = self._put(band, rows, corner)
+            factor = self._factor(band, parts, (columns, corner.swapaxes(-1, -2)), sound, symmetric, only_definite)
             step = factor.solve(both)
             return Solution(step[:, : self.n], step[:, self.n :], factor.sound, factor.indefinite)
-        factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound, symmetric, only_definite)
+        factor = self._factor(band, parts, None, sound, symmetric, only_definite)
         sides = np.zeros((4, *rest.shape))
         sides[0] = rest
         sides[1:, :, self._columns] = columns.transpose(1, 0, 2)
@@ -141,6 +148,14 @@ class System:
         nodes = steps[0] - np.einsum("rbn,br->bn", steps[1:], rigid)
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
+    def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
+        """Pass on the matrices of the elements, and append those of the tied elements to a list."""
+        for part, matrices in zip(self._assembly.parts, parts, strict=True):
+            if self._tied is not None:
+                inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
+                tied.append(matrices[inside - part.start])
+            yield matrices
+
     def _reach(self, rows: Array) -> Array:
         """Sum rows (Et, B, 3, d) over the tied elements, (B, 3, m), for the m free unknowns that couple to the body."""
         e, b, _, d = rows.shape
@@ -157,7 +172,7 @@ class System:
     def _factor(
         self,
         lower: Array,
-        stiffness: Array,
+        parts: Iterable[Array],
         body: tuple[Array, Array] | None,
         sound: Sound,
         symmetric: bool,
@@ -165,7 +180,7 @@ class System:
     ) -> BandFactor:
         if symmetric:
             return factorise(lower, sound, only_definite=only_definite)
-        upper = self._assembly.matrix(np.ascontiguousarray(stiffness.swapaxes(-1, -2)))
+        upper = self._assembly.matrix(matrices.swapaxes(-1, -2) for matrices in parts)
         return factorise(lower, sound, self._put(upper, *body) if body else upper)
 
 
@@ -185,7 +200,7 @@ class FactoredSystem:
     def __init__(self, structure: System, stiffness: Array, body: tuple[Array, Array] | None) -> None:
         self._structure, self._body = structure, body
         batch = stiffness.shape[1]
-        band = structure._assembly.matrix(stiffness)
+        band = structure._assembly.matrix(structure._assembly.divided(stiffness))
         if body is not None:
             tie, further = body
             tied_stiffness, follow = stiffness[structure._tied], tie.swapaxes(-1, -2)
