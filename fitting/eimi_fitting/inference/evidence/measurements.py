@@ -25,6 +25,8 @@ from eimi_fitting.inference.evidence.unknowns import Setup
 Array = NDArray[np.float64]
 _STATES_AT_ONCE = 16
 """States whose points are compared with their edges in one block. The arrays of more states exceed the cache."""
+_PAIRS_AT_ONCE = 1 << 18
+"""Pairs of a point and a station on its curve in one block: 2 MB, which the allocator keeps and the cache holds."""
 
 __all__ = [
     "EdgeObservation",
@@ -55,6 +57,20 @@ def signed_distance(curves: Array, points: Array) -> Array:
     ndarray, shape (..., n)
         Distances in mm, positive to the left of the direction from clamp to tip.
     """
+    alone = np.broadcast_shapes(curves.shape[:-3], points.shape[:-2])
+    curves = np.broadcast_to(curves, (*alone, *curves.shape[-3:])).reshape(-1, *curves.shape[-3:])
+    points = np.broadcast_to(points, (*alone, *points.shape[-2:])).reshape(-1, *points.shape[-2:])
+    n = points.shape[1]
+    rows = max(_PAIRS_AT_ONCE // max(4 * curves.shape[1] * n, 1), 1)
+    distance = np.empty(points.shape[:2])
+    for first in range(0, len(points), rows):
+        some = slice(first, first + rows)
+        distance[some] = _signed_distance(curves[some], points[some])
+    return distance.reshape(*alone, n)
+
+
+def _signed_distance(curves: Array, points: Array) -> Array:
+    """Return the distances of `signed_distance`, with arrays for all pairs of a point and a station of its curve."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
