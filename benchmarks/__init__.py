@@ -42,6 +42,7 @@ fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
 mutants             small mistakes in a copy of the code, and which of them the tests detect
 generated_mistakes  mistakes that a generator makes in sampled lines
 tests_by_line       which tests execute a line
+installation        what an installation weighs
 numbers             results of whole cases before and after a change
 timing              measure the duration of a function
 

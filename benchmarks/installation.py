@@ -1,0 +1,62 @@
+"""Print what an installation weighs: the size on the disk of eimi-lab and of each package that it needs.
+
+    python -m benchmarks.installation
+
+Run it with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes one). The sizes
+are those of the files that pip recorded, with their compiled modules. Packages of extras are left out.
+"""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+OF_INSTRUMENTS = ("ifaddr", "pyserial", "pyvisa", "pyvisa-py", "zeroconf")
+LEAST_MB = 2.5  # smaller packages are summed in one row
+
+
+def needed(name: str, found: dict[str, Distribution]) -> None:
+    """Add a package, and the packages that it needs without extras, to those found."""
+    try:
+        package = distribution(name)
+    except PackageNotFoundError:
+        return
+    key = str(package.metadata["Name"]).lower().replace("_", "-")
+    if key in found:
+        return
+    found[key] = package
+    for line in package.requires or []:
+        requirement = Requirement(line)
+        if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+            needed(requirement.name, found)
+
+
+def size_MB(package: Distribution) -> float:
+    """Return the size of the recorded files of a package on the disk in MB."""
+    paths = [Path(str(package.locate_file(file))) for file in package.files or []]
+    # A block of stat(2) has 512 bytes.
+    return sum(512 * path.stat().st_blocks for path in paths if path.exists()) / 1e6
+
+
+def main() -> None:
+    """Print the table."""
+    found: dict[str, Distribution] = {}
+    needed("eimi-lab", found)
+    sizes = {name: size_MB(package) for name, package in found.items()}
+    total = sum(sizes.values())
+    print(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}\n")
+    print("| package | MB | share, % |\n| --- | --- | --- |")
+    for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
+        if size >= LEAST_MB:
+            print(f"| {name} {found[name].version} | {size:.0f} | {100 * size / total:.0f} |")
+    small = [size for size in sizes.values() if size < LEAST_MB]
+    print(f"| {len(small)} smaller packages | {sum(small):.0f} | {100 * sum(small) / total:.0f} |")
+    print(f"| {len(sizes)} packages | {total:.0f} | 100 |")
+    print(f"\nof these, for instruments alone: {sum(sizes.get(name, 0.0) for name in OF_INSTRUMENTS):.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
