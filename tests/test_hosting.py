@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -65,3 +66,15 @@ def test_a_release_has_the_same_version_everywhere() -> None:
     citation = read("CITATION.cff")
     assert citation["version"] == newest == settings()["tool"]["setuptools_scm"]["fallback_version"]
     assert str(citation["date-released"]) == day
+
+
+def test_zenodo_gets_what_the_citation_states() -> None:
+    """Zenodo reads .zenodo.json in place of CITATION.cff if both exist. The version and the date are those of the tag."""
+    citation, record = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert record["title"] == citation["title"]
+    assert record["license"] == citation["license"]
+    assert record["keywords"] == citation["keywords"] == settings()["project"]["keywords"]
+    assert [creator["name"] for creator in record["creators"]] == [author["name"] for author in citation["authors"]]
+    assert " ".join(citation["abstract"].split()) in record["description"]
+    assert [related["identifier"] for related in record["related_identifiers"]] == [citation["references"][0]["doi"]]
+    assert not {"version", "publication_date"} & record.keys()
