@@ -69,7 +69,7 @@ def test_a_release_has_the_same_version_everywhere() -> None:
 
 
 def test_zenodo_gets_what_the_citation_states() -> None:
-    """Zenodo reads .zenodo.json in place of CITATION.cff if both exist. The version and the date are those of the tag."""
+    """Zenodo reads .zenodo.json in place of CITATION.cff if both exist; version and date are those of the tag."""
     citation, record = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     assert record["title"] == citation["title"]
     assert record["license"] == citation["license"]
