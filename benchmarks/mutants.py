@@ -45,6 +45,8 @@ EQUIVALENT = Path(__file__).parent / "equivalent_mistakes.toml"
 LEAST = 150  # mistakes
 TEST_LIMIT_S = 300  # of one test, instead of that in pyproject.toml
 RUN_LIMIT_S = 1800  # of all tests of one mistake; a longer run counts as survived
+SLOWER = 20  # times the recorded duration that the tests of a generated mistake may take, beside LEAST_LIMIT_S
+LEAST_LIMIT_S = 120
 
 CAUGHT, SURVIVED, BROKEN = "caught", "survived", "broken"
 _PRELOADED = [  # third-party packages, loaded once
@@ -61,7 +63,8 @@ class Mutant:
     """One mistake.
 
     file: path in the project; right: a fragment that occurs once; wrong: its replacement; tests: files or pytest node
-    identifiers; number: place among all mistakes, from 1.
+    identifiers; number: place among all mistakes, from 1; limit_s: time limit of all its tests; is_generated: whether a
+    generator made it.
     """
 
     number: int
@@ -71,11 +74,14 @@ class Mutant:
     right: str
     wrong: str
     tests: tuple[str, ...]
+    limit_s: float = RUN_LIMIT_S
+    is_generated: bool = False
 
     @property
     def key(self) -> str:
-        """An identifier of the mistake and its tests that does not change if the list is reordered."""
-        return sha256("\0".join((self.file, self.right, self.wrong, *self.tests)).encode()).hexdigest()[:16]
+        """An identifier that does not depend on the place in the list, of a listed mistake with its tests."""
+        tests = () if self.is_generated else self.tests
+        return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
         """Return the text with the mistake; raise ValueError unless the fragment occurs exactly once."""
@@ -96,7 +102,9 @@ def every_mutant() -> list[Mutant]:
 
 def copied(project: Path, folder: Path) -> Path:
     """Return a compiled copy of the project."""
-    left_out = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site")
+    left_out = shutil.ignore_patterns(
+        ".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site", ".coverage*", ".tests_by_line*"
+    )
     copy = folder / project.name
     shutil.copytree(project, copy, ignore=left_out, symlinks=True)
     compileall.compile_dir(copy, quiet=2)
@@ -112,22 +120,22 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
         file, (stat.st_atime + 2, stat.st_mtime + 2)
     )  # Python compares times of source and compiled code in seconds
     try:
-        return run_tests(mutant.tests, copy)
+        return run_tests(mutant.tests, copy, mutant.limit_s)
     finally:
         file.write_bytes(right)
         os.utime(file, (stat.st_atime, stat.st_mtime))
 
 
-def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
+def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) -> tuple[str, str]:
     """Run tests in a copy until one fails; return the outcome and the last line of their output."""
     transcript = copy.with_suffix(".txt")
-    child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests)))
+    child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests), min(TEST_LIMIT_S, limit_s / 2)))
     child.start()
-    child.join(RUN_LIMIT_S)
+    child.join(limit_s)
     if child.exitcode is None:
         os.killpg(child.pid or 0, signal.SIGKILL)
         child.join()
-        return SURVIVED, f"no end within {RUN_LIMIT_S} s"
+        return SURVIVED, f"no end within {limit_s:.0f} s"
     lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     outcome = _OUTCOMES.get(child.exitcode, BROKEN)
@@ -136,8 +144,8 @@ def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
     return outcome, (failed or lines)[-1]
 
 
-def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
-    """Run pytest on the copy in the present process, which has loaded third-party packages only."""
+def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
+    """Run pytest on the copy in this new process, which has loaded third-party packages only."""
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
@@ -151,7 +159,7 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
         os.dup2(output.fileno(), 2)
     import pytest
 
-    options = ("-x", "-q", "-n0", "-p", "no:cacheprovider", f"--timeout={TEST_LIMIT_S}", "--tb=no")
+    options = ("-x", "-q", "-n0", "-p", "no:cacheprovider", f"--timeout={test_limit_s:.0f}", "--tb=no")
     options += ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # of the packages that were loaded before pytest
     sys.exit(int(pytest.main([*options, *tests])))
 
@@ -163,8 +171,9 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
     for place, (file, change) in enumerate(sampled(PROJECT, number, seed, rooms), 1):
         text = (PROJECT / file).read_text(encoding="utf-8")
         right, wrong = unique_fragments(text, changed(text, change), change)
-        says = f"line {change.line}: {change.says}"
-        mutants.append(Mutant(place, room_of(file), says, file, right, wrong, tests.of(file, change.line)))
+        says, chosen = f"line {change.line}: {change.says}", tests.of(file, change.line)
+        limit_s = LEAST_LIMIT_S + SLOWER * tests.seconds(chosen)
+        mutants.append(Mutant(place, room_of(file), says, file, right, wrong, chosen, limit_s, is_generated=True))
     return mutants
 
 

@@ -1,15 +1,21 @@
 """The map from each line of the code to the tests that execute the line; tests are chosen for a mistake with it.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
-writes the map. It takes about twice as long as the tests alone. A process that a test starts is not followed; the tests
-that start one are found by the name of its module.
+writes the map. It takes about twice as long as the tests alone. ``--add`` adds tests to the map of the same code. A
+process that a test starts is not followed; the tests that start one are found by the name of its module.
 """
 
 from __future__ import annotations
 
+import argparse
+import ast
+import json
+import os
 import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,20 +23,41 @@ from coverage import CoverageData
 
 PROJECT = Path(__file__).parents[1]
 MAP = PROJECT / ".tests_by_line"
-DURATIONS = MAP.with_suffix(".xml")
-MOST_TESTS = 60
-"""Number of tests, the quickest first, that are tried on one mistake."""
+SECONDS = MAP.with_suffix(".json")
+PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
+MOST_TESTS, MOST_S = 300, 60.0
+"""Number of tests that are tried on one mistake, and the sum of their recorded durations (s)."""
+
+_SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(PACKAGES)}\n"
 
 
-def record(tests: Sequence[str]) -> int:
-    """Run the tests and write the map; return pytest's exit status."""
-    packages = [f"--cov={name}" for name in ("eimi_lab", "eimi_drivers", "eimi_fitting")]
-    options = ["--cov-context=test", "--cov-report=", f"--junitxml={DURATIONS}", "-o", "junit_family=xunit1", "-q"]
-    status = subprocess.run(
-        [sys.executable, "-m", "pytest", *packages, *options, "-n", "2", *tests], cwd=PROJECT, check=False
-    ).returncode
-    (PROJECT / ".coverage").replace(MAP)
+def record(tests: Sequence[str], add: bool = False) -> int:
+    """Run the tests and write the map, or add them to the map; return pytest's exit status."""
+    with tempfile.TemporaryDirectory() as folder:
+        new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"
+        settings.write_text(_SETTINGS, encoding="utf-8")
+        options = [*(f"--cov={name}" for name in PACKAGES), f"--cov-config={settings}", "--cov-context=test"]
+        options += ["--cov-report=", f"--junitxml={report}", "-o", "junit_family=xunit1", "-q", "-n", "2"]
+        command = [sys.executable, "-m", "pytest", *options, *tests]
+        environment = {**os.environ, "COVERAGE_FILE": str(new)}
+        status = subprocess.run(command, cwd=PROJECT, env=environment, check=False).returncode
+        seconds = json.loads(SECONDS.read_text(encoding="utf-8")) if add else {}
+        seconds |= seconds_in(report)
+        whole = CoverageData(str(MAP))
+        if not add:
+            whole.erase()
+        read = CoverageData(str(new))
+        read.read()
+        whole.update(read)
+        whole.write()
+    SECONDS.write_text(json.dumps(seconds), encoding="utf-8")
     return status
+
+
+def seconds_in(report: Path) -> dict[str, float]:
+    """Return the duration of each test in a report of pytest (JUnit's XML, family xunit1), by its identifier."""
+    cases = ElementTree.parse(report).iter("testcase")
+    return {f"{case.get('file')}::{case.get('name')}": float(case.get("time", "0")) for case in cases}
 
 
 class TestsByLine:
@@ -44,25 +71,77 @@ class TestsByLine:
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
         self._data.read()
-        self._seconds = {
-            f"{case.get('file')}::{case.get('name')}": float(case.get("time", "0"))
-            for case in ElementTree.parse(DURATIONS).iter("testcase")
-        }
+        self._seconds: dict[str, float] = json.loads(SECONDS.read_text(encoding="utf-8"))
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests that execute a line, the quickest first; without any, the tests that name its module."""
-        contexts = self._data.contexts_by_lineno(str(PROJECT / file)).get(line, [])
-        nodes = {context.partition("|")[0] for context in contexts if context}
-        if nodes:
-            return tuple(sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))[:MOST_TESTS])
-        return tuple(_naming(Path(file).stem))
+        """Return the tests for a mistake in a line, within `MOST_TESTS` and `MOST_S`, in the order of trial.
+
+        These are the tests that execute the line. If a fixture executes the line, the other tests of its file follow,
+        because they may share the fixture. A line outside all functions is executed by the first import alone: the
+        tests that import the module come first, then those that execute any line of the module. If no test executes
+        the line, the tests of the files that name the module are returned.
+        """
+        by_line = self._data.contexts_by_lineno(str(PROJECT / file))
+        if line in _lines_of_functions(PROJECT / file):
+            contexts = set(by_line.get(line, [])) - {""}
+            nodes = {context.partition("|")[0] for context in contexts}
+            sharing = {c.partition("::")[0] for c in contexts if c.endswith("|setup")}
+            chosen = [*self._in_order(nodes), *self._in_order(self._of_files(sharing) - nodes)]
+        else:
+            module = ".".join(Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :])
+            importing = self._of_files(_files_with(module.removesuffix(".__init__")))
+            nodes = {context.partition("|")[0] for contexts in by_line.values() for context in contexts if context}
+            chosen = [*self._in_order(importing), *self._in_order(nodes)]
+        chosen = list(dict.fromkeys(chosen or self._in_order(self._of_files(_files_with(Path(file).stem)))))
+        within: list[str] = []
+        left_s = MOST_S
+        for test in chosen:
+            if (seconds := self.seconds([test])) <= left_s:
+                left_s -= seconds
+                within.append(test)
+        return tuple(within[:MOST_TESTS] or chosen[:1])
+
+    def seconds(self, tests: Iterable[str]) -> float:
+        """Return how long the tests took when the map was recorded."""
+        return sum(self._seconds.get(test, 1.0) for test in tests)
+
+    @cached_property
+    def _by_file(self) -> dict[str, list[str]]:
+        files: dict[str, list[str]] = {}
+        for node in self._seconds:
+            files.setdefault(node.partition("::")[0], []).append(node)
+        return files
+
+    def _of_files(self, files: Iterable[str]) -> set[str]:
+        return {node for file in files for node in self._by_file.get(file, [])}
+
+    def _in_order(self, nodes: Iterable[str]) -> list[str]:
+        """Return the quickest test of every file, then the next ones: the tests of one file resemble each other."""
+        quickest = sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))
+        before: dict[str, int] = {}
+        ranks: dict[str, int] = {}
+        for node in quickest:
+            file = node.partition("::")[0]
+            ranks[node] = before[file] = before.get(file, -1) + 1
+        return sorted(quickest, key=lambda node: ranks[node])
 
 
-def _naming(module: str) -> list[str]:
-    """Return the test files that name a module."""
+def _lines_of_functions(path: Path) -> set[int]:
+    """Return the lines that run when a function is called; the lines of its head run when the module is imported."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, functions)]
+    return {line for node in nodes for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
+
+
+def _files_with(word: str) -> list[str]:
+    """Return the test files whose text has a word."""
     files = sorted((PROJECT / "tests").rglob("test_*.py"))
-    return [path.relative_to(PROJECT).as_posix() for path in files if module in path.read_text(encoding="utf-8")]
+    return [path.relative_to(PROJECT).as_posix() for path in files if word in path.read_text(encoding="utf-8")]
 
 
 if __name__ == "__main__":
-    sys.exit(record(sys.argv[1:] or ["tests"]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--add", action="store_true", help="add the tests to the map; the code has not changed")
+    parser.add_argument("tests", nargs="*", default=["tests"])
+    given = parser.parse_args()
+    sys.exit(record(given.tests, given.add))

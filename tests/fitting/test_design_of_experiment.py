@@ -10,6 +10,7 @@ import pytest
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.evidence.corrections import FINER_MESH
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.planning.design_of_experiment import (
     Candidates,
@@ -83,3 +84,48 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
         candidates(NEO_HOOKEAN, BEAM, Loads.along([1.0, 2.0]), (), NOISE, "C10")
     with pytest.raises(ValueError, match="3 states of 2"):
         exchange(of_fields(2), 3)
+
+
+def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
+    """It is a half-width, and adds as a square."""
+    loads = Loads.along(np.linspace(0.0, 7.05, 6))
+    without, with_error = (
+        candidates(NEO_HOOKEAN, replace(BEAM, section="solid"), loads, (), replace(NOISE, left_percent=left))
+        for left in (0.0, 1.5)
+    )
+    for choice in (np.array([4, 5]), np.arange(6)):
+        expected = np.hypot(without.half_width_percent(choice), 1.5)
+        assert with_error.half_width_percent(choice) == pytest.approx(expected, rel=1e-9)
+    assert with_error.least_percent(3) == pytest.approx(np.hypot(without.least_percent(3), 1.5), rel=1e-9)
+
+
+def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
+    """A solid specimen is fitted on the mesh of the solid, whose error is in the remaining error of the solid."""
+    loads = Loads.along([2.0, 4.0])
+    sources = (StatedSource("width", 0.02, "here"),)
+    of_section = {
+        section: candidates(NEO_HOOKEAN, replace(BEAM, section=section), loads, sources, NOISE).sources
+        for section in ("plane-stress", "plane-strain", "solid")
+    }
+    assert of_section["solid"] == ("width",)
+    for section in ("plane-stress", "plane-strain"):
+        assert of_section[section] == ("width", FINER_MESH.name)
+
+
+@pytest.mark.parametrize(("states", "count"), [(41, 5), (10, 3), (7, 2), (4, 4)])
+def test_equally_spaced_states_include_both_ends(states: int, count: int) -> None:
+    chosen = equally_spaced(states, count)
+    assert (len(chosen), chosen[0], chosen[-1]) == (count, 0, states - 1)
+    assert np.ptp(np.diff(chosen)) <= 1
+
+
+def test_the_noise_of_a_plan_is_that_of_the_earlier_fit() -> None:
+    """The noise falls as the root of the number of independent points; Student's factor is 2.2 at four states."""
+    few, many = (
+        candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))
+        for points in (200, 800)
+    )
+    every = np.arange(4)
+    mesh = few.effects_percent(every)[FINER_MESH.name]
+    noise = [np.sqrt(plan.half_width_percent(every) ** 2 - (1.959964 * mesh) ** 2) for plan in (few, many)]
+    assert noise[0] == pytest.approx(2 * noise[1], rel=1e-3)

@@ -76,3 +76,10 @@ def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_no
     assert (after.value_Pa, after.interval_95_Pa, after.states) == (first.value_Pa, first.interval_95_Pa, 2)
     wrong = replace(uncertain, loads=replace(uncertain.loads, field_T=uncertain.loads.field_T * [[1], [1], [1.1]]))
     assert modulus_so_far(wrong, first).states == 3
+
+
+def test_the_remaining_error_of_the_solid_is_in_the_interval_however_exact_the_edges_are() -> None:
+    """The mesh of the solid leaves 0.15 per cent of the modulus at least, as a half-width."""
+    experiment = seen([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
+    half_width = 0.5 * float(np.ptp(modulus_so_far(experiment).interval_95_Pa))
+    assert 0.0014 * TRUE_PA < half_width < 0.006 * TRUE_PA

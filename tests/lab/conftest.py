@@ -139,6 +139,8 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 
 
 FRAME_S = 0.005
+BEGAN_S = 100_000.0
+"""Time on the clock of the bench when it is made: a stored time of the clock differs from one of the run."""
 
 
 class DrawnCamera:
@@ -150,7 +152,7 @@ class DrawnCamera:
         self.event: Callable[[int], None] = lambda number: None
         self.swing_s, self.sway_px = 0.1, 0.0
         self.repeats = False
-        self._changed_s, self._current_A = 0.0, 0.0
+        self._changed_s, self._current_A = clock.now(), 0.0
 
     def identify(self) -> Identity:
         return Identity("drawn", "a drawn beam", "memory")
@@ -212,7 +214,7 @@ class Setup:
 
 @pytest.fixture
 def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
-    clock = SimulatedClock()
+    clock = SimulatedClock(BEGAN_S)
     coil = CoilSupply(clock, current_noise_A=0.0005)
     line = FaultyInstrument(KoradDialect(coil))
     supply = KoradSupply(InProcessTransport(line, clock), Limits(1.0, 10.0), clock)

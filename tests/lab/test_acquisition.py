@@ -22,6 +22,7 @@ from eimi_drivers.interfaces import (
     SwitchOffFailed,
 )
 from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.events import Event, OffConfirmed
 from eimi_lab.acquisition.live_view import Live
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
@@ -266,6 +267,29 @@ def test_a_ramp_that_fails_is_followed_by_switching_off(setup: Any) -> None:
         setup.run()
     assert not setup.coil.state.output
     assert setup.stored() == [0.0, 0.1]
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("in a driver"), MemoryError(), KeyboardInterrupt()], ids=repr)
+def test_any_error_in_the_ramp_down_is_followed_by_switching_off(
+    setup: Any, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    setup.protocol = parse(Protocol, setup.protocol.text.replace("rate_A_per_s = 10.0", "rate_A_per_s = 0.1"), "p")
+    take = setup.bench.supply.set_current
+    reached: list[float] = []
+
+    def set_current(current_A: float) -> None:
+        if max(reached, default=0.0) > 0.25 > current_A:
+            raise error
+        reached.append(current_A)
+        take(current_A)
+
+    monkeypatch.setattr(setup.bench.supply, "set_current", set_current)
+    events: list[Event] = []
+    with pytest.raises(type(error)):
+        setup.run(on_event=events.append)
+    assert setup.is_off()
+    assert [event for event in events if isinstance(event, OffConfirmed)]
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
 
 
 def test_every_frame_is_shown_with_its_state(setup: Any) -> None:

@@ -214,6 +214,11 @@ def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
             guardian.check()
         guardian.disarm()
         guardian.check()
+        slept_s[0] = 3600.0  # a pause of the run, however long, is no standstill
+        guardian.arm()
+        guardian.refuse_a_gap()
+        guardian.check()
+        guardian.disarm()
 
 
 def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without_a_ramp(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eimi_lab.acquisition.coil import REACHED_WITHIN_S
 from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, hottest, refuse_overheating
-from eimi_lab.config.protocol import Currents, Protocol, Ramp, Settle, SupplyLimits
+from eimi_lab.config.protocol import Conditioning, Currents, Protocol, Ramp, Settle, SupplyLimits
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.process.errors import InputError
 
@@ -33,6 +33,25 @@ def test_one_current_warms_exponentially() -> None:
     found = hottest(protocol([0.0, 2.0]), rating)
     assert found.stage == "state 1 (2 A)"
     assert found.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 4])
+def test_frames_are_taken_in_the_first_and_in_the_last_conditioning_cycle(cycles: int) -> None:
+    # With a time constant far above the run nothing cools, and the heat is the integral of the squared current.
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
+    rule = Conditioning(cycles=cycles, current_A=2.0)
+    found = hottest(protocol([0.0, 0.0], timeout_s=30.0).model_copy(update={"conditioning": rule}), rating)
+    recorded_s, other_s = 30.0 + REACHED_WITHIN_S + FRAME_WITHIN_S, REACHED_WITHIN_S
+    held_s = min(cycles, 2) * recorded_s + max(0, cycles - 2) * other_s
+    assert found.share == pytest.approx(4.0 * held_s / 1e7, rel=1e-3)
+
+
+def test_the_heat_of_a_ramp_is_the_integral_of_the_squared_current() -> None:
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
+    slow = protocol([1.0, 3.0]).model_copy(update={"ramp": Ramp(rate_A_per_s=0.01, step_A=0.1, tolerance_A=0.02)})
+    ramp_A2s = sum((0.01 * second) ** 2 for second in range(300))  # 0 to 3 A at 10 mA/s
+    held_A2s = (1.0 + 9.0) * (30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S)
+    assert hottest(slow, rating).share == pytest.approx((ramp_A2s + held_A2s) / 1e7, rel=0.005)
 
 
 def test_a_coil_cools_after_the_peak_of_a_sweep() -> None:

@@ -21,12 +21,15 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.stopping import Stopped
 from eimi_lab.process.writer_lock import only_writer
 from tests.patience import PATIENCE_S
 
 PICTURES, NAMES = 24, 3000
+SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
@@ -64,6 +67,28 @@ def test_a_paused_run_switches_off_and_comes_back_the_same_way(setup: Any) -> No
         assert file["entry/sessions/first_state"][()].tolist() == [0, 2]
         time_s = file["entry/data/time"][()]
         assert np.diff(time_s).max() > 60.0
+
+
+def test_a_paused_run_comes_back_through_every_state_before(setup: Any) -> None:
+    # The largest current comes first: a beam that softens there must have been there when the pause is over.
+    setup.protocol = parse(Protocol, setup.protocol.text.replace(SWEEP, "values_A = [0.0, 0.3, 0.1, 0.2]"), "p")
+    since_pause: list[float] = []
+    take = setup.coil.set_current
+    setup.coil.set_current = lambda current_A: since_pause.append(current_A) or take(current_A)
+    looks: list[bool] = []
+
+    def typed() -> str | None:
+        if setup.coil.state.output:
+            return "p" if setup.coil.state.set_current_A == 0.1 and len(setup.live) > 2 and not looks else None
+        looks.append(True)
+        since_pause.clear()
+        return ""
+
+    setup.live = []
+    setup.run(typed=typed, remark=lambda words: None, show=lambda live: setup.live.append(live) if live.state else None)
+    assert looks == [True]
+    assert [value for value in since_pause if value][:6] == pytest.approx([0.1, 0.2, 0.3, 0.2, 0.1, 0.2])
+    assert setup.stored() == [0.0, 0.3, 0.1, 0.2]
 
 
 def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:

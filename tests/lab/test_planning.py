@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,9 +14,12 @@ import pytest
 from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.state import State
+from eimi_lab.fits import planning
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.fits_file import Fits
+from eimi_lab.fits.fits_file import Fits, read_fits_file
+from eimi_lab.fits.planning import Goal
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import StatesUsed
 
@@ -55,14 +61,14 @@ def test_a_planned_protocol_states_its_purpose(
 def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
     from eimi_lab import cli
 
-    arguments = ["plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 2, "--json", "-o", tmp_path / "p.toml"]
+    arguments = ["plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 3, "--json", "-o", tmp_path / "p.toml"]
     monkeypatch.setattr("sys.argv", ["eimi", *map(str, arguments)])
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
     with pytest.raises(SystemExit):
         cli.main()
     (planned,) = json.loads(capsys.readouterr().out)["runs"]
-    assert planned["expected"] <= planned["equally_spaced"]
-    assert len(planned["currents_A"]) == 2
+    assert planned["expected"] < 0.99 * planned["equally_spaced"]  # a state without current would be wasted
+    assert len(planned["currents_A"]) == 3
 
 
 def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_uncertain(
@@ -130,3 +136,47 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
     sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
     # 0.05 A of 0.7 A, in a torque that goes as the modulus: several per cent.
     assert unsure > sure + 3.0
+
+
+@pytest.mark.parametrize("against_a_rival", [False, True])
+def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
+    """A narrow interval is good; so is a large difference of AIC from a rival."""
+    expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
+    specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")
+    fit = SimpleNamespace(model="yeoh")
+    goal = Goal(
+        cast(FitRecord, fit), rival=cast(FitRecord, SimpleNamespace(model="ogden")) if against_a_rival else None
+    )
+
+    def of_mounting(goal: Goal, mounting: planning.Mounting, *rest: object) -> planning.PlannedRun:
+        value = expected[mounting.gravity_angle_deg or 0.0]
+        return planning.PlannedRun(mounting, (0.1, 0.25), value, 10.0 * value, {"coil constant": 0.4, "width": 0.0})
+
+    monkeypatch.setattr(planning, "_planned", of_mounting)
+    runs = planning.plan(goal, planning.mountings([specimen], rig, list(expected), []), rig, protocol, 2)
+    angles = [run.mounting.gravity_angle_deg for run in runs]
+    assert angles == ([0.0, 180.0, 90.0] if against_a_rival else [90.0, 180.0, 0.0])
+    head, *rows, best, sources = planning.table(goal, runs)[1:]
+    assert head.split() == ["mounting", "planned", "equally", "spaced"]
+    values = ["3 30", "2 20", "1 10"] if against_a_rival else ["± 1 % ± 10 %", "± 2 % ± 20 %", "± 3 % ± 30 %"]
+    assert [
+        " ".join(row.split()).removeprefix(run.mounting.in_words()).strip() for run, row in zip(runs, rows, strict=True)
+    ] == values
+    assert best.endswith("at 0.1, 0.25 A")
+    assert best.startswith(f"best: type1, gravity at {angles[0]:g}°")
+    assert sources == "largest sources of uncertainty, as standard deviations: coil constant 0.4 %"
+    planned_runs = planning.content(goal, runs)["runs"]
+    assert [(run["gravity_angle_deg"], run["expected"], run["equally_spaced"]) for run in planned_runs] == [
+        (angle, expected[angle], 10.0 * expected[angle]) for angle in angles
+    ]
+
+
+def test_what_the_solid_left_in_an_earlier_fit_is_in_the_plan(fits: Path) -> None:
+    (fit,) = read_fits_file(fits).fits
+    assert isinstance(fit, FitRecord)
+    assert planning._noise(fit).left_percent == 0.0
+    mesh = fit.mesh
+    assert mesh is not None
+    solid = replace(fit, section_change=replace(mesh, left_percent=0.7))
+    assert planning._noise(solid).left_percent == 0.7
+    assert planning._noise(solid).points == fit.identifiability.points / len(fit.by_state)

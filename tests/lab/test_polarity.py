@@ -53,6 +53,21 @@ def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
     return typed
 
 
+def test_a_line_that_was_typed_before_the_leads_are_to_be_swapped_does_not_count(bench: Any) -> None:
+    looks: list[bool] = []
+
+    def typed() -> str | None:
+        if bench.coil.state.output:
+            return None
+        looks.append(bench.is_off())
+        return "" if len(looks) % 5 in (0, 1) else None  # the first line waits already when the pause begins
+
+    bench.run(typed=typed, remark=lambda words: None)
+    assert all(looks)
+    assert len(looks) % 5 == 0
+    assert looks
+
+
 @pytest.mark.parametrize(
     ("currents", "expected"),
     [

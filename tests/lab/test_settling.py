@@ -95,6 +95,48 @@ def test_a_beam_that_left_the_kept_band_is_not_taken_for_one_at_rest() -> None:
     assert not settled.flags
 
 
+@pytest.mark.parametrize(("timeout_s", "not_before_s", "ends_s"), [(2.0, 0.0, 2.0), (4.0, 0.0, 4.0), (1.0, 3.0, 3.0)])
+def test_a_beam_that_never_rests_is_waited_for_until_the_later_of_both_times(
+    timeout_s: float, not_before_s: float, ends_s: float
+) -> None:
+    rng = np.random.default_rng(8)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    bench = Swinging([float(shift) for shift in (0, 5) * 50])
+    rule = Settle(noise_ratio=1.3, pairs=3, drift_window_s=0.5, timeout_s=timeout_s)
+    settled = wait_until_settled(bench, bench, rule, noise, lambda: None, not_before_s=not_before_s)
+    assert settled.waited_s == pytest.approx(ends_s, abs=0.11)  # a frame comes every 0.1 s
+    (flag,) = settled.flags
+    assert (flag.name, flag.limit) == ("NOT_SETTLED", 1.3)
+    assert flag.value == max(settled.ratio, settled.drift_ratio if np.isfinite(settled.drift_ratio) else 0.0)
+
+
+class Seen:
+    """The times of the frames that a wait has seen."""
+
+    def __init__(self) -> None:
+        self.at_s: list[float] = []
+
+    def __call__(self, frame: Frame, at_s: float) -> None:
+        self.at_s.append(at_s)
+
+
+@pytest.mark.parametrize("pairs", [2, 5])
+def test_a_beam_at_rest_is_waited_for_until_all_pairs_and_the_drift_window_are_quiet(pairs: int) -> None:
+    rng = np.random.default_rng(9)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    for window_s, not_before_s in ((0.15, 0.0), (0.95, 0.0), (0.15, 1.5)):
+        bench = Swinging([0.0])
+        rule = Settle(noise_ratio=1.3, pairs=pairs, drift_window_s=window_s, timeout_s=30.0)
+        seen = Seen()
+        settled = wait_until_settled(bench, bench, rule, noise, lambda: None, seen, not_before_s)
+        assert not settled.flags
+        first_s = 0.1  # the first frame
+        expected_s = max(first_s + pairs * 0.1, first_s + window_s, not_before_s)
+        assert settled.waited_s == pytest.approx(expected_s, abs=0.1)
+        assert settled.waited_s >= expected_s - 1e-9
+        assert seen.at_s == pytest.approx([0.1 * k for k in range(1, bench.taken + 1)])
+
+
 def test_noise_needs_two_frames() -> None:
     with pytest.raises(ValueError, match="at least two"):
         measure_noise([np.zeros((4, 4), np.uint8)])

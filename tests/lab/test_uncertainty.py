@@ -91,6 +91,25 @@ def test_names_and_numbers_determine_which_datasets_share_an_error():
     assert first["remanence"] != second["remanence"]
 
 
+def test_calibrations_of_one_coil_share_the_error_of_the_coil_alone():
+    def of(**changes: float) -> dict[str, str]:
+        text = text_of(
+            "rigs/virtual_calibration.toml",
+            "pixels_per_mm = 0.1\ncoil_constant_mT_per_A = 0.047\nclamp_midpoint_px = 0.5\naxis_angle_deg = 0.1",
+        )
+        calibration = parse(Calibration, text, "calibration.toml").model_copy(update=changes)
+        return {stated.source: stated.of for stated in calibration.stated_sources()}
+
+    first = of()
+    assert of() == first
+    moved = of(pixels_per_mm=24.0)
+    assert moved["coil"] == first["coil"]
+    for source in ("scale", "clamp", "axis"):
+        assert moved[source] != first[source]
+        assert first[source] == first["scale"] != first["coil"]
+    assert of(coil_constant_mT_per_A=4.5)["coil"] != first["coil"]
+
+
 def test_the_virtual_rig_is_exact_and_the_bench_states_all_uncertainties():
     assert all(
         s.standard_uncertainty == 0

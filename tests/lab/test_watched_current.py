@@ -15,6 +15,7 @@ from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
+from tests.lab.conftest import BEGAN_S
 
 WITHIN_S = 3.0
 """In the time of the emulator, from the fault to the output that is off."""
@@ -96,7 +97,7 @@ def test_a_single_wrong_measurement_does_not_end_a_run(setup: Any) -> None:
 
     def once() -> Any:
         reading = measure()
-        if setup.coil.state.set_current_A == 0.2 and not wrong and setup.bench.clock.now() > 3.0:
+        if setup.coil.state.set_current_A == 0.2 and not wrong and setup.bench.clock.now() > BEGAN_S + 3.0:
             wrong.append(1.0)
             return type(reading)(reading.current_A + 1.0, reading.voltage_V)
         return reading

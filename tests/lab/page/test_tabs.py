@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Iterator
 from typing import Any
@@ -57,3 +58,42 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, said: 
         torn.socket.close()
     without_tabs(served)
     assert said == []
+
+
+def told(socket: Any, **expected: Any) -> dict[str, Any]:
+    """Receive until the page has sent a state with these values; return that state."""
+    while True:
+        message = socket.recv(timeout=PATIENCE_S)
+        if isinstance(message, str):
+            state: dict[str, Any] = json.loads(message)
+            if state.get("kind") == "state" and expected.items() <= state.items():
+                return state
+
+
+def test_one_tab_is_in_control_and_control_ends_with_its_tab(served: Any) -> None:
+    with served.socket() as watching:
+        with served.socket() as second:
+            first_name = told(watching, control="you", tabs=2)["tab"]
+            assert told(second, control="other", tabs=2)["tab"] != first_name
+            second.send('{"take": true}')
+            name = told(second, control="you")["tab"]
+            told(watching, control="other")
+            assert [served.page.tabs.may_steer(tab) for tab in (name, first_name, "", "x")] == [
+                True,
+                False,
+                False,
+                False,
+            ]
+        told(watching, control="nobody", tabs=1)
+        assert not served.page.tabs.may_steer(name)
+        watching.send('{"take": true}')
+        told(watching, control="you", tabs=1)
+        assert served.page.tabs.may_steer(first_name)
+
+
+def test_a_tab_that_only_watches_leaves_the_control_where_it_is_when_it_closes(served: Any) -> None:
+    with served.socket() as steering:
+        with served.socket() as watching:
+            told(watching, control="other", tabs=2)
+        name = told(steering, control="you", tabs=1)["tab"]
+        assert served.page.tabs.may_steer(name)

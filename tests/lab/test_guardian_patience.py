@@ -1,0 +1,300 @@
+"""When the guardian takes over and how long it tries, on a clock that passes only while the guardian waits."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import cast
+
+import pytest
+
+from eimi_drivers.interfaces import Identity, InstrumentTimeout, Off, PowerSupply, Reading, SwitchOffFailed
+from eimi_drivers.supplies.off import off_limit_A
+from eimi_lab.acquisition import guardian_process
+from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, RunKilled, Takeover
+from eimi_lab.acquisition.guardian import ALLOW, ARM, BEAT, DISARM, RECOGNISED, STILL_FOR_S, SUPPLY, TAKE_OVER, Ward
+from eimi_lab.acquisition.guardian_process import (
+    ASKED,
+    DIED,
+    REPORT_EVERY_S,
+    STANDS_STILL,
+    TRY_AGAIN_LATER_S,
+    TRY_FOR_S,
+    _try_once,
+    _wait_until_needed,
+    switch_off_for_the_run,
+)
+from eimi_lab.process.detached import Starter
+
+WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
+
+
+class Passing:
+    """A clock in place of the module `time`: it passes while somebody sleeps or waits."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
+    passing = Passing()
+    monkeypatch.setattr(guardian_process, "time", passing)
+    return passing
+
+
+class Run:
+    """The run's end of the pipe: it writes each message at its time (s); `waited` gives what the guardian decides."""
+
+    def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._clock, self._began_s = clock, clock.now_s
+        reading, self._writing = os.pipe()
+        self._heard, saying = os.pipe()
+        self._descriptors = [reading, self._heard, saying]
+        self._due: list[tuple[float, bytes]] = []
+        monkeypatch.setattr(guardian_process, "FROM_RUN", reading)
+        monkeypatch.setattr(guardian_process, "TO_RUN", saying)
+        monkeypatch.setattr(guardian_process, "readable", self._readable)
+
+    def _readable(self, descriptor: int, within_s: float) -> bool:
+        if self._due and self._due[0][0] <= self._clock.now_s - self._began_s + within_s:
+            at_s, message = self._due.pop(0)
+            self._clock.now_s = max(self._clock.now_s, self._began_s + at_s)
+            if message:
+                os.write(self._writing, message)
+            else:
+                os.close(self._writing)
+            return True
+        self._clock.sleep(within_s)
+        if self._clock.now_s - self._began_s > 1000.0:
+            pytest.fail("the guardian waits without end")
+        return False
+
+    def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
+        """Return the decision, the supply to switch off, and the time (s) of the decision; b"" ends the run."""
+        self._due = list(messages)
+        takeover, ward = _wait_until_needed(WARD)
+        return takeover, ward, self._clock.now_s - self._began_s
+
+    def close(self) -> None:
+        for descriptor in self._descriptors:
+            os.close(descriptor)
+
+
+@pytest.fixture
+def run(clock: Passing, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
+    made = Run(clock, monkeypatch)
+    yield made
+    made.close()
+
+
+def line(message: bytes) -> bytes:
+    return message + b"\n"
+
+
+@pytest.mark.parametrize(
+    ("messages", "takeover"),
+    [
+        ([(1.0, b"")], None),
+        ([(1.0, line(ARM)), (2.0, b"")], DIED),
+        ([(1.0, line(ARM)), (2.0, line(DISARM)), (60.0, b"")], None),
+        ([(1.0, line(ARM)), (2.0, line(DISARM)), (60.0, line(ARM)), (61.0, b"")], DIED),
+        ([(1.0, line(ARM)), (2.0, line(TAKE_OVER))], ASKED),
+        ([(1.0, line(ARM)[:1]), (1.5, line(ARM)[1:]), (2.0, b"")], DIED),
+    ],
+    ids=["never on", "dead while on", "dead after off", "dead after a pause", "asked", "message in two parts"],
+)
+def test_the_guardian_takes_over_for_a_run_that_ends_while_its_coil_may_be_on(
+    run: Run, messages: list[tuple[float, bytes]], takeover: Takeover | None
+) -> None:
+    assert run.decided(*messages)[0] == takeover
+
+
+def test_a_run_that_stands_still_is_noticed_within_the_stated_time(run: Run) -> None:
+    beats = [(float(second), line(BEAT)) for second in range(2, 40, 4)]
+    takeover, _, at_s = run.decided((1.0, line(ARM)), *beats)
+    assert takeover == STANDS_STILL
+    assert beats[-1][0] + STILL_FOR_S < at_s < beats[-1][0] + STILL_FOR_S + 1.0
+
+
+def test_a_longer_time_is_allowed_once_and_not_for_ever(run: Run) -> None:
+    messages = [(1.0, line(ARM)), (2.0, line(ALLOW + b"60.0")), (50.0, line(BEAT))]
+    takeover, _, at_s = run.decided(*messages)
+    assert takeover == STANDS_STILL
+    assert 50.0 + STILL_FOR_S < at_s < 50.0 + STILL_FOR_S + 1.0
+
+
+def test_an_allowed_time_ends(run: Run) -> None:
+    takeover, _, at_s = run.decided((1.0, line(ARM)), (2.0, line(ALLOW + b"60.0")))
+    assert takeover == STANDS_STILL
+    assert 62.0 < at_s < 63.0
+
+
+def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> None:
+    told = line(SUPPLY + json.dumps(["KORAD KA3005P", "7"]).encode())
+    _, ward, _ = run.decided((1.0, told + line(ARM)), (2.0, line(RECOGNISED)), (3.0, b""))
+    assert ward.identity == ("KORAD KA3005P", "7")
+    assert ward.recognised
+    assert (ward.driver, ward.address) == (WARD.driver, WARD.address)
+
+
+class Attempts:
+    """Attempts to switch off, the first of which raise `errors`; the rest raise the last of them, or succeed."""
+
+    def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
+        self._clock, self._errors, self._succeed = clock, errors, succeed
+        self.at_s: list[float] = []
+
+    def __call__(self, ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
+        self.at_s.append(self._clock.now_s)
+        if len(self.at_s) > 2 * TRY_FOR_S:
+            pytest.fail("the guardian tries without end")
+        if len(self.at_s) <= len(self._errors):
+            raise self._errors[len(self.at_s) - 1]
+        if not self._succeed:
+            raise self._errors[-1]
+        return Off(0.0, 0.02), ""
+
+
+class Process:
+    """The process of the run."""
+
+    def __init__(self) -> None:
+        self.killed = 0
+
+    def runs(self) -> bool:
+        return not self.killed
+
+    def kill(self) -> None:
+        self.killed += 1
+
+
+def switched_off(
+    monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
+) -> tuple[list[tuple[float, Event]], Process]:
+    """Return the events of the guardian with their times, and the process of the run."""
+    monkeypatch.setattr(guardian_process, "_try_once", attempts)
+    events: list[tuple[float, Event]] = []
+    process = Process()
+    clock = cast("Passing", guardian_process.time)
+    switch_off_for_the_run(WARD, takeover, cast(Starter, process), lambda event: events.append((clock.now_s, event)))
+    return events, process
+
+
+SILENT = InstrumentTimeout("/dev/nowhere: no complete answer within 1 s")
+
+
+@pytest.mark.parametrize("error", [SILENT, ZeroDivisionError("in a library")], ids=["no answer", "error of a program"])
+def test_the_guardian_tries_for_an_hour_and_reports_every_minute(
+    monkeypatch: pytest.MonkeyPatch, clock: Passing, error: Exception
+) -> None:
+    attempts = Attempts(clock, error, succeed=False)
+    events, _ = switched_off(monkeypatch, attempts, DIED)
+    assert TRY_FOR_S < clock.now_s - attempts.at_s[0] < TRY_FOR_S + REPORT_EVERY_S
+    waits_s = [later - earlier for earlier, later in zip(attempts.at_s, attempts.at_s[1:], strict=False)]
+    assert waits_s[0] < TRY_AGAIN_LATER_S
+    assert max(waits_s) == TRY_AGAIN_LATER_S
+    reports = [event for _, event in events]
+    assert all(isinstance(event, OffNotConfirmed) and str(error) in event.reason for event in reports)
+    trying = [event.trying_process for event in reports if isinstance(event, OffNotConfirmed)]
+    assert trying == [os.getpid()] * (len(trying) - 1) + [None]
+    between_s = [later - earlier for (earlier, _), (later, _) in itertools.pairwise(events[:-1])]
+    assert len(events) >= TRY_FOR_S / REPORT_EVERY_S
+    assert all(REPORT_EVERY_S < gap_s <= REPORT_EVERY_S + TRY_AGAIN_LATER_S for gap_s in between_s)
+
+
+def test_the_guardian_ends_with_the_attempt_that_finds_the_coil_off(
+    monkeypatch: pytest.MonkeyPatch, clock: Passing
+) -> None:
+    attempts = Attempts(clock, SILENT, SILENT, SILENT, succeed=True)
+    events, process = switched_off(monkeypatch, attempts, DIED)
+    ((_, event),) = events
+    assert isinstance(event, OffConfirmed)
+    assert (event.by, event.takeover, event.run_killed, event.address) == ("guardian", DIED, False, WARD.address)
+    assert len(attempts.at_s) == 4
+    assert process.killed == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "takeover", "killed"),
+    [
+        (SILENT, STANDS_STILL, 1),
+        (SILENT, DIED, 0),
+        (SILENT, ASKED, 0),
+        (SwitchOffFailed("0.8 A measured", 0.8, 0.02), STANDS_STILL, 0),
+    ],
+)
+def test_only_a_run_that_stands_still_and_holds_the_line_is_killed(
+    monkeypatch: pytest.MonkeyPatch, clock: Passing, error: Exception, takeover: Takeover, killed: int
+) -> None:
+    attempts = Attempts(clock, error, error, succeed=True)
+    events, process = switched_off(monkeypatch, attempts, takeover)
+    assert process.killed == killed
+    assert [event for _, event in events if isinstance(event, RunKilled)] == [
+        RunKilled(address=WARD.address, reason=f"{type(error).__name__}: {error}") for _ in range(killed)
+    ]
+    confirmed = events[-1][1]
+    assert isinstance(confirmed, OffConfirmed)
+    assert confirmed.run_killed is bool(killed)
+
+
+def test_a_measured_current_is_in_the_report(monkeypatch: pytest.MonkeyPatch, clock: Passing) -> None:
+    attempts = Attempts(clock, SwitchOffFailed("0.8 A measured", 0.8, 0.02), succeed=False)
+    events, _ = switched_off(monkeypatch, attempts, DIED)
+    for _, event in events:
+        assert isinstance(event, OffNotConfirmed)
+        assert (event.current_A, event.limit_A, event.reason) == (0.8, 0.02, "0.8 A measured")
+        assert (event.by, event.takeover, event.run_killed) == ("guardian", DIED, False)
+
+
+class Supply:
+    """A supply that has a serial number and no current; its output is on, and in the end as `stays_on` says."""
+
+    def __init__(self, stays_on: bool) -> None:
+        self.limits = WARD.limits
+        self._on = [stays_on, True]
+        self.closed = False
+
+    def identify(self) -> Identity:
+        return Identity("korad", "KORAD KA3005P", WARD.address, "7")
+
+    def output_on(self) -> bool:
+        return self._on.pop()
+
+    def measure(self) -> Reading:
+        return Reading(0.0, 0.0)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize("stays_on", [True, False])
+def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
+    monkeypatch: pytest.MonkeyPatch, stays_on: bool
+) -> None:
+    def fail(supply: object, clock: object) -> Off:
+        raise SwitchOffFailed("zero: failed; off: done; verify: failed")
+
+    supply = Supply(stays_on)
+    monkeypatch.setattr(guardian_process, "open_supply", lambda *_: supply)
+    monkeypatch.setattr(guardian_process, "switch_off", fail)
+    ward = replace(WARD, identity=("KORAD KA3005P", "7"))
+    was_on: set[bool] = set()
+    if stays_on:
+        with pytest.raises(SwitchOffFailed, match="zero: failed"):
+            _try_once(ward, was_on)
+    else:
+        off, remark = _try_once(ward, was_on)
+        assert off == Off(0.0, off_limit_A(cast(PowerSupply, supply)))
+        assert remark == "; not every stage went well (zero: failed; off: done; verify: failed)"
+    assert was_on == {True}
+    assert supply.closed
