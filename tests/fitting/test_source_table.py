@@ -10,7 +10,8 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.rest_modes import bend_offset
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.evidence.sources import SOURCES, loads_under, specimen_under, stand_off_under
+from eimi_fitting.beam.view import View
+from eimi_fitting.inference.evidence.sources import SOURCES, loads_under, specimen_under, view_under
 
 BEAM = Specimen(
     30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 2.5, 2.0, 1.2, 7500.0, 1.0, 5.0), tip_load_mm=(27.0, 0.6)
@@ -30,6 +31,7 @@ TABLE = {
     "background-field": ("mT", "calibration", "background_field_mT", 2.0, 0.03, 2),
     "field-gradient": ("1/m", "calibration", "field_gradient_per_m", 20.0, 1.0, 2),
     "stand-off": ("mm", "calibration", "stand_off_mm", 100.0, 2.0, 1),
+    "tilt": ("deg", "calibration", "camera_tilt_deg", 20.0, 1.0, 2),
     "offset": ("mT", "rig", "current_A", 10.0, 0.01, 1),
     "width": ("mm", "specimen", "width_mm", 10.0, 0.02, 1),
     "depth": ("mm", "specimen", "depth_mm", 10.0, 0.03, 1),
@@ -71,7 +73,7 @@ def test_each_source_changes_only_what_it_concerns() -> None:
     assert {name for name, s in SOURCES.items() if s.field} == {"moment", "coil"}
     assert {name for name, s in SOURCES.items() if s.image} == OF_PICTURE
     assert {name for name, s in SOURCES.items() if s.loads} == OF_LOADS
-    assert {name for name, s in SOURCES.items() if s.lens} == {"stand-off"}
+    assert {name for name, s in SOURCES.items() if s.lens} == {"stand-off", "tilt"}
     assert {name for name, s in SOURCES.items() if s.specimen} == BEAM_KEYS.keys() | MAGNET_KEYS.keys() | MODES
     for name, source in SOURCES.items():
         assert source.bends is (name not in {"moment", "coil", "scale", "roll", "clamp"}), name
@@ -173,9 +175,13 @@ def test_a_gradient_adds_to_that_of_the_coil() -> None:
     assert loads_under(none, {"field-gradient": np.array([2.0, 1.0])}) is none
 
 
-def test_a_stand_off_grows_by_the_deviation() -> None:
-    assert stand_off_under(150.0, {"stand-off": np.array([4.0])}) == 154.0
-    assert stand_off_under(150.0, {"width": np.array([4.0])}) == 150.0
+def test_a_stand_off_and_a_tilt_grow_by_the_deviation() -> None:
+    view = View(np.array([10.0, 1.0]), 150.0, tilt_deg=(0.5, -1.0))
+    farther = view_under(view, {"stand-off": np.array([4.0])})
+    assert (farther.stand_off_mm, farther.tilt_deg) == (154.0, (0.5, -1.0))
+    tilted = view_under(view, {"tilt": np.array([0.25, 2.0])})
+    assert (tilted.stand_off_mm, tilted.tilt_deg) == (150.0, (0.75, 1.0))
+    assert view_under(view, {"width": np.array([4.0])}) is view
 
 
 @pytest.mark.parametrize("source", ["moment", "coil"])
@@ -194,7 +200,7 @@ POINTS = np.array([[10.0, 0.0], [20.0, 5.0]])
         ("scale", [0.1], 1.1 * POINTS),
         ("roll", [90.0], np.column_stack([-POINTS[:, 1], POINTS[:, 0]])),
         ("axis", [90.0], np.column_stack([-POINTS[:, 1], POINTS[:, 0]])),
-        ("clamp", [0.5, -0.2], [*POINTS, 0.5, -0.2]),
+        ("clamp", [0.5, -0.2], POINTS + np.array([0.5, -0.2])),
     ],
 )
 def test_the_picture_of_a_point_moves_as_the_source_says(source: str, deviation: list[float], seen: np.ndarray) -> None:
