@@ -300,7 +300,10 @@ def _print(event: Event) -> None:
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Guard a supply, a `Ward` as JSON. events: name of the descriptor for events, if a program reads the events."""
+    """Guard the supply that `ward`, a `Ward` as JSON, describes.
+
+    events: name of the descriptor to which events are written; None if no program reads them.
+    """
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))
         guarded = Ward(**json.loads(ward))

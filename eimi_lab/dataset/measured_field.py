@@ -67,8 +67,7 @@ def field_line(
         (n,) currents and readings; a reading that is NaN is left out.
     stated_mT
         (n,) or a number: the standard uncertainty that the gaussmeter stated for each reading; NaN if the gaussmeter
-        stated none. An
-        uncertainty stated in the rig file takes precedence.
+        stated none. An uncertainty stated in the rig file takes precedence.
 
     Returns
     -------

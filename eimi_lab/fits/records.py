@@ -1,7 +1,7 @@
 """The models with which the fits of a result file are written and read.
 
-The results of the mathematics are stored in its own types. The models of this module add what the mathematics does not
-contain: files, currents, versions.
+`eimi_fitting` has types for its results, and these are stored as they are. The models of this module add what
+`eimi_fitting` does not know: files, currents and versions.
 """
 
 from __future__ import annotations

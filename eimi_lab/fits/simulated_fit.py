@@ -128,7 +128,9 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 def _planar_comparisons(
     evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
 ) -> list[Comparison]:
-    """Compare each fit with a dataset, computed with the planar model from which the correction starts.
+    """Return the comparison of each fit with the planar simulation of a dataset.
+
+    The correction for the solid starts from this simulation.
 
     Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.
     """

@@ -21,7 +21,7 @@ if sys.platform == "win32":
     _unfinished: list[str] = []
 
     def _typed_in_console() -> str | None:
-        """Read and show the keys that were pressed; Windows gives a line only to a program that waits for the line."""
+        """Return a line that was typed, None while it is unfinished; on Windows, reading a line would block."""
         while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
             key = msvcrt.getwche()
             if key in "\r\n":

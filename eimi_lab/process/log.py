@@ -7,7 +7,7 @@ import os
 import sys
 
 VARIABLE = "EIMI_LOG"
-"""Name of the environment variable that holds the level; the processes started by this one inherit it."""
+"""Name of the environment variable that holds the level; every process that this process starts inherits it."""
 
 LEVELS = ("info", "debug")
 PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")

@@ -221,7 +221,7 @@ CHECKS = (
     Check(
         name="NOT_SETTLED",
         finding="settling_ratio",
-        quantity="mean squared difference of frames while waiting, over that of their noise (limit: the protocol's)",
+        quantity="mean squared difference of frames while waiting, over that of their noise (limit in the protocol)",
         limit=1.2,
         remedy="Raise settle.timeout_s in the protocol, or shield the beam from draught and vibration.",
         picture="the beam moves from frame to frame",

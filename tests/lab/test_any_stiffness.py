@@ -1,4 +1,4 @@
-"""A steel rod on a bench, whose tip is pulled across gravity: from the tables to the material."""
+"""Identify the material of a steel rod, whose tip is pulled across gravity, from the tables of a bench."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras that return anything but frames like the first one: the run ends in one line, with the coil off."""
+"""If a camera returns a frame that is unlike the first one, the run ends with one line of text and the coil off."""
 
 from __future__ import annotations
 

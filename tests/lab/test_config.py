@@ -1,4 +1,4 @@
-"""TOML files: exact currents, shipped files, and one line of text for each fault."""
+"""TOML files are read: currents exactly, the shipped files without error, and each fault is named in one line."""
 
 from __future__ import annotations
 

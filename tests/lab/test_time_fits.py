@@ -36,7 +36,10 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 
 @pytest.fixture(scope="module")
 def flick() -> tuple[str, float, float]:
-    """Return the table of a flicked level strip, its storage modulus in Pa and its loss factor at its frequency."""
+    """Return the table of a ring-down of a horizontal strip, and storage modulus (Pa) and loss factor of the strip.
+
+    Modulus and loss factor are those at the frequency of the ring-down.
+    """
     specimen = Specimen(40.0, 6.0, 12.0, 1070.0, section="plane-stress")
     beam = RingingBeam(specimen, Loads.along([0.0], gravity_angle_deg=-90.0), LAWS["neo-hookean"], np.ones(1))
     relative = 1 / float(SERIES.long_term[0])

@@ -47,7 +47,7 @@ def test_further_tasks_are_done_although_a_worker_dies(tmp_path: Path) -> None:
 
 
 def test_workers_get_further_tasks_before_the_result_is_yielded() -> None:
-    """Workers would be idle while the caller uses a result if their next task came later."""
+    """Otherwise the workers would be idle while the caller uses the result."""
     submitted: list[int] = []
 
     class Noting(ThreadPoolExecutor):

@@ -22,9 +22,9 @@ _APART = 70.0  # smallest distance of two colours that an eye distinguishes clea
 
 @dataclass(frozen=True)
 class Scene:
-    """A bench.
+    """A picture of a bench that is to be painted.
 
-    size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
+    size: (width, height) px; beam: the true outline of the beam that `specimen` and `calibration` describe.
     """
 
     rng: np.random.Generator

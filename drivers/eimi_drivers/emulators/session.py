@@ -49,7 +49,7 @@ class EmulatedSession:
         The address in the rig file, whose channel is the channel or unit that feeds the coil.
     announce : callable, optional
         Receives the address of the supply, and that of its coil for a virtual beam, each time that the supply is
-        reachable; by default they are said.
+        reachable; by default the addresses are passed to ``say``.
     look : callable, optional
         Is called repeatedly while the supply is served, and may raise an error, which ends the session.
     """

@@ -77,7 +77,7 @@ class Transport(Protocol):
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Return the place and the channel of an address; ``#2`` at its end names channel 2, without it None."""
+    """Return an address without its channel, and the channel: 2 if the address ends in ``#2``, None if it has none."""
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
 

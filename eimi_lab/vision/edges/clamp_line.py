@@ -38,7 +38,7 @@ class ClampLine:
     visible_share: float
 
     def distance_px(self, points_px: Array) -> Array:
-        """Return the distance of points (..., 2) ahead of the line, px."""
+        """Return the distance (px) of points (..., 2) from the line, positive on the side of the beam."""
         return (points_px - self.point_px) @ self.ahead
 
 

@@ -120,7 +120,7 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the rotation (degrees) of the whole beam that explains its median width; 0 if it is narrower."""
+    """Return the rotation (degrees) of the whole beam that explains its median width; 0 for a narrower beam."""
     apparent = float(np.median(widths))
     return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 

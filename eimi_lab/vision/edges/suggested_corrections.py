@@ -137,7 +137,7 @@ def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[di
     if picture is not None and picture.along_px is not None:
         yield (
             {"picture": picture.model_copy(update={"along_px": None})},
-            "another centre line than --along: is it right?",
+            "another centre line than that of --along: is --along right?",
         )
     for factor in WIDTHS:
         width = factor * width_mm

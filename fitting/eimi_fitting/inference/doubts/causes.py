@@ -266,9 +266,9 @@ class _Weighing:
         return result
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance (N,) of the error of moves (C, N); a part of the error is smooth along edges and loads.
+        """Return the variance (N,) of the error of the residuals that is due to errors of moves (C, N).
 
-        The remaining error of the corrections is smooth, too.
+        The error that remains after the corrections is included. A part of the error is smooth along edges and loads.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
