@@ -21,7 +21,7 @@ AnyFit = FitRecord | TensileRecord | RingDownRecord
 
 
 def check_solver(solver: str) -> str:
-    """Return the name of a program. Raises InputError if there is no card for it."""
+    """Return the name unchanged; raise InputError if no material card can be written for a program of this name."""
     if solver not in SOLVERS:
         raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
     return solver

@@ -1,6 +1,6 @@
 """An emulated GigE Vision camera in a process of its own, one at a time on this computer.
 
-A camera of GigE Vision needs a fixed port of a network interface, so that two tests cannot each have a camera.
+GigE Vision prescribes the port of a camera, so that only one camera at a time can be served at an address.
 """
 
 from __future__ import annotations

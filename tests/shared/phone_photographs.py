@@ -11,7 +11,6 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -208,16 +207,6 @@ def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> 
     stored = io.BytesIO()
     image.save(stored, "JPEG", quality=92, exif=exif)
     return stored.getvalue()
-
-
-def write_photographs(scene: PhoneScene, folder: Path) -> list[str]:
-    """Write a photograph of each weight into a folder; return their names."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = []
-    for number, (body, grams) in enumerate(zip(bent_bodies(scene), scene.grams, strict=True)):
-        names.append(f"IMG_{1000 + number}.jpg")
-        (folder / names[-1]).write_bytes(photograph(scene, body, grams, number))
-    return names
 
 
 def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Generator, sigma_px: float) -> dict[str, Any]:

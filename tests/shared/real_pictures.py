@@ -46,7 +46,7 @@ class PictureScore:
 
     @property
     def wrong(self) -> bool:
-        """Whether points are far from the traced edges; too few points do not make a score wrong."""
+        """Whether the points that were found are far from the traced edges, however few they are."""
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
 

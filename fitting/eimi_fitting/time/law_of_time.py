@@ -23,7 +23,6 @@ from scipy.optimize import least_squares
 
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
 from eimi_fitting.inference.searching.search import search
-from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.evidence import Evidence
 from eimi_fitting.time.terms import Terms
 
@@ -126,11 +125,6 @@ class TimeOptimum:
     def covariance(self) -> Array:
         """The covariance (m, m) of the unknowns due to noise and priors."""
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
-
-    def instantaneous_and_series(self) -> tuple[float, Prony]:
-        """Return the instantaneous modulus in Pa and the series."""
-        instantaneous, series = self.problem.terms.split(self.unknowns[None, :-1])
-        return float(instantaneous[0]), Prony(series.g[0], series.tau_s[0])
 
     def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
         """Return the move (parts, m) of the optimum if a part of a source changes by its standard uncertainty."""

@@ -93,7 +93,7 @@ class CreepCurve:
 
 @dataclass(frozen=True)
 class LawOfTime:
-    """The law of time of a material.
+    """The change of the modulus of a material with time after a sudden strain, see `docs/why/time.md`.
 
     Attributes
     ----------
