@@ -1,24 +1,27 @@
 """The error of the modulus on an imperfect bench: fits of virtual solids with one error that no file states.
 
-python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [CAUSE...]
+python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
 
 Each row is one imperfection, with the name of its cause in `fits.json`. The beam is that of the bench example, a hidden
 Neo-Hookean solid on a mesh finer than that of a fit, in eight fields up to 7.05 mT. The edges have white noise. The
 columns are the error of the modulus with the straight shape that the file states and with the measured rest shape, each
 with its 95 % interval from noise and mesh, and whether the interval from all stated uncertainties contains the true
 modulus. The second line states the rank of the true cause among the causes that were compared. With --both the fields
-have both polarities, and increase and then decrease.
+have both polarities, and increase and then decrease. With --rendered a picture of each state is rendered, and the edges
+are found in the picture. With --planar the hidden and the stated beam are in plane stress, which takes a fifth of the
+time. The last lines count the ranks.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rendered_rigs import rendered
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.coil_field import CoilShape, FieldTable
 from eimi_fitting.beam.loads import Loads
@@ -26,6 +29,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.doubts.causes import NONE
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.fit import Fit
@@ -60,6 +64,8 @@ class Imperfection:
         Returns the true loads for the stated ones.
     picture : callable
         Returns where the camera shows places (..., 2) in mm.
+    is_clamp_seen : bool
+        Whether the picture of the clamp is changed like that of the beam.
     """
 
     cause: str
@@ -67,6 +73,7 @@ class Imperfection:
     specimen: Callable[[Specimen], Specimen] = lambda stated: stated
     loads: Callable[[Loads], Loads] = lambda stated: stated
     picture: Callable[[Array], Array] = lambda places: places
+    is_clamp_seen: bool = True
 
 
 def _tilted(stated: Specimen) -> Specimen:
@@ -140,6 +147,7 @@ IMPERFECTIONS = (
         "0.3 mm of further length in the clamp",
         lambda stated: replace(stated, length_mm=stated.length_mm + 0.3),
         picture=lambda places: places - np.array([0.3, 0.0]),
+        is_clamp_seen=False,
     ),
     Imperfection("scale", "scale 1 % too large", picture=lambda places: 1.01 * places),
     Imperfection("distance", "5 mm nearer", picture=lambda places: places * _STAND_OFF_MM / (_STAND_OFF_MM - 5.0)),
@@ -148,30 +156,120 @@ IMPERFECTIONS = (
 )
 
 
-def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the outlines (K, 2, m, 2) of the true solid in mm, as the camera sees them."""
-    model = SolidBeside(imperfection.specimen(STATED.mechanics()), *MESH)
+def together(first: Imperfection, second: Imperfection) -> Imperfection:
+    """Return two imperfections on one bench."""
+    return Imperfection(
+        f"{first.cause}+{second.cause}",
+        f"{first.words}; {second.words}",
+        lambda stated: second.specimen(first.specimen(stated)),
+        lambda loads: second.loads(first.loads(loads)),
+        lambda places: second.picture(first.picture(places)),
+    )
+
+
+_BY_NAME = {imperfection.cause: imperfection for imperfection in IMPERFECTIONS}
+PAIRS = tuple(
+    together(_BY_NAME[first], _BY_NAME[second])
+    for first, second in (("magnetisation_angle", "creep"), ("rest_shape", "clamp_angle"))
+)
+
+
+def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> tuple[Array, Array]:
+    """Return the edges (K, 2, m, 2) of the true beam and the corners (K, 4, 2) of its magnet in mm, as the camera sees.
+
+    Parameters
+    ----------
+    imperfection : Imperfection
+    field_mT : ndarray, shape (K,)
+    planar : bool
+        Whether the beam is in plane stress instead of a solid.
+    """
+    specimen = imperfection.specimen(stated_specimen(planar))
+    model = BeamModel(specimen, *MESH[:2]) if planar else SolidBeside(specimen, *MESH)
     loads = imperfection.loads(Loads.along(field_mT))
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads, tolerance_mm=1e-3)
-    return imperfection.picture(points_on(outline(model, shapes)[0], 4)[:, :, 8:-2])
+    curves = outline(model, model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads, tolerance_mm=1e-3))[0]
+    # The side of the magnet is the last segment of each edge.
+    magnet = np.concatenate([curves[:, 0, -1, ::2], curves[:, 1, -1, ::-2]], axis=1)
+    return imperfection.picture(points_on(curves, 4)), imperfection.picture(magnet)
 
 
-def measured(edges: Array, field_mT: Array, seed: int) -> Experiment:
+def stated_specimen(planar: bool) -> Specimen:
+    """Return the stated specimen, in plane stress if it is planar."""
+    specimen = STATED.mechanics()
+    return replace(specimen, section="plane-stress") if planar else specimen
+
+
+def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
+    """Return the edges (K, 2, m, 2) of the true solid in mm without their ends, as the camera sees them."""
+    return bent(imperfection, field_mT)[0][:, :, 8:-2]
+
+
+def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> Experiment:
     """Return what the bench measures: noisy edges, the stated specimen and its stated uncertainties."""
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
-    specimen = STATED.mechanics()
+    return _experiment(observed, field_mT, planar)
+
+
+def filmed(
+    imperfection: Imperfection, seen: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
+) -> Experiment:
+    """Return what the bench measures: edges found in rendered pictures, of the states that a fit uses."""
+    clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
+    observed, used = rendered(*seen, clamp, STATED, seed)
+    return _experiment(observed, field_mT[used], planar)
+
+
+def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Experiment:
+    specimen = stated_specimen(planar)
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     return Experiment(flat, Loads.along(field_mT), observed, stated=STATED.stated_sources())
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place of the true cause in one fit.
+
+    first, second: whether it is the first cause, or among the first two; of a pair, whether both are the first two, or
+    among the first three. declared: whether it is in the class of the first cause. wrong: largest probability of a
+    cause that is not true.
+    """
+
+    first: bool
+    second: bool
+    declared: bool
+    wrong: float
+
+
+def placed(fit: Fit, cause: str) -> Place:
+    """Return the place of the true cause, or of the two true causes."""
+    true = set(cause.split("+"))
+    names = [entry.name for entry in fit.causes]
+    count, alike = len(true), {names[0], *fit.causes[0].like}
+    wrong = max((c.probability for c in fit.causes if c.name not in true and c.name != NONE), default=0.0)
+    first, second = true <= set(names[:count]), true <= set(names[: count + 1])
+    return Place(first, second, first or (count == 1 and true <= alike), wrong)
 
 
 def ranked(fit: Fit, cause: str) -> str:
     """Return the rank of the true cause among the causes, and the first three causes."""
     names = [entry.name for entry in fit.causes]
-    place = str(names.index(cause) + 1) if cause in names else "-"
+    place = " and ".join(str(names.index(one) + 1) if one in names else "-" for one in cause.split("+"))
     first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
-    return f"place {place}: {first}"
+    alike = f"; like {fit.causes[0].name}: {', '.join(fit.causes[0].like)}" if fit.causes[0].like else ""
+    return f"place {place}: {first}{alike}"
+
+
+def summary(places: Sequence[Place]) -> str:
+    """Return the shares of fits by the place of the true cause."""
+    counts = {
+        "first": sum(place.first for place in places),
+        "first or second": sum(place.second for place in places),
+        "first or in its class": sum(place.declared for place in places),
+        "with a wrong cause above 0.9": sum(place.wrong > 0.9 for place in places),
+    }
+    return "\n".join(f"{count} of {len(places)} {words}" for words, count in counts.items())
 
 
 def in_words(fit: Fit) -> str:
@@ -194,22 +292,29 @@ def main() -> None:
     parser.add_argument("--short", action="store_true", help="one seed")
     parser.add_argument("--both", action="store_true", help="both polarities, upward and downward")
     parser.add_argument("--measured", action="store_true", help="with the measured rest shape only")
+    parser.add_argument("--rendered", action="store_true", help="find the edges in rendered pictures")
+    parser.add_argument("--planar", action="store_true", help="hidden and stated beams in plane stress")
     asked = parser.parse_args()
-    field_mT = BOTH_MT if asked.both else FIELD_MT
-    for imperfection in IMPERFECTIONS:
+    field_mT, places = BOTH_MT if asked.both else FIELD_MT, []
+    for imperfection in (*IMPERFECTIONS, *PAIRS):
         if asked.causes and imperfection.cause not in asked.causes:
             continue
-        edges = outlines(imperfection, field_mT)
+        seen = bent(imperfection, field_mT, asked.planar)
         for seed in range(1, 1 + (1 if asked.short else asked.seeds)):
-            straight = measured(edges, field_mT, seed)
+            if asked.rendered:
+                straight = filmed(imperfection, seen, field_mT, seed, asked.planar)
+            else:
+                straight = measured(seen[0][:, :, 8:-2], field_mT, seed, asked.planar)
             shape = measured_rest_shape(straight)
             cases = {"straight": straight, "measured": shape.applied(straight) if shape else straight}
             for words, experiment in cases.items():
                 if words == "straight" and asked.measured:
                     continue
                 fit = identify("neo-hookean", [experiment])
+                places.append(placed(fit, imperfection.cause))
                 print(f"{imperfection.cause:19s} seed {seed}  {words}: {in_words(fit)}", flush=True)
                 print(f"{'':19s} {ranked(fit, imperfection.cause)}", flush=True)
+    print(summary(places))
 
 
 if __name__ == "__main__":

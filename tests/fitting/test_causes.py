@@ -17,6 +17,7 @@ from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.doubts.causes import NONE, Cause
 from eimi_fitting.inference.doubts.checks import rivals
+from eimi_fitting.inference.doubts.collinear_causes import classes, shared_equally
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
@@ -84,11 +85,32 @@ def test_a_freed_direction_of_magnetisation_is_the_cause_and_no_doubt():
     assert [doubt for doubt in fit.doubts if doubt.kind == "cause"] == []
 
 
-def test_a_beam_that_is_nearer_cannot_be_told_from_a_wrong_scale():
-    fit = fit_of(setup=Setup.of([("scale", 0, 0.01)], 1))
-    assert {cause.name for cause in fit.causes[:2]} == {"scale", "distance"}
+@pytest.mark.parametrize("size", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
+def test_a_beam_that_is_nearer_cannot_be_told_from_a_wrong_scale(size):
+    fit = fit_of(setup=Setup.of([("scale", 0, size)], 1))
+    first, second = fit.causes[:2]
+    assert {first.name, second.name} == {"scale", "distance"}
+    assert first.like == (second.name,)
+    assert first.probability == pytest.approx(second.probability, abs=0.02)
+    assert first.probability < 0.9
     (doubt,) = (doubt for doubt in fit.doubts if doubt.kind == "cause")
     assert "cannot be told apart" in doubt.words
+
+
+def test_collinear_causes_share_their_probability_and_others_do_not():
+    rng = np.random.default_rng(0)
+    one, other = 20 * rng.normal(size=(2, 60))
+    explained = np.stack([0 * one, one, one + 0.1 * rng.normal(size=60), other, one])
+    evidence = np.array([3.0, 0.0, 2.0, 1.0])
+    found = classes(-explained, [1, 1, 1, 1], evidence, np.array([False, False, False, True]))
+    assert sorted(found) == [(0, 1), (2,), (3,)]
+    hypotheses = [(), (0,), (1,), (2,), (3,), (0, 2), (1, 2), (0, 1)]
+    score = rng.normal(size=8)
+    shared = shared_equally(score, hypotheses, found)
+    assert np.logaddexp.reduce(shared) == pytest.approx(np.logaddexp.reduce(score))
+    assert shared[1] == shared[2]
+    assert shared[5] == shared[6]
+    assert shared[[0, 3, 4, 7]] == pytest.approx(score[[0, 3, 4, 7]])
 
 
 @given(seed=st.integers(0, 10_000), true=st.integers(0, 4), size=st.floats(0.5, 3.0))
@@ -118,4 +140,6 @@ def test_rivals_share_one_probability_and_causes_together_do_not():
 
     alone, other, small = cause("scale", 0.6), cause("distance", 0.4), cause("roll", 0.01)
     assert rivals([alone, other, small]) == (other,)
+    collinear = replace(alone, like=("roll",))
+    assert rivals([collinear, other, small]) == (small,)
     assert rivals([cause("scale", 1.0), cause("roll", 0.99)]) == ()

@@ -78,6 +78,20 @@ def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(se
     np.testing.assert_allclose(back.rigid[..., 2], -alone.rigid[..., 2], atol=1e-6)
 
 
+def test_shapes_on_a_mesh_with_other_nodes_are_no_start():
+    """Solve the states in order: a magnet that is narrower than the beam has elements beside it."""
+    law, loads, modulus = LAWS["neo-hookean"], Loads.along([0.0, 4.0]), np.array([[46e3]])
+    wide = type3("plane-stress")
+    assert wide.magnet is not None
+    narrow = replace(wide, magnet=replace(wide.magnet, width_mm=3.8))
+    near = BeamModel(wide).solve(law, modulus, loads, keep=True).every
+    model = BeamModel(narrow)
+    assert model.mesh.nodes.shape != BeamModel(wide).mesh.nodes.shape
+    shapes = model.solve(law, modulus, loads, near=near)
+    assert shapes.converged.all()
+    np.testing.assert_allclose(shapes.displacement, model.solve(law, modulus, loads).displacement, atol=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
 @pytest.mark.parametrize(("mesh", "count"), [((13, 1), 100), ((26, 3), 25)])

@@ -210,6 +210,16 @@ def test_a_solid_far_from_its_planar_model_is_followed_if_allowed():
     assert beside.solve(NEO, np.array(modulus), on_a_ray, options=SolidOptions("follow")).effect is None
 
 
+def test_the_depth_effect_is_interpolated_in_fields_of_both_polarities_up_and_down():
+    fields = np.array([0.0, 3.0, 6.0, 3.0, 0.0, -3.0, -6.0])
+    beside, modulus = SolidBeside(SHALLOW, 13, 1), np.array([[TRUE_PA]])
+    shapes = beside.solve(NEO, modulus, Loads.along(fields), options=SolidOptions("interpolate"))
+    assert shapes.converged.all()
+    assert len(shapes.effect.places) <= 5
+    on_one_side = beside.solve(NEO, modulus, Loads.along(fields[:3]))
+    assert shapes.displacement[:, :3] == pytest.approx(on_one_side.displacement, abs=2e-3)
+
+
 def test_the_last_shape_is_that_of_the_last_state():
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)

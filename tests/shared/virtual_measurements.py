@@ -55,15 +55,24 @@ NORMAL = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """One experiment, counted from 0; law, noise, specimen and section change from one to the next."""
+    """One experiment, counted from 0; law, noise, specimen and section change from one to the next.
+
+    is_usual: whether every source is drawn with its usual standard uncertainty, for a planar Neo-Hookean beam.
+    """
 
     number: int
     seed: int
+    is_usual: bool = False
 
     @property
     def model(self) -> str:
         """The law of the experiment, a key of LAWS."""
-        return list(COORDINATES)[self.number % 4]
+        return "neo-hookean" if self.is_usual else list(COORDINATES)[self.number % 4]
+
+    @property
+    def stated(self) -> tuple[StatedSource, ...]:
+        """The standard uncertainties that the files of the experiment state."""
+        return usual() if self.is_usual else stated()
 
     @property
     def noise_mm(self) -> float:
@@ -73,7 +82,7 @@ class Case:
     @property
     def is_solid(self) -> bool:
         """Whether the beam is a solid: one round of laws and noise levels in four."""
-        return self.number // 12 % 4 == 3
+        return not self.is_usual and self.number // 12 % 4 == 3
 
     @property
     def specimen(self) -> Specimen:
@@ -111,6 +120,16 @@ def stated() -> tuple[StatedSource, ...]:
 
 
 @cache
+def usual() -> tuple[StatedSource, ...]:
+    """Return the usual uncertainty of every source that a file can state, for a telecentric camera."""
+    return tuple(
+        StatedSource(name, source.usual, source.stated_in)
+        for name, source in SOURCES.items()
+        if source.stated_in and source.lens is None
+    )
+
+
+@cache
 def true_parameters(model: str) -> Array:
     """Return the parameters (1, n) of the law in Pa."""
     space = search_space(LAWS[model])
@@ -138,9 +157,9 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
     return SolidBeside(specimen, ALONG, ACROSS).solve(LAWS[model], true_parameters(model), turns).effect
 
 
-def deviations_drawn(rng: np.random.Generator) -> dict[str, Array]:
+def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) -> dict[str, Array]:
     """Draw the deviations (parts,) of every source for one experiment."""
-    return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in stated()}
+    return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in sources}
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
@@ -167,7 +186,7 @@ def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generat
         raise RuntimeError(f"{case}: the true beam has no equilibrium")
     edges = setup.imaged(points_on(outline(model, shapes)[0], 4)[:, :, 4:-4])
     flat = BeamModel(case.specimen, plane=case.specimen.planar_section)
-    return Experiment(flat, loads, with_noise(edges, case.noise_mm, rng), stated=stated())
+    return Experiment(flat, loads, with_noise(edges, case.noise_mm, rng), stated=case.stated)
 
 
 def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:
@@ -187,7 +206,7 @@ def outcome(case: Case) -> Outcome:
     """Return the outcome of one simulated measurement and its fit."""
     start_s = time.process_time()
     rng = np.random.default_rng([case.seed, case.number])
-    deviations, law = deviations_drawn(rng), LAWS[case.model]
+    deviations, law = deviations_drawn(rng, case.stated), LAWS[case.model]
     experiment = measured(case, deviations, rng)
     problem = Problem(law, Unknowns(search_space(law)), (experiment,))
     estimate = refine(problem, begun_at(case.model, rng), case.number).estimate
@@ -200,20 +219,20 @@ def outcome(case: Case) -> Outcome:
         value=modulus.value / truth,
         interval=(low / truth, high / truth),
         fit_alone=(alone_low / truth, alone_high / truth),
-        drawn=drawn(case.model, estimate, deviations),
+        drawn=drawn(case, estimate, deviations),
         seconds=time.process_time() - start_s,
     )
 
 
-def drawn(model: str, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
+def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
     """Return `Outcome.drawn` from the effects of the sources in the draws of the estimate."""
-    law = LAWS[model]
+    law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
     moved = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
     all_of_it = np.column_stack([np.ones(len(moved)), moved])
     slopes = np.linalg.lstsq(all_of_it, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
-    sizes = {s.source: s.standard_uncertainty for s in stated()}
+    sizes = {s.source: s.standard_uncertainty for s in case.stated}
     spread = np.linalg.norm([slope * sizes[key] for slope, (key, _) in zip(slopes, numbers, strict=True)])
     off = sum(slope * deviations[key][part] for slope, (key, part) in zip(slopes, numbers, strict=True))
     return float(off / spread)

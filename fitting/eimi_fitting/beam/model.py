@@ -196,8 +196,8 @@ class BeamModel:
         keep : bool
             Keep the configurations of the first candidate in ``Shapes.every``.
         near : Configuration or None
-            The ``every`` of an earlier result for a similar candidate on the same mesh. All states are then solved at
-            once from these configurations, and one after another only if that fails.
+            The ``every`` of an earlier result for a similar candidate. All states are then solved at once from these
+            configurations, and one after another if that fails or if the earlier mesh has other nodes.
 
         Raises
         ------
@@ -205,7 +205,8 @@ class BeamModel:
             A bulk modulus is given in plane stress, or a pressure for a specimen without a pressure face.
         """
         chosen = candidates(law, parameters, self.plane, bulk_modulus_Pa, field_factor)
-        if near is not None:
+        # A grid has more nodes if its magnet is narrower than the beam, or ends before it.
+        if near is not None and near.displacement.shape[1:] == self.mesh.nodes.shape:
             shapes = at_once(self.solid, self.loaded, chosen, loads, tolerance_mm, near, keep)
             if shapes is not None:
                 return shapes

@@ -10,8 +10,9 @@ causes of the hypothesis H,
 P is the prior of the fit, and size_a the usual size of such a mistake. The prior of s_a vanishes at zero, so that a
 second cause of negligible size does not repair small errors of the model (a non-local prior: Johnson and Rossell 2010,
 J. R. Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by (m / (m + 0.3^2))^2, where m is the
-posterior mean of |s_a / size_a|^2, the largest of the amplitudes of the cause. Above a third of the usual size the
-factor is near one, so that two causes with the same signature share one probability. The columns of J contain the
+posterior mean of |s_a / size_a|^2, the largest of the amplitudes that the value of the cause consists of. Above a third
+of the usual size the factor is near one. Causes with nearly the same signature share their probability equally
+(`inference.doubts.collinear_causes`). The columns of J contain the
 remaining errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
 correlation tau of neighbouring points. The error d is what no listed cause explains; it is smooth along an edge and
 over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and Gaussian, so that the
@@ -44,6 +45,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.inference.doubts.collinear_causes import classes, shared_equally
 from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior, weigh
 from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, PossibleCause
@@ -97,6 +99,8 @@ class Cause:
         the cause into account, the change that this made.
     decide_by : str
         The measurement that decides whether the cause is present.
+    like : tuple of str
+        Names of causes with nearly the same signature. The residuals do not distinguish these causes from this cause.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Cause:
     unit: str
     shift_percent: float
     decide_by: str
+    like: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -158,7 +163,11 @@ def weighed_causes(
         return Weighed((), frozenset(), {})
     weighing = _Weighing(about, effects, columns_by_cause)
     posterior = weighing.posterior()
-    score = posterior.log_evidence + weighing.log_prior
+    of_causes = weighing.classes(posterior)
+    score = shared_equally(posterior.log_evidence + weighing.log_prior, weighing.hypotheses, of_causes)
+    likes = {cause: members for members in of_causes for cause in members}
+    names = [cause.name for cause in columns_by_cause]
+    order = {cause: -evidence for cause, evidence in enumerate(posterior.log_evidence[1 : 1 + len(names)])}
     probability = np.exp(score - score.max())
     probability /= probability.sum()
     none = float(posterior.means[0, 0])
@@ -172,12 +181,15 @@ def weighed_causes(
         if total < _LEAST:
             continue
         mean = probability[holds] @ posterior.means[holds] / total
-        amplitudes = mean[weighing.blocks[i]][: weighing.shown(i)]
+        amplitudes = mean[weighing.blocks[i][: weighing.shown(i)]]
         size = float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))]))
         before = none if cause.name in in_the_fit else 0.0
         shift = problem.unknowns.modulus_percent(float(alone[0]) - before)
-        causes.append(Cause(cause.name, total, size, cause.unit, shift, cause.decide_by))
-    return Weighed(tuple(sorted(causes, key=lambda cause: -cause.probability)), in_the_fit, errors)
+        like = tuple(names[other] for other in likes[i] if other != i)
+        causes.append(Cause(cause.name, total, size, cause.unit, shift, cause.decide_by, like))
+    causes.sort(key=lambda cause: order[names.index(cause.name)] if cause.name in names else 0.0)
+    causes.sort(key=lambda cause: -round(cause.probability, 6))  # the evidence orders the causes of a class
+    return Weighed(tuple(causes), in_the_fit, errors)
 
 
 class _Weighing:
@@ -236,6 +248,20 @@ class _Weighing:
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
+    def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
+        """Return the causes in classes that cannot be told apart, each with the most probable one first."""
+        alone = slice(1 + len(self._causes))  # no cause, and each cause alone
+        best = int(np.argmax(posterior.log_evidence + self.log_prior))
+        variance = self._variance + posterior.error_squared[best] * self._project.error
+        remaining = self._y[alone] - posterior.means[alone] / self._scale @ self._rows
+        counts = [len(block) for block in self.blocks]
+        sizes = np.abs(posterior.means[alone][1:] / self._scale)
+        negligible = np.array([sizes[i, self._shown_rows(i)].max() < _NEGLIGIBLE for i in range(len(self._causes))])
+        return classes(remaining / np.sqrt(variance), counts, posterior.log_evidence[alone][1:], negligible)
+
+    def _shown_rows(self, cause: int) -> list[int]:
+        return self.blocks[cause][: self.shown(cause)]
+
     def posterior(self) -> Posterior:
         """Return evidence and amplitudes of all hypotheses; the probable ones are simulated (Gauss-Newton)."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
@@ -263,6 +289,7 @@ class _Weighing:
                 break
             best = result.means[np.argmax(result.log_evidence + self.log_prior)] / self._scale
             result = self._weigh(y, self._model_error(best[:, None] * self._rows))
+        self._y = y
         return result
 
     def _model_error(self, moves: Array) -> Array:
@@ -307,10 +334,11 @@ class _Weighing:
         return best
 
     def _weigh(self, y: Array, of_move: Array) -> Posterior:
-        noise = self._project.noise + of_move
-        standard = weigh(self._rows, self._members, y, noise, self._project.error)
+        self._variance = self._project.noise + of_move
+        standard = weigh(self._rows, self._members, y, self._variance, self._project.error)
         # The factor of the moment prior, whose normal mean of |s_a / size_a|^4 is 3 for one amplitude.
-        squares = np.stack([standard.squares[:, block].max(axis=1) for block in self.blocks], axis=1)
+        shown = [self._shown_rows(cause) for cause in range(len(self._causes))]
+        squares = np.stack([standard.squares[:, rows].max(axis=1) for rows in shown], axis=1)
         factors = 2 * np.log(np.where(self._holds, squares / (squares + _NEGLIGIBLE**2), 1.0)).sum(axis=1)
         law = np.arange(len(self._scale)) < self._common
         most = np.where(law, np.inf, _MOST_SIZES)

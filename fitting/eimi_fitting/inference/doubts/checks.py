@@ -44,7 +44,7 @@ _WITHIN_NOISE = 3.0  # times the stated uncertainty: a smaller residual does not
 _OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
 _NAMED = 0.1  # probability below which a cause beside those in the fit is no doubt
 _NONE_IMPROBABLE = 0.5
-_RIVAL = 0.05  # share of the probability of the first cause
+_RIVAL = 0.1  # share of the probability of the first cause
 _BOTH = 1.2  # sum of two probabilities from which both causes are present together
 _MOST_RIVALS = 2
 _CONTRADICTS = 3.0  # standard deviations
@@ -283,16 +283,19 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """Return the rivals: the causes that the data do not distinguish from the first cause.
 
-    Together with the first cause they have a probability of about one. At most two are returned, each with at least a
-    twentieth of the probability of the first cause. A second cause that is probable together with the first cause is no
-    rival.
+    The rivals are the causes of its class, whose signatures are nearly collinear (`collinear_causes`). Without a class,
+    they are causes that together with the first cause have a probability of about one, each with at least a tenth of
+    the probability of the first cause. At most two are returned. A second cause that is probable together with the
+    first cause is no rival.
     """
     first, *others = causes
-    return tuple(
+    alike = [cause for cause in others if cause.name in first.like]
+    either = [
         cause
         for cause in others
         if cause.probability > _RIVAL * first.probability and first.probability + cause.probability < _BOTH
-    )[:_MOST_RIVALS]
+    ]
+    return tuple(alike or either)[:_MOST_RIVALS]
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:

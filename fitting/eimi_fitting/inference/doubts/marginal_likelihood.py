@@ -24,11 +24,14 @@ class Posterior:
         Mean of each coefficient, in its prior standard deviations; zero for columns that are not in the hypothesis.
     squares : ndarray, shape (H, C)
         Mean square of each coefficient, in the same units.
+    error_squared : ndarray, shape (H,)
+        Mean of eta squared in mm^2.
     """
 
     log_evidence: Array
     means: Array
     squares: Array
+    error_squared: Array
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
@@ -64,4 +67,5 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     for average, values in zip(averages, (means, squares), strict=True):
         np.put_along_axis(average, members, np.einsum("eh,ehq->hq", weights / total, values), axis=1)
         average[:, -1] = 0.0
-    return Posterior(largest + np.log(total / len(_ERRORS_MM)), *averages)
+    log_evidence, of_means, of_squares = largest + np.log(total / len(_ERRORS_MM)), *averages
+    return Posterior(log_evidence, of_means, of_squares, _ERRORS_MM**2 @ (weights / total))

@@ -1,0 +1,51 @@
+"""Render the beam of an imperfect bench as its camera sees it, and find the edges in the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.virtual.optics import expose, make_scene
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.edges.finding import find_edges
+from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SIZE
+
+Array = NDArray[np.float64]
+
+_CLAMP_MM = np.array([[0.0, -6.0], [0.0, 6.0], [-15.0, 6.0], [-15.0, -6.0]])
+
+
+def rendered(
+    sides: Array, magnets: Array, clamp: Callable[[Array], Array], specimen: SpecimenFile, seed: int
+) -> tuple[EdgeObservation, NDArray[np.intp]]:
+    """Return the edges that are found in one picture of each state, and the states that a fit uses.
+
+    Parameters
+    ----------
+    sides : ndarray, shape (K, 2, m, 2)
+        Left and right edge in the picture, in mm of the beam frame.
+    magnets : ndarray, shape (K, 4, 2)
+        Corners of the magnet in the picture, likewise.
+    clamp : callable
+        Returns where the camera shows places of the clamp.
+    specimen : SpecimenFile
+        The stated specimen.
+    seed : int
+        Seed of the noise of the pictures.
+    """
+    frame, rng = BeamFrame(CALIBRATION), np.random.default_rng(seed)
+    found, used = [], []
+    for k, ((left, right), magnet) in enumerate(zip(sides, magnets, strict=True)):
+        beam = np.concatenate([left, right[::-1]])
+        beam_px, magnet_px, clamp_px = (frame.to_px(places) for places in (beam, magnet, clamp(_CLAMP_MM)))
+        scene = make_scene(NOMINAL, SIZE, beam_px, magnet_px, clamp_px, oversampling=2)
+        edges = find_edges(expose(scene, rng), CALIBRATION, specimen)
+        if not leaves_out(edges.flags):
+            found.append((edges.left.points_mm, edges.left.sigma_mm, edges.right.points_mm, edges.right.sigma_mm))
+            used.append(k)
+    return EdgeObservation.from_edges(found), np.array(used, np.intp)

@@ -1,0 +1,86 @@
+"""Find causes whose signatures are nearly collinear, and let them share their probability equally.
+
+Let e_0 be what remains of the residuals without a cause, and e_a what remains with the cause a alone at its most
+probable amplitudes, both after the most probable changes of the law and in units of the noise. S_a = e_0 - e_a is the
+part of the residuals that the cause explains and the law does not. For two causes with the angle phi between S_a and
+S_b and the same length |S|,
+
+    |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2)
+
+The logarithm of the odds between a and b is half of this square on average if one of the two is true (normal noise).
+Two causes are alike if the data favour the true one by less than 9 to 1, that is if the square is below 2 ln 9 plus the
+number of their amplitudes, each of which adds 1 by noise. Probable causes are simulated at their amplitudes, so that
+the angle does not depend on the size for which signatures are linear. Causes that are alike form a class of at most
+three. A cause of negligible size, whose secondary amplitudes explain the residuals, belongs to no class.
+
+The data do not decide between the causes of a class. The evidence still differs by the prior sizes, which are assumed.
+It would give a uniform error of scale of 3 per cent, which is three usual sizes, to a beam that is 9 mm nearer. The
+hypotheses that differ only by the choice within a class therefore share their probability equally, as their prior
+probabilities are equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Hypothesis = tuple[int, ...]
+
+_TOLD_APART = 2 * np.log(9.0)
+_LARGEST_CLASS = 3
+
+
+def classes(
+    remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
+) -> list[tuple[int, ...]]:
+    """Return the classes of causes, each with the cause of the largest evidence first.
+
+    Parameters
+    ----------
+    remaining : ndarray, shape (1 + M, N)
+        What remains of the residuals without a cause, and with each cause alone, in units of the noise.
+    amplitudes : sequence of int, length M
+        Number of amplitudes of each cause.
+    evidence : ndarray, shape (M,)
+        Logarithm of the evidence of each cause alone.
+    negligible : ndarray of bool, shape (M,)
+        Whether the size of a cause is negligible.
+    """
+    counts = np.asarray(amplitudes)
+    explained = remaining[0] - remaining[1:]
+    explains = ((explained**2).sum(axis=1) > _TOLD_APART + counts) & ~negligible
+    apart = ((explained[:, None] - explained) ** 2).sum(axis=-1)
+    alike = (apart < _TOLD_APART + counts[:, None] + counts) & explains[:, None] & explains
+    left = [int(cause) for cause in np.argsort(-evidence)]
+    found = []
+    while left:
+        first = left.pop(0)
+        members = (first, *[cause for cause in left if alike[first, cause]][: _LARGEST_CLASS - 1])
+        left = [cause for cause in left if cause not in members]
+        found.append(members)
+    return found
+
+
+def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
+    """Return the logarithms of the probabilities (H,), shared by hypotheses that differ within classes only.
+
+    Parameters
+    ----------
+    score : ndarray, shape (H,)
+        Logarithm of the probability of each hypothesis by its evidence.
+    hypotheses : sequence of tuple of int
+        The causes of each hypothesis.
+    of_causes : sequence of tuple of int
+        The classes.
+    """
+    number = {cause: i for i, members in enumerate(of_causes) for cause in members}
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for row, hypothesis in enumerate(hypotheses):
+        groups.setdefault(tuple(sorted(number[cause] for cause in hypothesis)), []).append(row)
+    result = np.array(score)
+    for rows in groups.values():
+        result[rows] = np.logaddexp.reduce(score[rows]) - np.log(len(rows))
+    return result
