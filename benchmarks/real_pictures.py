@@ -2,9 +2,10 @@
 
 The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout; they may not be
 distributed. ``--draws 5`` states clamp, axis, width and length wrongly at random, five times: by up to 4 px, 4 degrees,
-8 % and 10 %. ``--overlay FOLDER`` draws the detected edges. ``--chance DRAWS`` draws scatter of the same correlation at
-random, and prints for each edge the 95 % range of the ratio of stated to observed deviation, and the median of the
-ratio of stated to true deviation.
+8 % and 10 %. ``--clicks 3`` draws three clicks within 10 px of the centre line, three times, and leaves out the group
+`refusal`, which has no centre line. ``--overlay FOLDER`` draws the detected edges. ``--chance DRAWS`` draws scatter of
+the same correlation at random, and prints for each edge the 95 % range of the ratio of stated to observed deviation,
+and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -92,6 +93,7 @@ def main() -> None:
     """Print the table of edge errors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
+    parser.add_argument("--clicks", type=int, default=0, metavar="DRAWS")
     parser.add_argument("--chance", type=int, default=0, metavar="DRAWS")
     parser.add_argument("--overlay", type=Path)
     options = parser.parse_args()
@@ -102,10 +104,12 @@ def main() -> None:
     print("| picture | points | coverage | median px | 95 % px | stated over seen | s | flags |\n|" + " --- |" * 8)
     rng = np.random.default_rng(1)
     counts = {"good": 0, "thin": 0, "WRONG": 0, "refused": 0}
-    for group in ("development", "refusal"):
+    for group in ("development",) if options.clicks else ("development", "refusal"):
         for picture in pictures(group):
-            for draw in range(max(1, options.draws)):
+            for draw in range(max(1, options.draws, options.clicks)):
                 stated = picture.wrongly_stated(rng) if options.draws else (picture.calibration, picture.specimen)
+                if options.clicks:
+                    stated = picture.clicked(stated[0], rng), stated[1]
                 begin = time.process_time()
                 edges = picture.edges(stated)
                 seconds = time.process_time() - begin

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.calibration import Picture as CalibrationPicture
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
@@ -26,28 +27,32 @@ from eimi_lab.vision.edges.finding import find_edges
 
 PICTURES = Path(__file__).parents[3] / "shared" / "data" / "pictures"
 COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
-"""What a good result has at least and at most."""
+"""What a good result has at least and at most. No limit is narrower than the uncertainty of the reference."""
+_MEDIAN_OF_NORMAL, _P95_OF_NORMAL = 0.674, 1.96  # of absolute values, in standard deviations
 
 
 @dataclass(frozen=True)
 class PictureScore:
     """The score of edges against traced ones.
 
-    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points.
+    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points;
+    reference_px: standard uncertainty of the traced edges.
     """
 
     coverage: float
     median: float
     p95: float
+    reference_px: float = 0.0
 
     @property
     def good(self) -> bool:
-        return self.coverage >= COVERAGE and self.median <= MEDIAN_PX and self.p95 <= P95_PX
+        return self.coverage >= COVERAGE and not self.wrong
 
     @property
     def wrong(self) -> bool:
         """Whether the points that were found are far from the traced edges, however few they are."""
-        return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
+        median = max(MEDIAN_PX, _MEDIAN_OF_NORMAL * self.reference_px)
+        return not (self.median <= median and self.p95 <= max(P95_PX, _P95_OF_NORMAL * self.reference_px))
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,21 @@ class Picture:
         calibration = self.calibration.model_copy(update=changes)
         return calibration, self.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
 
+    def clicked(self, calibration: Calibration, rng: np.random.Generator) -> Calibration:
+        """Return a calibration with three clicks: at random places along the beam, up to 10 px from its centre line."""
+        reference = json.loads((self.folder / "reference.json").read_text())
+        left, right = (np.array(reference[side]) for side in ("side_a", "side_b"))
+        middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
+        arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle, axis=0).T))])
+        at = np.sort(rng.uniform(0.15, 1.0, 3)) * arc[-1]
+        places = np.column_stack([np.interp(at, arc, middle[:, axis]) for axis in (0, 1)])
+        aside, direction = 10.0 * np.sqrt(rng.uniform(size=3)), rng.uniform(0.0, 2.0 * np.pi, 3)
+        places += aside[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+        places = np.clip(places, 0.0, np.array(self.image.shape[1::-1]) - 1.0)
+        clicks = tuple((float(x), float(y)) for x, y in places)
+        help_given = (calibration.picture or CalibrationPicture()).model_copy(update={"along_px": clicks})
+        return calibration.model_copy(update={"picture": help_given})
+
     def score(self, edges: EdgeSet, calibration: Calibration) -> PictureScore:
         """Score edges by the rules that come with the pictures; either side may be the left one."""
         reference = json.loads((self.folder / "reference.json").read_text())
@@ -105,7 +125,8 @@ class Picture:
                 covered += int((np.abs(stations[:, None] - at).min(axis=1, initial=np.inf) <= reach).sum())
             apart = np.concatenate(distances)
             if len(apart):
-                ways.append(PictureScore(covered / total, float(np.median(apart)), float(np.percentile(apart, 95))))
+                median, p95 = float(np.median(apart)), float(np.percentile(apart, 95))
+                ways.append(PictureScore(covered / total, median, p95, float(reference["uncertainty_px"])))
         return min(ways, key=lambda scored: scored.median, default=PictureScore(0.0, math.nan, math.nan))
 
 
