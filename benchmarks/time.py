@@ -2,17 +2,22 @@
 
 The first table compares frequencies with those of Euler-Bernoulli beams, roots of one mode with closed forms, and the
 complex frequency of small vibrations with a motion in time that shares neither mesh nor integrator with it. The second
-fits hidden materials with two Prony terms: a run with two ring-downs and two records of creep is simulated by the
-transient solution of a beam whose dimensions differ from the stated ones as their uncertainties say, and fitted.
+fits hidden materials with two Prony terms: a run with two ring-downs and two records of creep is simulated by the rod
+of the virtual rig, with the stiffness of a solid whose dimensions differ from the stated ones as their uncertainties
+say, and fitted.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
+from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.transient import Transient
 from eimi_fitting.beam.vibration import Vibration, complex_roots
 from eimi_fitting.inference.evidence.sources import StatedSource, specimen_under
@@ -20,16 +25,20 @@ from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of
 from eimi_fitting.time.decay import decay_of
 from eimi_fitting.time.identification import LawOfTime, RecordedMotion, StaticStates, identify_time
-from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.measured import Kind, Motion
+from eimi_lab.virtual.moving_beam import MovingBeam, stiffness_of_solid
 from tests.fitting.test_vibration import MU_PA, NO_LOAD, euler_bernoulli_Hz, thin
 
 NEO = LAWS["neo-hookean"]
 MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
-BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=MAGNET)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="solid", magnet=MAGNET)
+FLAT = replace(BEAM, section="plane-stress")
+DOWN = np.array([9.80665, 0.0])
 STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0}
 FIELDS = ((5.0, 30.0), (0.0, 16.0), (7.0, 30.0), (0.0, 16.0))  # mT, and the time in s for which each lasts
 REST_MM = np.column_stack([np.linspace(4, 29, 8), np.zeros(8)])
-NOISE_MM, STEP_S, RINGING_S = 0.005, 0.0025, 16.0
+NOISE_MM, FRAME_S, RINGING_S = 0.005, 0.015, 6.0
+STEP_S, RELEASE_STEPS = 0.00125, 1600
 TIMES_S = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 
 
@@ -60,50 +69,54 @@ def print_references() -> None:
         error = abs(root / exact[np.argmax(exact.imag)] - 1)
         print(f"{name}: complex root within {error:.1e}")
     series, instantaneous = Prony(np.array([0.12, 0.1]), np.array([0.05, 2.0])), 60e3
-    model = BeamModel(BEAM, 16, 1)
+    model = BeamModel(FLAT, 16, 1)
     at_rest = instantaneous * float(series.long_term)
     for field in (0.0, 3.5, 7.0):
         motion_in_time = Transient(model, NEO, np.array([instantaneous]), series, in_field(field + 0.1))
         places = []
-        for _ in range(1200):
+        for _ in range(RELEASE_STEPS):
             motion_in_time.advance(STEP_S, in_field(field))
             places.append(motion_in_time.rigid[:2].copy())
         time = STEP_S * (1 + np.arange(len(places)))[:, None]
-        recorded = Motion("ring_down", np.array(places)[:, None], REST_MM[:1], time, np.full_like(time, 1e-4))
+        recorded = Motion("ring_down", np.array(places)[:, None], REST_MM[:1], time, np.full(time.shape, 1e-4))
         mode = decay_of(signals_of(recorded, 0.0), "release", BEAM.length_mm, is_stepped=True).modes[0]
-        reduced, _ = Vibration(BeamModel(BEAM)).about(NEO, np.array([[at_rest]]), in_field(field))
+        reduced, _ = Vibration(BeamModel(FLAT)).about(
+            NEO, np.array([[at_rest]]), in_field(field), stiffenings=(1.0, 2.0)
+        )
         (root, *_) = reduced.roots(lambda s: instantaneous / at_rest * series.complex_ratio(s))[0]
         frequency = 100 * (root.imag / (2 * np.pi * mode.frequency_Hz) - 1)
         loss = 100 * (-2 * root.real / root.imag / mode.loss - 1)
         print(f"transient solution at {field:g} mT: frequency {frequency:+.3f} %, loss {loss:+.2f} % of itself")
 
 
+def _constant(value: float, _: float) -> float:
+    return value
+
+
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
     """Return the instantaneous modulus, the Prony series, the motions and the static states of one hidden material."""
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))
+    at_rest = instantaneous * float(series.long_term)
     wrong = {key: np.array([sigma * rng.standard_normal()]) for key, sigma in STATED.items()}
-    model = BeamModel(specimen_under(BEAM, wrong), 16, 1)
-    motion = Transient(model, NEO, np.array([instantaneous]), series, in_field(0.0))
-    recorded, begins, seen, tips = [], [], [], []
+    specimen = specimen_under(BEAM, wrong)
+    stiffness = stiffness_of_solid(specimen, "neo-hookean", (at_rest,), (12, 2, 1))
+    beam = MovingBeam(specimen, stiffness, at_rest, series, lambda field_mT: (np.array([0.0, 1e-3 * field_mT]), DOWN))
+    beam.start(0.0, 0.0)
+    share = REST_MM[:, 0] / specimen.flexible_length_mm
+    recorded, begins, seen, tips, now = [], [], [], [], 0.0
     for number, (field, seconds) in enumerate(FIELDS):
-        begins.append(motion.time_s)
-        times, places = [], []
-        for step in range(int(RINGING_S / STEP_S)):
-            motion.advance(STEP_S, in_field(field))
-            if step % 6 == 5:
-                times.append(motion.time_s - begins[-1])
-                places.append(model.positions(motion.shapes(), REST_MM)[0, 0])
-        while motion.time_s - begins[-1] < seconds - 1e-9:
-            motion.advance(0.25, in_field(field), with_inertia=False)
-            times.append(motion.time_s - begins[-1])
-            places.append(model.positions(motion.shapes(), REST_MM)[0, 0])
-        seen.append(motion.time_s)
-        tips.append(float(model.tip_angle_deg(motion.shapes())[0, 0]))
+        begins.append(now)
+        times = np.append(np.arange(FRAME_S, RINGING_S, FRAME_S), np.geomspace(RINGING_S, seconds, 20))
+        coordinates = beam.advance(now + seconds, partial(_constant, field), now + times)
+        now += seconds
+        places = [beam.rod.places_mm(z, share, REST_MM[:, 1]) for z in coordinates]
+        seen.append(now)
+        tips.append(float(np.degrees(beam.rod.end @ coordinates[-1])))
         noisy = np.array(places) + NOISE_MM * rng.standard_normal((len(places), 8, 2))
         earlier = [(-1e3, in_field(0.0))] + [(begins[k] - begins[-1], in_field(FIELDS[k][0])) for k in range(number)]
-        time = np.repeat(np.array(times)[:, None], 8, axis=1)
-        kind = "creep" if field else "ring_down"
+        time = np.repeat(times[:, None], 8, axis=1)
+        kind: Kind = "creep" if field else "ring_down"
         label = f"step {number}"
         recorded.append(
             RecordedMotion(
@@ -112,12 +125,12 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
                 tuple(earlier),
             )
         )
-    nominal, moduli = BeamModel(BEAM, 16, 1), instantaneous * np.geomspace(0.5, 1.2, 21)
+    nominal, moduli = SolidBeside(BEAM, 16, 2), at_rest * np.geomspace(0.8, 1.3, 5)
     bent = [k for k, (field, _) in enumerate(FIELDS) if field]
-    logs = []
-    for k in bent:  # what an elastic fit with the stated dimensions finds
-        angles = nominal.tip_angle_deg(nominal.solve(NEO, moduli[:, None], in_field(FIELDS[k][0])))[:, 0]
-        logs.append(np.interp(-tips[k], -angles, np.log(moduli)))
+    fields = Loads.along([FIELDS[k][0] for k in bent])
+    # What an elastic fit with the stated dimensions finds.
+    angles = np.stack([nominal.tip_angle_deg(nominal.solve(NEO, np.array([[mu]]), fields))[0] for mu in moduli])
+    logs = [CubicSpline(-angles[:, i], np.log(moduli))(-tips[k]) for i, k in enumerate(bent)]
     static = StaticStates(
         Loads.along([field for field, _ in FIELDS]),
         np.array(begins),

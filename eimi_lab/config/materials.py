@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.prony import Prony
+from eimi_lab.config.calibration import Numbers
 from eimi_lab.config.coil_shape import CoilShapeTable, Pair
 from eimi_lab.config.toml import Document, Table, parse, read_text
 
@@ -17,7 +20,12 @@ class TrueMaterial(Table):
     model: str
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
     parameters: dict[str, float]
-    """Parameters of the law; a name ends with _Pa if the value is in pascal."""
+    """Parameters of the law; a name ends with _Pa if the value is in pascal. With a series, of the long-term law."""
+    prony_h: Numbers = ()
+    """Prony series: mu_i / mu_inf of each term. Without a series the material is elastic; its beam rings with a loss
+    factor of 0.1."""
+    prony_tau_s: Numbers = ()
+    """Relaxation time of each term."""
 
     @model_validator(mode="after")
     def _complete(self) -> TrueMaterial:
@@ -27,6 +35,11 @@ class TrueMaterial(Table):
             raise ValueError(
                 f"parameters of {self.model} are {', '.join(self._keys)}; got {', '.join(self.parameters)}"
             )
+        if len(self.prony_h) != len(self.prony_tau_s) or min((*self.prony_h, *self.prony_tau_s), default=1.0) <= 0:
+            raise ValueError(
+                f"prony_h = {list(self.prony_h)} and prony_tau_s = {list(self.prony_tau_s)} should be two lists of "
+                "equal length, of numbers above 0"
+            )
         return self
 
     @property
@@ -35,6 +48,14 @@ class TrueMaterial(Table):
         return tuple(
             f"{name}_Pa" if unit == "Pa" else name for name, unit in zip(law.parameter_names, law.units, strict=True)
         )
+
+    @property
+    def series(self) -> Prony | None:
+        """The Prony series; None without terms."""
+        if not self.prony_h:
+            return None
+        h = np.array(self.prony_h)
+        return Prony(h / (1 + h.sum()), np.array(self.prony_tau_s))
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -338,9 +338,9 @@ def identify_laws(
 
 def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
     """Return the recorded motions of the datasets. Raises InputError."""
-    from eimi_lab.fits.recorded_motions import load_motions
+    from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
-    return [load_motions(path) for path in datasets]
+    return with_ring_downs([load_motions(path) for path in datasets])
 
 
 def _fits_of_motions(

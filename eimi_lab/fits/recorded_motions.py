@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,8 @@ class MotionEvidence:
     taken_as_exact : tuple of str
     has_states : bool
         Whether the dataset also holds states.
+    has_recording : bool
+        Whether the dataset holds a ring-down, as points or as frames that `eimi segment` can follow.
     """
 
     path: Path
@@ -49,6 +52,7 @@ class MotionEvidence:
     stated: tuple[StatedSource, ...]
     taken_as_exact: tuple[str, ...]
     has_states: bool
+    has_recording: bool
 
 
 def load_motions(path: Path) -> MotionEvidence:
@@ -72,7 +76,30 @@ def load_motions(path: Path) -> MotionEvidence:
             sources_of(dataset),
             taken_as_exact(dataset),
             bool(dataset.states),
+            any(motion.kind == "ring_down" for motion in motions) or bool(dataset.recorded_ring_downs()),
         )
+
+
+def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
+    """Return the datasets, if a law of time can be fitted to them.
+
+    Raises
+    ------
+    InputError
+        If no dataset holds a ring-down, or if the specimens differ.
+    """
+    for other in datasets[1:]:
+        if other.specimen != datasets[0].specimen:
+            raise InputError(
+                f"{other.path}: its specimen is not that of {datasets[0].path}; a law of time is fitted to one specimen"
+            )
+    if not any(one.has_recording for one in datasets):
+        paths = ", ".join(str(one.path) for one in datasets)
+        raise InputError(
+            f"{paths}: --time prony: there is no ring-down; record one with [ring_down] in the protocol, or import a "
+            "recording with `eimi import --ring-down`"
+        )
+    return list(datasets)
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:

@@ -92,17 +92,7 @@ def _identified(
 ) -> LawOfTime:
     paths = ", ".join(str(dataset.path) for dataset in motions)
     specimen = motions[0].specimen
-    for other in motions[1:]:
-        if other.specimen != specimen:
-            raise InputError(
-                f"{other.path}: its specimen is not that of {motions[0].path}; a law of time is fitted to one specimen"
-            )
     recorded = [motion for dataset in motions for motion in dataset.motions]
-    if not recorded:
-        raise InputError(
-            f"{paths}: --time prony: there is no ring-down and no creep; record them with [ring_down] in the protocol, "
-            "or import a recording with `eimi import --ring-down`"
-        )
     try:
         return identify_time(LAWS[model], shape, specimen, recorded, motions[0].stated, static, seed=seed)
     except (NoRingDown, NoEquilibrium) as error:

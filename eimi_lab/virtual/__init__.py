@@ -6,7 +6,8 @@ virtual_rig      the supply and the camera of the simulated bench
 served_bench     the simulated bench over real protocols, for other programs
 client_rig       the rig file for a program that measures on the served bench
 virtual_sensors  the gaussmeter and the thermometers of the simulated bench
-swing            how the virtual beam moves between its equilibria
+moving_beam      the motion of the virtual specimen, with its hidden law of time
+moving_outlines  the outlines of the virtual specimen in motion
 beam             the finite-element shape of the virtual specimen in the field of the coil
 optics           the image of the beam in front of a back-light
 raster           the fraction of each pixel that a polygon covers

@@ -23,16 +23,19 @@ from eimi_fitting.beam.strip import Strip
 from eimi_fitting.beam.view import View
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
+from eimi_lab.virtual.moving_beam import MovingBeam, stiffness_of_solid
 
 Array = NDArray[np.float64]
 
 SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
 _FIELDS = 17  # candidates for the fields in which the solid is solved
-_MESH_OF_INERTIA = (
+_MESH_OF_STIFFNESS = (
     16,
     2,
     1,
-)  # as `Virtual.mesh`; a finer one changes the frequency by less than Rayleigh's quotient errs
+)  # as `Virtual.mesh`; a finer one changes the frequency by less than that of the rod errs
+LOSS_FACTOR = 0.1
+"""Loss factor of a swinging beam whose material has no Prony series."""
 _BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
 
 
@@ -64,7 +67,7 @@ class VirtualLoads:
 
 
 class VirtualBeam:
-    """A specimen of a known material that takes its equilibrium shape at once, without friction and creep.
+    """A specimen of a known material: its equilibrium shapes, and its motion between them.
 
     The beam is always a three-dimensional solid, for any section that the specimen states for a fit.
 
@@ -101,15 +104,26 @@ class VirtualBeam:
         """Return whether the shape in this field differs visibly from the last computed shape."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
-    def middle_under_tip_force_mm(self, force_N: float) -> Array:
-        """Return the centre line (n, 2) without a current under a tip force toward +y. Raises ArithmeticError."""
-        model = SolidBeside(self._specimen, *np.minimum(self._mesh, _MESH_OF_INERTIA).tolist())
-        loads = replace(self._loads.at(0.0), tip_force_N=np.array([[0.0, force_N]]))
-        shape = model.solve(LAWS[self._material.model], np.array([self._material.values]), loads)
-        if not shape.converged[0]:
-            raise ArithmeticError(f"no equilibrium of the virtual beam was found under {force_N:g} N at its tip")
-        left, right = points_on(outline(model, shape, None)[0, 0], 4)
-        return np.asarray(0.5 * (left + right))
+    @property
+    def relaxes(self) -> bool:
+        """Whether the material has a Prony series."""
+        return bool(self._material.prony_h)
+
+    def moving(self) -> MovingBeam:
+        """Return the beam in motion, with the hidden law of time (ArithmeticError)."""
+        material = self._material
+        values, mesh = tuple(material.values), np.minimum(self._mesh, _MESH_OF_STIFFNESS).tolist()
+        stiffness = stiffness_of_solid(self._specimen, material.model, values, (mesh[0], mesh[1], mesh[2]))
+
+        def at(field_mT: float) -> tuple[Array, Array]:
+            loads = replace(self._loads, coil=None).at([field_mT])
+            background = self._loads.background_T
+            return loads.field_T[0] + background, loads.gravity[0]
+
+        series = material.series
+        modulus = float(LAWS[material.model].initial_shear_modulus(np.array(values)))
+        loss = 0.0 if series else LOSS_FACTOR
+        return MovingBeam(self._specimen, stiffness, modulus, series, at, loss)
 
     def _solved(self, sign: float) -> tuple[SolidBeside, DepthEffect | None, float]:
         material, strongest_mT = self._material, sign * self._strongest_mT

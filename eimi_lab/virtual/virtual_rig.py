@@ -31,13 +31,15 @@ from eimi_lab.config.materials import TrueBench, TrueMaterial
 from eimi_lab.config.rig import Rig, Virtual
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.process.errors import InputError
-from eimi_lab.virtual.beam import SAME_FIELD_MT, VirtualBeam, VirtualLoads
+from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads
+from eimi_lab.virtual.moving_beam import MovingBeam
+from eimi_lab.virtual.moving_outlines import MovingOutlines, Outlines
 from eimi_lab.virtual.optics import Scene, expose, make_scene
-from eimi_lab.virtual.swing import Outlines, OutlineTable, Swing, angular_frequency
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.field_at_beam import stated_background_T, stated_coil
 
 _FRAME_RATE_HZ = 10.0
+_SAME_SHAPE = 1e-6  # rad; smaller changes of the shape are invisible
 _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
@@ -52,8 +54,8 @@ class VirtualCamera:
     """A camera that sees the virtual beam.
 
     With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the beam swing between
-    its equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees the
-    beam take each equilibrium at once.
+    its equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees an
+    elastic beam take each equilibrium at once. A beam with a Prony series moves and creeps for every camera.
 
     Parameters
     ----------
@@ -98,14 +100,15 @@ class VirtualCamera:
         self._period_s = 1.0 / (frame_rate_Hz or _FRAME_RATE_HZ)
         self._runs_freely = frame_rate_Hz is not None
         self._specimen, self._strongest_mT = specimen, strongest_mT
-        self._table: OutlineTable | None = None
-        self._swing: Swing | None = None
+        self._is_moving = specimen is not None and (self._runs_freely or beam.relaxes)
+        self._motion: tuple[MovingBeam, MovingOutlines] | None = None
+        self._coordinates = np.zeros(0)
         self._rng = np.random.default_rng(virtual.seed)
         self._number = 0
         self._leads_swapped = False
         self._exposed_s = clock.now()
         self._scene: Scene | None = None
-        self._drawn_mT: float | None = None
+        self._last = clock.now(), 0.0
         half, high = _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
 
@@ -134,12 +137,9 @@ class VirtualCamera:
         """Return the next frame of the beam in the field of the coil; an error of the coil is passed on."""
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
-        current_A = self._current_A(self._exposed_s)
-        field_mT = self._mT_per_A * (-current_A if self._leads_swapped else current_A)
-        if self._runs_freely:
-            field_mT = self._effective_field_mT(field_mT)
-        if self._scene is None or self._moves(field_mT):
-            outline, magnet = self._outlines_mm(field_mT)
+        outlines = self._moved() if self._is_moving else self._still()
+        if outlines:
+            outline, magnet = outlines
             self._scene = make_scene(
                 self._virtual.optics,
                 self._virtual.frame_size_px,
@@ -147,6 +147,7 @@ class VirtualCamera:
                 None if magnet is None else self._frame.to_px(magnet),
                 self._clamp_px,
             )
+        assert self._scene is not None
         self._number += 1
         return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
 
@@ -156,21 +157,37 @@ class VirtualCamera:
             return self._coil.coil_current_at_A(time_s)
         return self._coil.coil_current_A()
 
-    def _effective_field_mT(self, field_mT: float) -> float:
-        if self._table is None:
-            self._table = OutlineTable(self._beam.outlines_mm, self._strongest_mT)
-            if self._specimen:
-                self._swing = Swing(angular_frequency(self._beam.middle_under_tip_force_mm, self._specimen))
-        return self._swing.effective_field_mT(self._exposed_s, field_mT) if self._swing else field_mT
+    def _field_at_mT(self, time_s: float) -> float:
+        current_A = self._current_A(time_s)
+        return self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
-    def _moves(self, field_mT: float) -> bool:
-        if self._table is None:
-            return self._beam.moves(field_mT)
-        return self._drawn_mT is None or abs(field_mT - self._drawn_mT) > SAME_FIELD_MT
+    def _still(self) -> Outlines | None:
+        """Return the outlines in the present field; None if they are those of the last frame."""
+        field_mT = self._field_at_mT(self._exposed_s)
+        return self._beam.outlines_mm(field_mT) if self._scene is None or self._beam.moves(field_mT) else None
 
-    def _outlines_mm(self, field_mT: float) -> Outlines:
-        self._drawn_mT = field_mT
-        return self._table.at(field_mT) if self._table else self._beam.outlines_mm(field_mT)
+    def _moved(self) -> Outlines | None:
+        """Move the beam until the exposure, and return its outlines; None if they are those of the last frame."""
+        now_mT = self._field_at_mT(self._exposed_s)
+        if self._motion is None:
+            assert self._specimen is not None
+            moving = self._beam.moving()
+            moving.start(self._exposed_s, now_mT)
+            shapes = MovingOutlines(self._beam.outlines_mm, moving, self._specimen, self._strongest_mT)
+            self._motion, self._last = (moving, shapes), (self._exposed_s, now_mT)
+        (last_s, last_mT), (moving, shapes) = self._last, self._motion
+
+        def between(time_s: float) -> float:
+            if isinstance(self._coil, CoilSupply):
+                return self._field_at_mT(time_s)
+            return float(np.interp(time_s, [last_s, self._exposed_s], [last_mT, now_mT]))
+
+        (coordinates,) = moving.advance(self._exposed_s, between)
+        self._last = self._exposed_s, now_mT
+        if self._scene is not None and np.abs(coordinates - self._coordinates).max() < _SAME_SHAPE:
+            return None
+        self._coordinates = coordinates
+        return shapes.at(coordinates)
 
     def close(self) -> None:
         """Close the connection to the coil of another process."""
@@ -270,6 +287,7 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
     return {
         "model": material.model,
         "parameters": material.parameters,
+        **({"prony_h": material.prony_h, "prony_tau_s": material.prony_tau_s} if material.prony_h else {}),
         "mesh": list(virtual.mesh),
         "seed": virtual.seed,
         "optics": asdict(virtual.optics),

@@ -7,12 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.ringing import RingingBeam, RingTable
+from eimi_lab.dataset.moving.stored_motions import GROUPS
 
 Run = Callable[..., tuple[int, str]]
 
@@ -117,3 +119,22 @@ def test_a_fit_of_a_ring_down_that_cannot_be_is_refused(
     assert code == 2
     assert words in said
     assert not (imported.parent / "fits.json").exists()
+
+
+def test_a_dataset_without_a_ring_down_is_refused_with_the_remedy(run: Run, imported: Path) -> None:
+    with h5py.File(imported, "r+", libver="latest") as file:
+        del file["entry"][GROUPS["ring_down"]]
+    code, said = run("fit", imported, "--model", "neo-hookean", "--time", "prony", "-o", imported.parent / "fits.json")
+    assert code == 2
+    assert f"{imported.name}: --time prony: there is no ring-down; record one with [ring_down]" in said
+
+
+def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, imported: Path) -> None:
+    folder = imported.parent
+    (folder / "strip.toml").write_text(SPECIMEN.replace("40.0", "41.0"))
+    options = ("--ring-down", "--specimen", folder / "strip.toml", "--gravity-angle", "-90")
+    assert run("import", folder / "flick.csv", *options, "-o", folder / "longer.h5")[0] == 0
+    datasets = (imported, folder / "longer.h5")
+    code, said = run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
+    assert code == 2
+    assert "longer.h5: its specimen is not that of" in said

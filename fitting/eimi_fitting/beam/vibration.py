@@ -11,7 +11,7 @@ lowest undamped modes of the candidates. Its roots s can then be computed quickl
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +35,8 @@ _SHAPES = 8  # in the subspace iteration; the first four become accurate
 _PASSES = 40
 _SAME = 1e-9  # relative change of the wanted eigenvalues at which the iteration ends
 _ROOT_STEPS = 100
+_DEPENDENT = 1e-10  # shapes whose mass is smaller than this share of the largest are sums of others
+_IMMOBILE = 1e18  # 1/s²
 _TOLERANCE_MM = 1e-5
 
 
@@ -63,8 +65,8 @@ class ReducedMotion:
 
     def frequencies_Hz(self, count: int = 3) -> Array:
         """Return the undamped frequencies (B, count), for the modulus of the equilibrium."""
-        square = _eigenvalues(self.mass, self.material + self.rest)
-        return np.asarray(np.sqrt(np.maximum(square[:, :count].real, 0.0)) / (2 * np.pi))
+        square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
+        return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
         """Return the complex rates s (B, count) of the lowest vibrations; see `complex_roots`."""
@@ -83,14 +85,6 @@ def complex_roots(
 ) -> ComplexArray:
     """Return the rates s of damped vibrations, det(r(s) K_m + K_g + s² M) = 0, with positive frequency.
 
-    In the undamped modes the matrices are Lambda + (r - 1) D with a diagonal Lambda. Mode k has the eigenvalue
-
-        lambda = Lambda_k + (r - 1) D_kk + sum_j (r - 1)² D_kj² / (lambda - Lambda_j - (r - 1) D_jj),
-
-    the series of Brillouin and Wigner to second order (Ziman 1969, Elements of Advanced Quantum Theory, section 3.1),
-    whose error is of third order in the products D_kj. It is solved together with s² = -lambda by fixed-point steps,
-    which Aitken's formula accelerates.
-
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, r, r)
@@ -104,39 +98,44 @@ def complex_roots(
     ndarray of complex, shape (B, count)
         NaN for a mode that does not vibrate.
     """
-    return roots_of_modes(*coupled_modes(material, rest, mass), ratio, count)
+    count = min(count, material.shape[-1])
+    of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
+    modes = np.arange(count)
+
+    def squares(stiffening: ComplexArray) -> ComplexArray:
+        values = np.linalg.eigvals(stiffening[..., None, None] * of_material + of_rest)
+        return np.asarray(np.sort_complex(values)[:, modes, modes])
+
+    return fixed_point(squares, ratio, (len(material), count))
 
 
-def coupled_modes(material: Array, rest: Array, mass: Array) -> tuple[Array, Array, Array]:
-    """Return Lambda (B, r), the diagonal of D (B, r) and the squares of its other elements (B, r, r), in 1/s²."""
-    sound = np.isfinite((material + rest).sum(axis=(1, 2)))
-    whole = np.where(sound[:, None, None], material + rest, np.eye(material.shape[-1]))
-    half = np.linalg.inv(np.linalg.cholesky(mass))
-    undamped, vectors = np.linalg.eigh(half @ whole @ half.swapaxes(-1, -2))
-    modes = half.swapaxes(-1, -2) @ vectors
-    coupled = modes.swapaxes(-1, -2) @ material @ modes
-    square = coupled**2
-    every = np.arange(square.shape[-1])
-    square[:, every, every] = 0.0
-    return np.where(sound[:, None], undamped, np.nan), np.einsum("bkk->bk", coupled), square
-
-
-def roots_of_modes(
-    undamped: Array, of_mode: Array, square: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int
+def fixed_point(
+    squares: Callable[[ComplexArray], ComplexArray],
+    ratio: Callable[[ComplexArray], ComplexArray],
+    size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the rates s (B, count) of `complex_roots`, from the values of `coupled_modes`."""
-    count = min(count, undamped.shape[-1])
-    square = square[:, :count]
+    """Return the rates s (B, count) with s² = -lambda(r(s)), by fixed-point steps that Aitken's formula accelerates.
+
+    Parameters
+    ----------
+    squares : callable
+        Takes values of r (B, count) and returns the eigenvalues lambda of r K_m + K_g and M, (B, count), in 1/s².
+    ratio : callable
+        Takes rates (B, count) and returns r(s), (B, count).
+    size : tuple of int
+        B and count.
+
+    Returns
+    -------
+    ndarray of complex, shape (B, count)
+        NaN where the steps do not converge, or the motion does not vibrate.
+    """
 
     def next_root(s: ComplexArray) -> ComplexArray:
-        excess = ratio(s) - 1
-        value = -(s**2)
-        others = value[..., None] - undamped[:, None] - excess[..., None] * of_mode[:, None]
-        series = (square / np.where(square > 0, others, 1.0)).sum(axis=-1)
-        return np.asarray(1j * np.sqrt(undamped[:, :count] + excess * of_mode[:, :count] + excess**2 * series))
+        return np.asarray(1j * np.sqrt(squares(ratio(s))))
 
     with np.errstate(all="ignore"):
-        s: ComplexArray = 1j * np.sqrt(undamped[:, :count].astype(complex))
+        s: ComplexArray = 1j * np.sqrt(squares(np.ones(size, complex)))
         for _ in range(_ROOT_STEPS):
             first = next_root(s)
             second = next_root(first)
@@ -149,11 +148,27 @@ def roots_of_modes(
     return np.where(done & (s.imag > 0), s, np.nan + 1j * np.nan)
 
 
-def _eigenvalues(mass: Array, stiffness: NDArray[Any]) -> ComplexArray:
-    """Return the eigenvalues of K v = lambda M v, the smallest absolute value first."""
-    values = np.linalg.eigvals(np.linalg.solve(np.broadcast_to(mass, stiffness.shape), stiffness)).astype(complex)
-    order = np.argsort(np.abs(values), axis=-1)
-    return np.asarray(np.take_along_axis(values, order, axis=-1))
+def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
+    """Return the eigenvalues (B, q, count) of r K_m + K_g and M, in 1/s², for q real values of r."""
+    of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
+    return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
+
+
+def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
+    """Return both stiffnesses (B, r, r) in coordinates in which the mass is the unit matrix.
+
+    A shape that is nearly a sum of others has no motion of its own; it gets a stiffness above that of all others. The
+    stiffnesses of candidates that are not finite are 0.
+    """
+    sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
+    mass = np.where(sound, mass, np.eye(mass.shape[-1]))
+    material, rest = (np.where(sound, part, 0.0) for part in (material, rest))
+    scale = 1 / np.sqrt(np.einsum("bmm->bm", mass))
+    values, vectors = np.linalg.eigh(mass * scale[:, :, None] * scale[:, None, :])
+    kept = values > _DEPENDENT * values[:, -1:]
+    half = scale[:, :, None] * vectors * np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)[:, None]
+    of_material, of_rest = (half.swapaxes(-1, -2) @ part @ half for part in (material, rest))
+    return of_material, of_rest + np.where(kept, 0.0, _IMMOBILE)[:, :, None] * np.eye(mass.shape[-1])
 
 
 class Vibration:
@@ -187,6 +202,7 @@ class Vibration:
         field_factor: Array | None = None,
         basis: tuple[Array, Array] | None = None,
         shapes: int = 4,
+        stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
         """Return the reduced motion about the equilibria of B candidates in one state, and the equilibria.
 
@@ -203,12 +219,15 @@ class Vibration:
             Shapes of all nodes (r, N, d) and of the magnet (r, 3) to which the motion is reduced; None for the modes of
             each candidate.
         shapes : int
-            Number of modes, if ``basis`` is None.
+            Number of modes for each stiffening, if ``basis`` is None.
+        stiffenings : sequence of float
+            Values of r for which the undamped modes of r K_m + K_g are computed. All of them together are the shapes. A
+            material is stiffer in a vibration than at rest, and under large loads its modes then have other shapes.
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
         equilibria = self.model.solve(law, parameters, loads, tolerance_mm=_TOLERANCE_MM, field_factor=field_factor)
-        reduced = self.near(chosen, loads, equilibria.last, basis=basis, shapes=shapes)
+        reduced = self.near(chosen, loads, equilibria.last, basis=basis, shapes=shapes, stiffenings=stiffenings)
         return replace(reduced, sound=reduced.sound & equilibria.converged), equilibria.last
 
     def near(
@@ -219,6 +238,7 @@ class Vibration:
         *,
         basis: tuple[Array, Array] | None = None,
         shapes: int = 4,
+        stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
         """Return the reduced motion about configurations that are already in equilibrium; see `about`."""
         b = len(now.rigid)
@@ -227,9 +247,13 @@ class Vibration:
         material, rest, tie, body_rest = _tangents(self._solid, batch, on_mesh, now)
         body = None if tie is None else (tie, body_rest)
         if basis is None:
-            factored = FactoredSystem(self._solid.system, material + rest, body)
-            free, rigid = self._modes(factored, material + rest, tie, body_rest, now)
-            free, rigid, sound = free[:shapes], rigid[:shapes], factored.sound
+            parts, sound = [], np.ones(b, bool)
+            for stiffening in stiffenings:
+                stiffness = stiffening * material + rest
+                factored = FactoredSystem(self._solid.system, stiffness, body)
+                parts.append([part[:shapes] for part in self._modes(factored, stiffness, tie, body_rest, now)])
+                sound &= factored.sound
+            free, rigid = (np.concatenate(same) for same in zip(*parts, strict=True))
         else:
             nodal, moved = basis
             flat = nodal.reshape(len(nodal), -1)[:, self._solid.free]

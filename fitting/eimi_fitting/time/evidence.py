@@ -85,7 +85,7 @@ class RingEvidence:
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
-        roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count)
+        roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count, load_log)
         rows = [
             self._whitened(
                 mode,

@@ -25,6 +25,7 @@ from eimi_fitting.time.evidence import (
     StaticEvidence,
     with_scatter,
 )
+from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.law_of_time import (
     EXACT_LOAD,
     FREE_LOAD,
@@ -226,6 +227,7 @@ def _analysed(
                 is_stepped=recorded.is_stepped,
                 hangs=motion.hanging_N > 0,
             )
+            decay = without_blur(decay, motion.exposure_s)
         except (NoVibration, TooFewFrames) as error:
             if motion.kind == "ring_down":
                 doubts.append(str(error))

@@ -21,7 +21,7 @@ INSTANTANEOUS_PA = 60e3
 SERIES = Prony(np.array([0.12, 0.10]), np.array([0.05, 2.0]))
 
 
-@pytest.mark.parametrize("field_mT", [0.0, 3.5])
+@pytest.mark.parametrize("field_mT", [0.0, 7.0])
 def test_a_small_release_rings_with_the_complex_frequency_of_small_vibrations(field_mT: float) -> None:
     model, step_s = BeamModel(BEAM, 10, 1), 0.003
     motion = Transient(model, NEO, np.array([INSTANTANEOUS_PA]), SERIES, Loads.along([field_mT + 0.1]))
@@ -34,10 +34,12 @@ def test_a_small_release_rings_with_the_complex_frequency_of_small_vibrations(fi
     recorded = Motion("ring_down", np.array(places)[:, None], np.array([[26.0, 0.0]]), time, np.full_like(time, 1e-4))
     (mode, *_) = decay_of(signals_of(recorded, 0.0), "release", BEAM.length_mm, is_stepped=True).modes
     at_rest_Pa = INSTANTANEOUS_PA * float(SERIES.long_term)
-    reduced, _ = Vibration(model).about(NEO, np.array([[at_rest_Pa]]), after)
+    reduced, _ = Vibration(model).about(NEO, np.array([[at_rest_Pa]]), after, stiffenings=(1.0, 2.0))
     root = reduced.roots(lambda s: INSTANTANEOUS_PA / at_rest_Pa * SERIES.complex_ratio(s))[0, 0]
     assert mode.frequency_Hz == pytest.approx(root.imag / (2 * np.pi), rel=2e-3)
-    assert mode.loss == pytest.approx(-2 * root.real / root.imag, rel=2e-2)
+    assert mode.loss == pytest.approx(
+        -2 * root.real / root.imag, rel=1e-2
+    )  # 2 % too high if all shapes are modes at rest
 
 
 def test_creep_of_the_tip_follows_the_internal_variables_of_the_finite_elements() -> None:

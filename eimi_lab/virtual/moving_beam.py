@@ -1,0 +1,407 @@
+"""The motion of the virtual beam in time: an elastic rod with a rigid magnet, whose stiffness is that of the solid.
+
+The rod (Simo 1985, Comput. Methods Appl. Mech. Eng. 49:55, in the plane and without shear) turns and stretches by sums
+of Legendre polynomials of the arc length. The soft material around the magnet is a hinge between the rod and the
+magnet. Bending stiffness and hinge are computed from two static shapes of the hidden solid, under a small torque and
+under a small force. The rod then has the frequency of the solid within 0.2 %, at rest and in the strongest field.
+
+The stress of the hidden material is that of a quasi-linear one: the elastic forces f_e of the rod are replaced by
+
+    f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf.
+
+The equations are integrated by a trapezoidal step followed by one of the second backward difference formula (TR-BDF2;
+Hosea and Shampine 1996, Appl. Numer. Math. 20:21). Neither this rod nor this method is used by a fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import prod
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legint, legval, legvander
+from numpy.typing import NDArray
+from scipy.optimize import root
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.prony import Prony
+
+Array = NDArray[np.float64]
+
+_BENDING, _STRETCHING = 3, 1  # numbers of polynomials
+_POINTS = 8  # Gauss points along the rod
+_SMALL = 1e-3  # rad; the rotation from which the stiffness of the solid is computed
+_SHAPE_MM = 1e-8
+_TOLERANCE = 1e-10
+_GAMMA = 2 - np.sqrt(2)  # share of a step at which its trapezoidal part ends
+_PART = 0.5 * _GAMMA
+_WEIGHT = 0.25 * np.sqrt(2)
+_ERROR = (_WEIGHT - (1 - _WEIGHT) / 3, _WEIGHT - (3 * _WEIGHT + 1) / 3, 2 * _PART / 3)
+_ACCURACY = 1.5e-4  # error of a step, as a share of the distance moved; at constant steps also that of the frequency
+_SHORTEST_S, _LONGEST_S = 2e-3, 5.0  # shorter steps would only resolve vibrations above 100 Hz
+_FAILED_S = 1e-6
+_SLOWEST = 1e-9  # 1/s; slower motions are not resolved
+_REMEMBERED = 0.97  # share of the largest speed that is remembered from step to step
+_NEWTON_STEPS = 12
+_CONVERGED = 1e-5  # rad; the error is then below 1e-7
+_STIFF_S = 5e-3
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """The stiffness of a specimen with a shear modulus of 1 Pa.
+
+    Attributes
+    ----------
+    bending_m4 : float
+        Bending stiffness of the flexible part.
+    hinge_m3 : float
+        Stiffness of the material around the magnet against its rotation; infinite without a magnet.
+    """
+
+    bending_m4: float
+    hinge_m3: float
+
+
+def stiffness_of_solid(
+    specimen: Specimen, law: str, values: tuple[float, ...], mesh: tuple[int, int, int]
+) -> Stiffness:
+    """Return the stiffness of a solid from its rotation under a torque and under a force at the tip.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    law : str
+    values : tuple of float
+        Parameters of the law, moduli in Pa.
+    mesh : tuple of int
+        Numbers of elements, see `SolidBeside`.
+
+    Raises
+    ------
+    ArithmeticError
+        The solid has no equilibrium under a small load.
+    """
+    modulus = float(LAWS[law].initial_shear_modulus(np.array(values)))
+    length, whole = 1e-3 * specimen.flexible_length_mm, 1e-3 * specimen.length_mm
+    rod = modulus * 3 * _section_m2(specimen) * (1e-3 * float(np.mean(specimen.width_mm))) ** 2 / 12
+    model = SolidBeside(specimen, *mesh)
+
+    def turn(loads: Loads) -> float:
+        shapes = model.solve(LAWS[law], np.array([values]), loads, tolerance_mm=_SHAPE_MM)
+        if not shapes.converged[0]:
+            raise ArithmeticError("no equilibrium of the virtual beam was found under a small load")
+        return float(np.radians(model.tip_angle_deg(shapes)[0, 0]))
+
+    force_N = _SMALL * rod / (length * (whole - 0.5 * length))
+    unloaded = Loads.along([0.0], gravity_angle_deg=None)
+    by_force = turn(replace(unloaded, tip_force_N=np.array([[0.0, force_N]]))) / force_N
+    magnet = specimen.magnet
+    if magnet is None:
+        return Stiffness(length * (whole - 0.5 * length) / by_force / modulus, np.inf)
+    across = 90.0 + magnet.magnetisation_angle_deg
+    torque_Nm = _SMALL * rod / length
+    by_torque = turn(Loads.along([1e3 * torque_Nm / magnet.moment_A_m2], across, None)) / torque_Nm
+    # With the arm e of the force beyond the flexible part:
+    # by_torque = L / B + 1 / k, by_force = L (L/2 + e) / B + e / k.
+    arm = whole - length
+    bending = 0.5 * length**2 / (by_force - arm * by_torque)
+    return Stiffness(bending / modulus, 1 / max(by_torque - length / bending, 1e-9) / modulus)
+
+
+def _section_m2(specimen: Specimen) -> float:
+    return 1e-6 * float(np.mean(specimen.width_mm * specimen.depth_mm))
+
+
+class _Rod:
+    """Kinematics, inertia and forces of the rod for coordinates (n,): bending, hinge, stretching."""
+
+    def __init__(self, specimen: Specimen, stiffness: Stiffness) -> None:
+        x, weights = leggauss(_POINTS)
+        place = 0.5 * (x + 1)
+        magnet = specimen.magnet
+        hinges = 1 if magnet else 0
+        self.size = _BENDING + hinges + _STRETCHING
+        self.length = 1e-3 * specimen.flexible_length_mm
+        section, density = _section_m2(specimen), specimen.density_kg_m3
+        values, ends = np.linalg.inv(legvander(x, _POINTS - 1)), np.append(place, 1.0)
+        # Integrals of functions given at the Gauss points, up to each of these points and to the end.
+        self._up_to = np.stack([_integral(k, ends) for k in range(_POINTS)], axis=1) @ values
+        self.angle = np.zeros((_POINTS, self.size))
+        self.stretch = np.zeros((_POINTS, self.size))
+        self.end = np.zeros(self.size)
+        for k in range(_BENDING):
+            self.angle[:, k], self.end[k] = _integral(k, place), _integral(k, np.ones(1))[0]
+        for k in range(_STRETCHING):
+            self.stretch[:, _BENDING + hinges + k] = legvander(x, k)[:, k]
+        norms = 1 / (2 * np.arange(max(_BENDING, _STRETCHING)) + 1)
+        self.stiffness = np.concatenate(
+            [
+                stiffness.bending_m4 / self.length * norms[:_BENDING],
+                [stiffness.hinge_m3] * hinges,
+                3 * section * self.length * norms[:_STRETCHING],
+            ]
+        )
+        line = density * section * self.length * 0.5 * weights
+        width = 1e-3 * float(np.mean(specimen.width_mm))
+        self._rotary = np.einsum("g,gk,gl->kl", line * width**2 / 12, self.angle, self.angle)
+        mass, self._arm, of_body, self._moment, self._off = 0.0, 0.0, 0.0, 0.0, 0.0
+        self.torques = section * self.length * 0.5 * weights, np.array(specimen.magnetisation_A_per_m)
+        if magnet:
+            self.end[_BENDING] = 1.0
+            mass, self._arm, of_body = _body(specimen)
+            self._moment, self._off = magnet.moment_A_m2, np.radians(magnet.magnetisation_angle_deg)
+        self._masses = np.append(line, mass)
+        self._rotary += of_body * np.outer(self.end, self.end)
+        self._angles, self._scaled = np.vstack([self.angle, self.end]), self.length * self._up_to
+        self._twice = np.tile(self._masses, 2)[:, None]
+
+    def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
+        """Return the derivatives (2, p, n) of the places of masses, and their accelerations (2, p) at even speed."""
+        angle, stretch = self._angles @ z, 1 + self.stretch @ z
+        turning, stretching = self._angles @ speed, self.stretch @ speed
+        c, s = np.cos(angle), np.sin(angle)
+        inner_c, inner_s, square = c[:-1], s[:-1], turning**2
+        tx, ty, twice = stretch * inner_c, stretch * inner_s, 2 * turning[:-1] * stretching
+        slopes = np.empty((2, _POINTS, self.size))
+        slopes[0] = inner_c[:, None] * self.stretch - ty[:, None] * self.angle
+        slopes[1] = inner_s[:, None] * self.stretch + tx[:, None] * self.angle
+        bent = np.empty((2, _POINTS))
+        bent[0] = -tx * square[:-1] - inner_s * twice
+        bent[1] = -ty * square[:-1] + inner_c * twice
+        derivatives, remaining = self._scaled @ slopes, bent @ self._scaled.T
+        derivatives[0, -1] -= self._arm * s[-1] * self.end
+        derivatives[1, -1] += self._arm * c[-1] * self.end
+        remaining[0, -1] -= self._arm * c[-1] * square[-1]
+        remaining[1, -1] -= self._arm * s[-1] * square[-1]
+        return derivatives, remaining
+
+    def mass(self, derivatives: Array) -> Array:
+        """Return the mass matrix (n, n)."""
+        flat = derivatives.reshape(-1, self.size)
+        return np.asarray(flat.T @ (self._twice * flat) + self._rotary)
+
+    def loads(self, z: Array, derivatives: Array, remaining: Array, field_T: Array, gravity: Array) -> Array:
+        """Return the generalised forces (n,) of gravity, field and remaining accelerations."""
+        pull = self._masses * (gravity[:, None] - remaining)
+        force = pull.reshape(-1) @ derivatives.reshape(-1, self.size)
+        angle = self.end @ z + self._off
+        force += self._moment * (np.cos(angle) * field_T[1] - np.sin(angle) * field_T[0]) * self.end
+        weights, (along, across) = self.torques
+        if along or across:
+            c, s = np.cos(self.angle @ z), np.sin(self.angle @ z)
+            torque = (along * c - across * s) * field_T[1] - (along * s + across * c) * field_T[0]
+            force += (weights * torque) @ self.angle
+        return np.asarray(force)
+
+    def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
+        """Return the places (m, 2) of points at arc lengths, as shares of the flexible part, and distances across."""
+        angle, stretch = self.angle @ z, 1 + self.stretch @ z
+        slopes = np.stack([stretch * np.cos(angle), stretch * np.sin(angle)])
+        values = slopes @ np.linalg.inv(legvander(leggauss(_POINTS)[0], _POINTS - 1)).T
+        inside = np.minimum(along, 1.0)
+        integrals = np.stack([_integral(k, inside) for k in range(_POINTS)])
+        turned = np.stack([_integral(k, inside) for k in range(_BENDING)], axis=1) @ z[:_BENDING]
+        turned = np.where(along > 1, self.end @ z, turned)
+        place = 1e3 * self.length * (values @ integrals).T
+        beyond = 1e3 * self.length * (along - inside)
+        place += beyond[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+        return np.asarray(place + across_mm[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=1))
+
+
+def _integral(k: int, place: Array) -> Array:
+    """Return the integrals from 0 to places between 0 and 1 of the Legendre polynomial k, shifted to this range."""
+    return np.asarray(0.5 * legval(2 * place - 1, legint(np.eye(k + 1)[k], lbnd=-1)))
+
+
+def _body(specimen: Specimen) -> tuple[float, float, float]:
+    """Return mass in kg, arm of the centre of mass in m and rotary inertia in kg m² of the part beyond the rod."""
+    magnet = specimen.magnet
+    assert magnet is not None
+    width = float(np.mean(specimen.width_mm))
+    block = np.array([specimen.length_mm - specimen.flexible_length_mm, width, float(np.mean(specimen.depth_mm))])
+    size = np.array([magnet.length_mm, magnet.width_mm, magnet.depth_mm])
+    of_block = 1e-9 * prod(block) * specimen.density_kg_m3
+    extra = 1e-9 * prod(size) * (magnet.density_kg_m3 - specimen.density_kg_m3)
+    middle, of_magnet = 0.5 * block[0], 0.5 * size[0]
+    arm = (of_block * middle + extra * of_magnet) / (of_block + extra)
+    rotary = of_block * ((block[:2] ** 2).sum() / 12 + (middle - arm) ** 2)
+    rotary += extra * ((size[:2] ** 2).sum() / 12 + (of_magnet - arm) ** 2)
+    return of_block + extra, 1e-3 * arm, 1e-6 * rotary
+
+
+class MovingBeam:
+    """The virtual beam in motion; it starts at rest in the field at its first time.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The true specimen; a rest shape and changes of width and depth along the beam are left out.
+    stiffness : Stiffness
+        See `stiffness_of_solid`.
+    modulus_Pa : float
+        Shear modulus at rest.
+    series : Prony or None
+        The hidden law of time; None for a material with a constant loss factor near its lowest frequency.
+    loads : callable
+        Takes a field in mT and returns the field (2,) in T and gravity (2,) in m/s².
+    loss_factor : float
+        Loss factor at the lowest frequency at rest, without a series.
+    """
+
+    def __init__(
+        self,
+        specimen: Specimen,
+        stiffness: Stiffness,
+        modulus_Pa: float,
+        series: Prony | None,
+        loads: Callable[[float], tuple[Array, Array]],
+        loss_factor: float = 0.0,
+    ) -> None:
+        self.rod, self._loads = _Rod(specimen, stiffness), loads
+        self._elastic = modulus_Pa * self.rod.stiffness
+        self._shares = series.g / float(series.long_term) if series else np.zeros(0)
+        self._rates = 1 / series.tau_s if series else np.zeros(0)
+        self._viscosity_s = 0.0
+        if loss_factor:
+            self._viscosity_s = loss_factor / self._lowest_angular_frequency()
+        self.time_s: float | None = None
+        self._state = self._rate = np.zeros(0)
+        self._step_s, self._fastest = _SHORTEST_S, 0.0
+
+    @property
+    def coordinates(self) -> Array:
+        """The present coordinates of the rod, (n,)."""
+        return self._state[: self.rod.size]
+
+    def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
+        """Return the coordinates (n,) of the equilibrium in a field; raise ArithmeticError if none is found."""
+        still = np.zeros(self.rod.size)
+        field_T, gravity = self._loads(field_mT)
+
+        def unbalanced(z: Array) -> Array:
+            derivatives, remaining = self.rod.moved(z, still)
+            return (self.rod.loads(z, derivatives, remaining, field_T, gravity) - self._elastic * z) / self._elastic
+
+        solved = root(unbalanced, still if start is None else start, tol=_TOLERANCE)
+        if np.abs(solved.fun).max() > 1e-6:
+            raise ArithmeticError(f"no equilibrium of the moving beam was found at {field_mT:g} mT")
+        return np.asarray(solved.x)
+
+    def _lowest_angular_frequency(self) -> float:
+        rest, step = self.at_rest(0.0), 1e-5
+        field_T, gravity = self._loads(0.0)
+        still = np.zeros(self.rod.size)
+
+        def force(z: Array) -> Array:
+            return self.rod.loads(z, *self.rod.moved(z, still), field_T, gravity) - self._elastic * z
+
+        tangent = np.stack([(force(rest - e) - force(rest + e)) / (2 * step) for e in step * np.eye(len(rest))], axis=1)
+        squares = np.linalg.eigvals(np.linalg.solve(self.rod.mass(self.rod.moved(rest, still)[0]), tangent))
+        return float(np.sqrt(squares.real.min()))
+
+    def start(self, time_s: float, field_mT: float) -> None:
+        """Put the beam at rest in a field at a time."""
+        rest = self.at_rest(field_mT)
+        self.time_s = time_s
+        self._state = np.concatenate([rest, np.zeros(len(rest) * (1 + len(self._rates)))])
+        self._rate = np.zeros_like(self._state)
+        self._step_s, self._fastest = _SHORTEST_S, 0.0
+
+    def advance(self, time_s: float, field_mT: Callable[[float], float], seen_s: Array | None = None) -> Array:
+        """Move the beam to a later time, and return its coordinates (m, n) at the times ``seen_s`` up to then.
+
+        Parameters
+        ----------
+        time_s : float
+        field_mT : callable
+            The field at any time since the last call.
+        seen_s : ndarray, shape (m,), optional
+            Rising times; without them only ``time_s``.
+
+        Raises
+        ------
+        ArithmeticError
+            The equations of a step have no solution.
+        """
+        if self.time_s is None:
+            self.start(time_s, field_mT(time_s))
+        assert self.time_s is not None
+        n = self.rod.size
+        places = []
+        for end in [time_s] if seen_s is None else seen_s:
+            while self.time_s < end - 1e-9:
+                self._step(end, field_mT)
+            places.append(self._state[:n].copy())
+        return np.array(places).reshape(-1, n)
+
+    def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
+        """Make one step to ``end_s`` or to a time before; its length follows from its error."""
+        n, before, rate = self.rod.size, self._state, self._rate
+        assert self.time_s is not None
+        while True:
+            step = min(self._step_s, end_s - self.time_s)
+            part = _PART * step
+            loads = self._loads(field_mT(self.time_s + _GAMMA * step)), self._loads(field_mT(self.time_s + step))
+            middle = self._solved(before + part * rate, part, loads[0])
+            if middle is not None:
+                of_middle = (middle - before) / part - rate
+                after = self._solved(before + step * _WEIGHT * (rate + of_middle), part, loads[1])
+                if after is not None:
+                    of_end = (after - before - step * _WEIGHT * (rate + of_middle)) / part
+                    # The error of the mean curvature counts.
+                    error = step * (_ERROR[0] * rate[0] + _ERROR[1] * of_middle[0] + _ERROR[2] * of_end[0])
+                    fastest = max(abs(float(after[n])), _REMEMBERED * self._fastest, _SLOWEST)
+                    ratio = abs(float(error)) / (_ACCURACY * fastest * step)
+                    if ratio < 1.5 or step <= _SHORTEST_S:
+                        break
+                    self._step_s = max(step * max(0.2, 0.8 / np.sqrt(ratio)), _SHORTEST_S)
+                    continue
+            self._step_s = 0.3 * step
+            if step < _FAILED_S:
+                raise ArithmeticError(f"the motion of the virtual beam could not be computed at {self.time_s:.6g} s")
+        self._state, self._rate, self._fastest = after, of_end, fastest
+        self.time_s = self.time_s + step if step < end_s - self.time_s else end_s
+        longer = self._step_s if step < self._step_s else step * min(2.0, 0.8 / np.sqrt(max(ratio, 0.1)))
+        self._step_s = min(max(longer, _SHORTEST_S), _LONGEST_S)
+
+    def _solved(self, known: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
+        """Return the state y with y = known + part dy/dt(y), by Newton's method; None if it does not converge."""
+        n, terms = self.rod.size, len(self._rates)
+        known_z, known_speed, known_stress = known[:n], known[n : 2 * n], known[2 * n :].reshape(terms, n)
+        kept = 1 / (1 + part * self._rates)
+        gain = part + self._viscosity_s + float((part * self._shares * kept).sum())
+
+        def unbalanced(speed: Array) -> tuple[Array, Array]:
+            z = known_z + part * speed
+            derivatives, remaining = self.rod.moved(z, speed)
+            stress = (kept[:, None] * (known_stress + part * self._shares[:, None] * speed)).sum(axis=0)
+            elastic = self._elastic * (z + self._viscosity_s * speed + stress)
+            mass = self.rod.mass(derivatives)
+            force = self.rod.loads(z, derivatives, remaining, *loads) - elastic
+            return mass @ (speed - known_speed) - part * force, mass
+
+        speed = (self._state + part * self._rate)[n : 2 * n] if part < _STIFF_S else self._state[n : 2 * n]
+        matrix: Array | None = None
+        for iteration in range(_NEWTON_STEPS):
+            gap, mass = unbalanced(speed)
+            if matrix is None:
+                matrix = mass + part * gain * np.diag(self._elastic)
+                if part > _STIFF_S:  # the loads change notably within a step
+                    small = 1e-6 / part
+                    columns = [(unbalanced(speed + small * e)[0] - gap) / small for e in np.eye(n)]
+                    matrix = np.stack(columns, axis=1)
+            change = np.linalg.solve(matrix, gap)
+            speed = speed - change
+            if not np.isfinite(speed).all():
+                return None
+            if np.abs(part * change).max() < _CONVERGED:
+                stress = kept[:, None] * (known_stress + part * self._shares[:, None] * speed)
+                return np.concatenate([known_z + part * speed, speed, stress.ravel()])
+            if iteration == _NEWTON_STEPS // 2:
+                matrix = None
+        return None

@@ -1,0 +1,81 @@
+"""The outlines of the virtual beam in motion.
+
+The solid is solved in a few fields, and its outlines are interpolated between them. A beam in motion has the outline of
+the solid in the field in which the tip of the resting rod turns as far, moved by the difference between the two shapes
+of the rod.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from eimi_fitting.beam.specimen import Specimen
+from eimi_lab.virtual.moving_beam import MovingBeam
+
+Array = NDArray[np.float64]
+Outlines = tuple[Array, Array | None]
+
+_GRID = 17  # number of fields in which the shape is solved
+
+
+class MovingOutlines:
+    """Outlines of the beam and the magnet for any shape of the rod.
+
+    Parameters
+    ----------
+    outlines_mm : callable
+        Returns the outlines (mm) of the solid at rest in a field (mT).
+    moving : MovingBeam
+    specimen : Specimen
+        The true specimen.
+    strongest_mT : float
+        Largest field of the coil.
+
+    Raises
+    ------
+    ArithmeticError
+        No equilibrium is found in one of the fields.
+    """
+
+    def __init__(
+        self, outlines_mm: Callable[[float], Outlines], moving: MovingBeam, specimen: Specimen, strongest_mT: float
+    ) -> None:
+        self._rod = moving.rod
+        fields = np.linspace(-strongest_mT, strongest_mT, _GRID)
+        solved = [outlines_mm(float(field)) for field in fields]
+        self._beam = CubicSpline(fields, np.stack([beam for beam, _ in solved]))
+        magnets = [magnet for _, magnet in solved if magnet is not None]
+        self._magnet = CubicSpline(fields, np.stack(magnets)) if len(magnets) == len(fields) else None
+        rest: list[Array] = []
+        for field in fields:
+            rest.append(moving.at_rest(float(field), rest[-1] if rest else None))
+        self._at_rest = CubicSpline(fields, np.stack(rest))
+        turned = np.stack(rest) @ self._rod.end
+        order = np.argsort(turned)
+        self._fields, self._turned = fields[order], turned[order]
+        flexible = specimen.flexible_length_mm
+        left, right = np.split(self._beam(0.0), 2)
+        right = right[::-1]
+        middle = 0.5 * (left + right)
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle, axis=0).T))])
+        along *= specimen.length_mm / along[-1] / flexible
+        half = 0.5 * np.hypot(*(right - left).T)
+        self._along, self._across = np.concatenate([along, along[::-1]]), np.concatenate([-half, half[::-1]])
+        if specimen.magnet:
+            far = 1 + specimen.magnet.length_mm / flexible
+            half_magnet = 0.5 * min(specimen.magnet.width_mm, 2 * float(half.max()))
+            self._along = np.append(self._along, [1.0, far, far, 1.0])
+            self._across = np.append(self._across, half_magnet * np.array([-1.0, -1.0, 1.0, 1.0]))
+
+    def at(self, coordinates: Array) -> Outlines:
+        """Return the outlines for coordinates (n,) of the rod."""
+        field = float(np.interp(self._rod.end @ coordinates, self._turned, self._fields))
+        shift = self._rod.places_mm(coordinates, self._along, self._across)
+        shift = shift - self._rod.places_mm(self._at_rest(field), self._along, self._across)
+        beam = self._beam(field)
+        magnet = None if self._magnet is None else self._magnet(field) + shift[len(beam) :]
+        return beam + shift[: len(beam)], magnet

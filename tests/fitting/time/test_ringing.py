@@ -1,0 +1,67 @@
+"""The table of complex frequencies that a fit interpolates, and the amplitude behind an exposure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, Loads, Magnet, Specimen
+from eimi_fitting.beam.vibration import Vibration
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.channels import signals_of
+from eimi_fitting.time.decay import decay_of
+from eimi_fitting.time.exposure import without_blur
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.ringing import RingingBeam, RingTable
+
+MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=MAGNET)
+SERIES = Prony(np.array([0.12, 0.10]), np.array([0.05, 2.0]))
+AT_REST_PA = 47e3
+
+
+def table(field_mT: float) -> RingTable:
+    return RingTable(RingingBeam(BEAM, Loads.along([field_mT]), LAWS["neo-hookean"], np.ones(1)), 48e3)
+
+
+def relaxing(s: np.ndarray) -> np.ndarray:
+    return SERIES.complex_ratio(s) / float(SERIES.long_term)
+
+
+def test_the_table_gives_the_roots_of_the_whole_matrices_in_a_field() -> None:
+    of_table = table(7.0)
+    roots = of_table.roots(np.log([AT_REST_PA]), relaxing)[0] / of_table.solid_over_planar
+    vibration = Vibration(of_table.beam.planar())
+    motion, _ = vibration.about(
+        of_table.beam.law, np.array([[AT_REST_PA]]), of_table.beam.loads, stiffenings=(1.0, 1.3, 2.0, 4.0)
+    )
+    expected = motion.roots(relaxing)[0]
+    assert roots.imag == pytest.approx(expected.imag, rel=1e-4)
+    assert roots.real == pytest.approx(expected.real, rel=3e-4)
+
+
+def test_a_factor_on_the_moment_changes_a_ring_down_as_a_stronger_field_does() -> None:
+    of_field, stronger = table(7.0), table(7.7)
+    (root,) = of_field.roots(np.log([AT_REST_PA]), relaxing, 1, np.log([1.1]))[0]
+    (expected,) = stronger.roots(np.log([AT_REST_PA]), relaxing, 1)[0]
+    assert root == pytest.approx(expected, rel=5e-4)
+    (unchanged,) = table(0.0).roots(np.log([AT_REST_PA]), relaxing, 1, np.log([1.1]))[0]
+    assert unchanged == pytest.approx(table(0.0).roots(np.log([AT_REST_PA]), relaxing, 1)[0, 0])
+
+
+def test_amplitudes_are_those_of_the_beam_and_not_of_exposed_frames() -> None:
+    frequency, exposure_s, frames = 6.0, 0.05, np.arange(300)[:, None] / 60
+    # The mean of each exposure, which ends at the time of the frame.
+    inside = frames[..., None] - exposure_s * (np.arange(200) + 0.5) / 200
+    across = np.mean(np.exp(-1.0 * inside) * np.cos(2 * np.pi * frequency * inside), axis=-1)
+    places = np.stack([np.full_like(across, 30.0), across], axis=-1)
+    motion = Motion(
+        "ring_down", places, np.array([[30.0, 0.0]]), frames, np.full(frames.shape, 1e-3), exposure_s=exposure_s
+    )
+    seen = decay_of(signals_of(motion), "blurred", 30.0, is_stepped=False)
+    whole = without_blur(seen, exposure_s)
+    start = np.exp(-1.0 * seen.from_s + 0.5 * exposure_s)
+    assert seen.amplitude_mm < 0.87 * start
+    assert whole.amplitude_mm == pytest.approx(start, rel=0.01)
+    assert whole.windows[0].amplitude_mm / seen.windows[0].amplitude_mm == pytest.approx(1 / np.sinc(0.3), rel=1e-3)
+    assert without_blur(seen, None) is seen
