@@ -9,6 +9,8 @@ solid               the solid model: orders of convergence, difference from the 
 solid_mesh          the error of the modulus due to the mesh of the solid
 hidden_solids       fits of hidden solids under every section, and the predicted bias
 imperfect_rigs      what one thing wrong on a bench does to the modulus
+rendered_rigs       pictures of imperfect benches, and the edges found in them
+usual_imperfections  the share of 95 % intervals that contain the truth if every source has its usual uncertainty
 mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of detected edges in other people's photographs, compared with traced ones

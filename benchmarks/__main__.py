@@ -76,6 +76,14 @@ ALL = (
         short=("--experiments", "48"),
     ),
     Benchmark(
+        "causes",
+        "imperfect_rigs",
+        "Error of the modulus on benches with one thing wrong that no file states, and the place of the true cause.",
+        "why/causes.md",
+        arguments=("--short", "--both", "--measured"),
+        short=("--short", "--both", "--measured", "--planar", "none", "scale", "creep"),
+    ),
+    Benchmark(
         "plan",
         "plan",
         "Half-widths in per cent of the 95 % interval of the modulus: predicted by a plan, and measured.",
