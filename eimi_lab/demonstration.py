@@ -30,6 +30,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import new_folder
 from eimi_lab.process.workers import executor_for
 from eimi_lab.reporting.page import write_report
+from eimi_lab.virtual.beam import forget_solids
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
@@ -102,6 +103,7 @@ def demonstrate(
     new_folder(folder, force)
     dataset, fits_file, report = folder / "dataset.h5", folder / "fits.json", folder / "report.html"
     _acquire(protocol, beam, bench_rig, dataset, force, progress)
+    forget_solids()
     with progress("segment", len(protocol.currents_A)) as step_done:
         evidence = load_evidence(dataset, report=step_done)
     models = ["neo-hookean"] if quick else list(LAWS)

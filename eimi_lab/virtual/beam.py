@@ -164,6 +164,12 @@ class VirtualBeam:
         return np.concatenate([left, right[::-1]]), model.positions(shape, corners)[0, 0, :, :2]
 
 
+def forget_solids() -> None:
+    """Free the memory of the solids of all virtual beams; a beam that is still used computes its solid again."""
+    _solved.cache_clear()
+    _model.cache_clear()
+
+
 @lru_cache(maxsize=2)
 def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
     """Return the solid model; it is the same for both signs of the field."""
