@@ -8,12 +8,12 @@ felupe_strip        a beam that is bent and tapered at rest in FElupe
 solid               the solid model: orders of convergence, difference from the planar model, cost
 solid_mesh          the error of the modulus due to the mesh of the solid
 hidden_solids       fits of hidden solids under every section, and the predicted bias
-imperfect_rigs      what one thing wrong on a bench does to the modulus
+imperfect_rigs      the error of the modulus due to one mistake on a bench
 rendered_rigs       pictures of imperfect benches, and the edges found in them
 usual_imperfections  the share of 95 % intervals that contain the truth if every source has its usual uncertainty
 mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
-real_pictures       edges of detected edges in other people's photographs, compared with traced ones
+real_pictures       edges found in other people's photographs, compared with traced ones
 photographs         error of the edges in rendered photographs of coloured beams
 phone               fits of rendered photographs of a phone, with weights
 lab_photographs     rendered photographs, each with one difficulty of a laboratory
@@ -44,7 +44,7 @@ fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
 mutants             small mistakes in a copy of the code, and which of them the tests detect
 generated_mistakes  mistakes that a generator makes in sampled lines
 tests_by_line       which tests execute a line
-installation        what an installation weighs
+installation        the size of an installation on the disk
 numbers             results of whole cases before and after a change
 timing              measure the duration of a function
 

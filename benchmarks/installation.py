@@ -1,4 +1,4 @@
-"""Print what an installation weighs: the size on the disk of eimi-lab and of each package that it needs.
+"""Print the size of an installation on the disk: that of eimi-lab and of each package that it needs.
 
     python -m benchmarks.installation
 
@@ -19,7 +19,7 @@ LEAST_MB = 2.5  # smaller packages are summed in one row
 
 
 def needed(name: str, found: dict[str, Distribution]) -> None:
-    """Add a package, and the packages that it needs without extras, to those found."""
+    """Add a package to the packages found, and the packages that it needs without extras."""
     try:
         package = distribution(name)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The map from each line of the code to the tests that execute the line; tests are chosen for a mistake with it.
+"""The map from each line of the code to the tests that execute it; the tests of a mistake are chosen with this map.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
 writes the map. It takes about twice as long as the tests alone. ``--add`` adds tests to the map of the same code. A
@@ -116,7 +116,7 @@ class TestsByLine:
         return {node for file in files for node in self._by_file.get(file, [])}
 
     def _in_order(self, nodes: Iterable[str]) -> list[str]:
-        """Return the quickest test of every file, then the next ones: the tests of one file resemble each other."""
+        """Return the quickest test of each file, then the second of each, and so on: tests of one file are similar."""
         quickest = sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))
         before: dict[str, int] = {}
         ranks: dict[str, int] = {}
@@ -127,14 +127,14 @@ class TestsByLine:
 
 
 def _lines_of_functions(path: Path) -> set[int]:
-    """Return the lines that run when a function is called; the lines of its head run when the module is imported."""
+    """Return the lines of the bodies of all functions; the other lines run when the module is imported."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, functions)]
     return {line for node in nodes for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
 
 
 def _files_with(word: str) -> list[str]:
-    """Return the test files whose text has a word."""
+    """Return the test files that contain a word."""
     files = sorted((PROJECT / "tests").rglob("test_*.py"))
     return [path.relative_to(PROJECT).as_posix() for path in files if word in path.read_text(encoding="utf-8")]
 

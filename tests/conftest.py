@@ -51,7 +51,7 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run the longest files first if several workers share them; otherwise keep the order of the command line."""
+    """If there are several workers, run the files that take longest first; otherwise keep the order given."""
     if not hasattr(config, "workerinput"):
         return
     place = {name: k for k, name in enumerate(_LONGEST)}

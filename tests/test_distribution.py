@@ -29,7 +29,7 @@ def folder_of(package: str) -> Path:
 
 
 def test_every_file_of_a_package_is_in_the_wheel() -> None:
-    """A file that no pattern of package-data names is left out of the wheel, without a word."""
+    """A file that no pattern of package-data names is left out of the wheel without a warning."""
     assert SETTINGS["include-package-data"] is False
     packages = {folder_of(package): package for package in SETTINGS["packages"]}
     left_out = []

@@ -17,7 +17,7 @@ _AS_JPEG = "on an iPhone choose Settings > Camera > Formats > Most Compatible, o
 
 
 def kind_of(raw: bytes) -> str:
-    """Return the name of the format of a file's bytes in words; an empty string if the file is no such picture."""
+    """Return the name of the format in which a file is stored, for messages; empty for any format but HEIC and AVIF."""
     return _BRANDS.get(raw[8:12], "") if raw[4:8] == b"ftyp" else ""
 
 

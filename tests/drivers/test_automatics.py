@@ -18,7 +18,7 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """The library Aravis, which notes the calls that set something; `automatic` has the automatic controls."""
+    """A stand-in for Aravis that records each call of a setter; `automatic` names the automatic controls."""
 
     def __init__(self, *automatic: str) -> None:
         self._automatic = automatic
@@ -70,7 +70,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A feature of a GenICam camera; it notes when its value was set."""
+    """A feature of a GenICam camera; it records each value that is set in a log."""
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value

@@ -1,6 +1,6 @@
 """The numbers of every table of the drivers, against tables that are written here from the manuals and standards.
 
-A new family, format, unit or model fails until it stands here with its numbers.
+A new family, format, unit or model fails until its numbers are added here.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def test_a_channel_beyond_those_of_the_family_is_refused(driver: str) -> None:
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """A level that is set is asked for; a switch that is closed is asked for as well."""
+    """After a level is set, the driver asks for the level; after a protection is switched on, it asks for its state."""
     for profile in PROFILES:
         asked = {question for question, _ in profile.armed}
         for message in profile.protect:

@@ -1,4 +1,4 @@
-"""The log of a line: its counts, its faults, and what it passes on; and the message about an answer that is cut off."""
+"""The log of a line counts messages and faults and passes everything on; a cut answer is named in a message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """A line that answers what it is told to, and fails with an error in place of an answer."""
+    """A line with a list of answers; an error in the list is raised in place of an answer."""
 
     address = "/dev/ttyX"
 

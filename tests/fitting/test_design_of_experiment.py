@@ -87,7 +87,7 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
 
 
 def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
-    """It is a half-width, and adds as a square."""
+    """The error is a half-width; its square is added to that of the interval."""
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     without, with_error = (
         candidates(NEO_HOOKEAN, replace(BEAM, section="solid"), loads, (), replace(NOISE, left_percent=left))

@@ -1,4 +1,4 @@
-"""Every source of uncertainty changes the experiment as its name says; a new source fails until it stands here."""
+"""Every source of uncertainty changes the experiment as its name says; a new source fails until it is added here."""
 
 from __future__ import annotations
 

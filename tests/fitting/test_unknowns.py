@@ -53,7 +53,7 @@ def test_a_new_nuisance_needs_one_entry(bent: Experiment, monkeypatch: pytest.Mo
 
 
 def test_a_freed_tilt_of_the_camera_is_found_in_the_shapes_of_the_beam() -> None:
-    """The camera is tilted by 2 and -1 degrees. A fit that assumes no tilt is wrong by more than one that frees it."""
+    """The camera is tilted by 2 and -1 degrees. A fit without tilt has a larger error than one that frees it."""
     beam = Specimen(40.0, 3.0, 6.0, 1070.0, "plane-strain")
     model = BeamModel(beam, 26, 2)
     loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=[0.0, 4e-3, 8e-3, 1.6e-2])

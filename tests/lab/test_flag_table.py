@@ -1,6 +1,6 @@
 """Every row of the table of flags: its limits, its severity on both sides of them, and the deviation that it adds.
 
-The rows are written here again; a new check fails until it stands here. `docs/why/edges.md` states where the limits
+The rows are written here again; a new check fails until it is added here. `docs/why/edges.md` states where the limits
 come from.
 """
 
@@ -17,9 +17,10 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row: the flag, its limit, its severity, a second limit beyond which a state is unusable; `below` or above.
+    """A row of the table: flag, limit, severity, and the limit of unusable states.
 
-    adds: a doubtful value, the deviation that it adds, and the unit of this deviation.
+    below: whether small values are flagged. adds: a doubtful value, the deviation that it
+    adds, and the unit of this deviation.
     """
 
     name: str

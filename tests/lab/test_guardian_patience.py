@@ -1,4 +1,4 @@
-"""When the guardian takes over and how long it tries, on a clock that passes only while the guardian waits."""
+"""When the guardian takes over and how long it tries, on a clock that advances only while the guardian waits."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock in place of the module `time`: it passes while somebody sleeps or waits."""
+    """A clock in place of the module `time`; it advances only while the guardian sleeps or waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -53,7 +53,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """The run's end of the pipe: it writes each message at its time (s); `waited` gives what the guardian decides."""
+    """The run's end of the pipe: it writes each message at its time (s). `waited` returns the guardian's decision."""
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
         self._clock, self._began_s = clock, clock.now_s
@@ -148,7 +148,7 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """Attempts to switch off, the first of which raise `errors`; the rest raise the last of them, or succeed."""
+    """Attempts to switch off: the first ones raise `errors` in turn; all later ones raise the last, or succeed."""
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
         self._clock, self._errors, self._succeed = clock, errors, succeed
@@ -257,7 +257,7 @@ def test_a_measured_current_is_in_the_report(monkeypatch: pytest.MonkeyPatch, cl
 
 
 class Supply:
-    """A supply that has a serial number and no current; its output is on, and in the end as `stays_on` says."""
+    """A supply with a serial number and without current; its output is on, and cannot be switched off if `stays_on`."""
 
     def __init__(self, stays_on: bool) -> None:
         self.limits = WARD.limits

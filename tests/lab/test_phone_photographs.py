@@ -42,7 +42,7 @@ def test_the_focal_length_follows_from_the_equivalent_of_a_full_frame(tmp_path: 
 
 
 def test_the_focal_length_follows_from_the_resolution_of_the_sensor(tmp_path: Path) -> None:
-    """4 mm on a sensor of 4000 pixels over 8 mm, in a picture that was made smaller by ten."""
+    """The focal length is 4 mm, the sensor has 4000 pixels on 8 mm, and the stored picture is ten times smaller."""
     table = {"FocalLength": 4.0, "FocalPlaneXResolution": 5000.0, "FocalPlaneResolutionUnit": 3}
     path = picture_with(tmp_path / "a.jpg", **table, ExifImageWidth=4000, ExifImageHeight=3000)
     lens = focal_length(path, (400, 300))

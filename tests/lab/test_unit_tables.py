@@ -1,4 +1,4 @@
-"""Every unit that a file may state, against its definition; a new unit fails until it stands here."""
+"""Every unit that a file may state, against its definition; a new unit fails until it is added here."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_quantities_of_sensors() -> None:
 
 
 def test_units_in_a_dataset() -> None:
-    """The names of the columns are part of the format; every column with a number of physics has its unit."""
+    """The names of the columns are part of the format; every column with a physical quantity has its unit."""
     units = {"s": ("time", "timestamp", "elapsed"), "A": ("current", "set_current", "measured_current")}
     units |= {"mT": ("field",), "N": ("tip_force",)}
     expected = {column: unit for unit, columns in units.items() for column in columns}

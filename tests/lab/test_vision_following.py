@@ -212,7 +212,7 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
 
 
 def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
-    """The search of the first two states finds no beam alone, as if it needed the centre line of the third state."""
+    """The search is changed: without the centre line of the third state it finds no beam in the first two states."""
     guides = []
 
     def find(image, *arguments, expected_mm=None, **more):

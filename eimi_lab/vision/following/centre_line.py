@@ -110,7 +110,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the line of another picture of the series, (n, 2) `middle_px`, beside which the beam may lie."""
+    """Return the centre line (n, 2) of the beam in another picture as the line that is expected in this one."""
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 

@@ -25,7 +25,7 @@ def bandwidth(dofs: Indices) -> int:
 
 
 def _most(run: Indices) -> int:
-    """Return the largest number of contributions to one entry."""
+    """Return the largest number of elements that contribute to one entry."""
     return int(run.max(initial=0)) + 1
 
 
@@ -95,7 +95,7 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return the parts of element matrices (E, B, d, d) whose elements are added together."""
+        """Return element matrices (E, B, d, d) in parts; the matrices of one part are added together."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:

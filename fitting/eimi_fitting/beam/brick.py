@@ -156,7 +156,7 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Return the tangents of `stiffness`, those of `AT_ONCE` elements after another."""
+    """Yield the tangents of `stiffness` in parts of `AT_ONCE` elements."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]

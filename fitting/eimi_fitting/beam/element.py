@@ -219,7 +219,7 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Return the tangents of `stiffness`, those of `AT_ONCE` elements after another: here of all at once."""
+    """Yield the tangents of `stiffness` in one part; the element of the solid yields several parts."""
     yield stiffness(ops, ev, predicted)
 
 

@@ -364,7 +364,7 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add a further stiffness, given for a slice of the elements, to the tangents of some elements after another."""
+    """Add a stiffness that is given for a slice of the elements to their tangents, which are passed on part by part."""
     first = 0
     for K in tangents:
         some = slice(first, first + len(K))

@@ -92,7 +92,7 @@ class System:
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of all elements; or those of ``at_once`` elements after another, none of which is kept.
+            The matrices of all elements; or parts of ``at_once`` elements, none of which is kept.
         force : ndarray, shape (E, B, d)
         right : ndarray, shape (B or 1, n)
         body : tuple of three ndarrays, or None

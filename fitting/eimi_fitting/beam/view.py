@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A lens before the plane of the beam. Lengths are in the scale of mid-depth.
+    """A lens in front of the plane of the beam. Lengths are true at mid-depth.
 
     The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is stated. A tilt about the axis of the
     lens is a roll, which is no part of a view.
@@ -62,7 +62,7 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Return the central projection of places (..., 3) on the tilted picture, (..., 2), about its centre."""
+        """Return the projection (..., 2) of places (..., 3) onto the tilted picture, relative to its centre."""
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle

@@ -1,4 +1,4 @@
-"""Read every material card back: the energy that the program makes of it is the energy of the law.
+"""Read every material card back: the energy that the program computes from the card is the energy of the law.
 
 The energies of the programs are written here from their manuals, not from the code that writes the cards: Abaqus
 Analysis User's Guide, hyperelastic behavior of rubberlike materials (CalculiX reads the same cards); ANSYS Material
@@ -62,7 +62,7 @@ def two_over_first_of_three(numbers: Numbers) -> float:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a program makes of a card: the numbers' isochoric energy (MPa), their bulk modulus (MPa), their count."""
+    """The material that a program reads in a card: isochoric energy, bulk modulus (MPa) and number of constants."""
 
     energy: Energy
     bulk: Callable[[Numbers], float]

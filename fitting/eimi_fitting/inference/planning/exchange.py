@@ -1,4 +1,4 @@
-"""Choose some of many candidates by exchange: for a criterion, such as the variance that the chosen states leave.
+"""Choose the candidates with which a criterion, such as the variance of the modulus, is smallest.
 
 The chosen candidates are exchanged one at a time for the candidate that helps most, until no exchange helps (Fedorov
 1972, Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4).
