@@ -234,3 +234,6 @@ def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
     assert f"{files / 'out_where.png'} shows where the program looked" in said
     drawn = cv2.imread(str(files / "out_where.png")).astype(int)
     assert ((drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)).sum() > 50  # the stated beam
+    green = (drawn[..., 0] < 60) & (drawn[..., 1] > 140) & (drawn[..., 2] < 60)
+    is_found = "one is found" in told
+    assert (green.sum() > 50, "(green in the picture)" in said) == (is_found, is_found)  # the edges with another value

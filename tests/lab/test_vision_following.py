@@ -13,6 +13,7 @@ from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.overlay import FLAG_COLOUR, STATED_COLOUR, draw_overlay
 from eimi_lab.vision.flags import judge
+from eimi_lab.vision.following.centre_line import clicked_line
 from eimi_lab.vision.following.edge_points import StripEdges
 from eimi_lab.vision.following.ends import trim_ends
 from eimi_lab.vision.following.explaining import draw_steps
@@ -226,6 +227,17 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
     assert np.median(np.abs(guides[-1][:, 1])) == pytest.approx(
         8.5 / 8.0, abs=0.1
     )  # the stripe is 8.5 px from the clamp
+
+
+@pytest.mark.parametrize("clicks", [[[100, 300], [102, 294]], [[98, 200], [103, 412], [96, 400], [104, 407]]])
+def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
+    """Each click may lie 10 px beside the beam, so that clicks a few pixels apart have no order and no direction."""
+    line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
+    assert (np.diff(line.points[:, 1]) > 0).all()
+    assert np.abs(line.points[:, 0] - 100.0).max() < 5.0
+    halfway = len(line.free_px) // 4
+    assert line.free_px[0] == pytest.approx(10.0)
+    assert line.free_px[halfway] > 13.0  # the line is less certain between clicks
 
 
 def test_clicked_points_off_the_beam_are_reported(files):
