@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from eimi_fitting.beam.specimen import VACUUM_PERMEABILITY
 from eimi_lab.config.calibration import Calibration, load_calibration
-from eimi_lab.config.materials import load_materials
+from eimi_lab.config.materials import TrueMaterial, load_materials
 from eimi_lab.config.protocol import Protocol, SupplyLimits, load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
@@ -51,6 +51,16 @@ def test_up_and_down_passes_every_current_once_more_on_the_way_back() -> None:
     assert parse(Protocol, text, "p.toml").currents_A == (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
 
 
+def test_a_prony_series_of_a_hidden_material_needs_two_lists_of_equal_length() -> None:
+    given = {"model": "neo-hookean", "parameters": {"mu_Pa": 46390.0}, "prony_h": (0.1,)}
+    relaxing = TrueMaterial(**given, prony_tau_s=(2.0,)).series
+    assert relaxing is not None
+    assert relaxing.long_term == pytest.approx(1 / 1.1)
+    for taus in ((), (2.0, 3.0), (0.0,)):
+        with pytest.raises(ValueError, match="two lists of equal length"):
+            TrueMaterial(**given, prony_tau_s=taus)
+
+
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("specimens/*.toml")), ids=lambda path: path.stem)
 def test_shipped_specimens_load_by_name(path: Path) -> None:
     specimen = load_specimen(path.stem)
@@ -64,7 +74,7 @@ def test_shipped_rigs_load_by_name_with_their_calibration() -> None:
     assert virtual.virtual is not None
     assert bench.virtual is None
     assert virtual.calibration.coil_constant_mT_per_A == bench.calibration.coil_constant_mT_per_A == 4.7
-    assert set(virtual.virtual.materials.silicone) == {"Dragon Skin 10", "Ecoflex 00-50"}
+    assert set(virtual.virtual.materials.silicone) == {"Dragon Skin 10", "Dragon Skin 10, relaxing", "Ecoflex 00-50"}
 
 
 def test_a_rig_finds_its_calibration_beside_it(files: Path) -> None:
