@@ -177,4 +177,7 @@ def test_residuals_far_above_the_stated_noise_are_a_doubt():
     assert (far.dataset, far.state) == (scale.dataset, scale.state) == (0, None)
     assert "times the uncertainty that the measured places state" in far.words
     assert scale.words.startswith("these causes of the residuals cannot be told apart: ")
-    assert re.search(r"scale of the picture \(\+2\.8 %", scale.words)
+    words = re.search(r"scale of the picture \(\+(\S+) %, probability (\S+),", scale.words)
+    assert words
+    assert float(words[1]) == pytest.approx(3.0, abs=0.2)
+    assert float(words[2]) == pytest.approx(0.5, abs=0.02)  # its rival has the same signature
