@@ -14,8 +14,20 @@ import pytest
 from eimi_drivers.interfaces import Identity, InstrumentTimeout, Off, PowerSupply, Reading, SwitchOffFailed
 from eimi_drivers.supplies.off import off_limit_A
 from eimi_lab.acquisition import guardian_process
+from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, RunKilled, Takeover
-from eimi_lab.acquisition.guardian import ALLOW, ARM, BEAT, DISARM, RECOGNISED, STILL_FOR_S, SUPPLY, TAKE_OVER, Ward
+from eimi_lab.acquisition.guardian import (
+    ALLOW,
+    ARM,
+    BEAT,
+    DISARM,
+    RECOGNISED,
+    STILL_FOR_S,
+    SUPPLY,
+    TAKE_OVER,
+    Guardian,
+    Ward,
+)
 from eimi_lab.acquisition.guardian_process import (
     ASKED,
     DIED,
@@ -27,6 +39,7 @@ from eimi_lab.acquisition.guardian_process import (
     _wait_until_needed,
     switch_off_for_the_run,
 )
+from eimi_lab.acquisition.switching_off import ramp_down_and_switch_off
 from eimi_lab.process.detached import Starter
 
 WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
@@ -298,3 +311,55 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
         assert remark == "; a stage of switching off failed (zero: failed; off: done; verify: failed)"
     assert was_on == {True}
     assert supply.closed
+
+
+class Recorder:
+    """A guardian that notes what the run tells it."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def allow(self, seconds: float) -> None:
+        self.told.append("allow")
+
+    def arm(self) -> None:
+        self.told.append("arm")
+
+    def recognise(self) -> None:
+        self.told.append("recognise")
+
+    def disarm(self) -> None:
+        self.told.append("disarm")
+
+
+class CannotStop:
+    """A coil whose supply fails to switch off."""
+
+    unreachable = ""
+
+    def __init__(self, error: Exception) -> None:
+        self._error = error
+
+    def ramp_down(self, go_on_down: object) -> None:
+        pass
+
+    def switch_off(self) -> None:
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("error", "current_A", "limit_A", "told"),
+    [
+        (SwitchOffFailed("0.8 A measured", 0.8, 0.02), 0.8, 0.02, ["allow", "arm", "recognise"]),
+        (SwitchOffFailed("no answer"), None, None, ["allow", "arm"]),
+        (ZeroDivisionError("in a driver"), None, None, ["allow", "arm"]),
+    ],
+)
+def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian(
+    error: Exception, current_A: float | None, limit_A: float | None, told: list[str]
+) -> None:
+    guardian, events = Recorder(), list[Event]()
+    with pytest.raises(type(error)):
+        ramp_down_and_switch_off(cast(Coil, CannotStop(error)), cast(Guardian, guardian), on_event=events.append)
+    assert guardian.told == told
+    assert events == [OffNotConfirmed(by="run", reason=str(error), current_A=current_A, limit_A=limit_A)]
