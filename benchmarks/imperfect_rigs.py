@@ -215,7 +215,7 @@ def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> 
 def filmed(
     imperfection: Imperfection, seen: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
 ) -> Experiment:
-    """Return what the bench measures: edges found in rendered pictures, of the states that a fit uses."""
+    """Return the measurements of the bench: the edges found in rendered pictures of the states that a fit uses."""
     clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
     observed, used = rendered(*seen, clamp, STATED, seed)
     return _experiment(observed, field_mT[used], planar)
@@ -231,9 +231,9 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 class Place:
     """The place of the true cause in one fit.
 
-    first, second: whether it is the first cause, or among the first two; of a pair, whether both are the first two, or
-    among the first three. declared: whether it is in the class of the first cause. wrong: largest probability of a
-    cause that is not true.
+    first: whether the true cause is the first one, or the two of a pair are the first two. second: whether it is among
+    the first two, or the pair among the first three. declared: whether it is in the class of the first cause. wrong:
+    largest probability of a cause that is not true.
     """
 
     first: bool

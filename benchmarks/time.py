@@ -3,8 +3,8 @@
 The first table compares frequencies with those of Euler-Bernoulli beams, roots of one mode with closed forms, and the
 complex frequency of small vibrations with a motion in time that shares neither mesh nor integrator with it. The second
 fits hidden materials with two Prony terms: a run with two ring-downs and two records of creep is simulated by the rod
-of the virtual rig, with the stiffness of a solid whose dimensions differ from the stated ones as their uncertainties
-say, and fitted.
+of the virtual rig, with the stiffness of a solid whose dimensions differ from the stated ones by their uncertainties,
+and fitted.
 """
 
 from __future__ import annotations

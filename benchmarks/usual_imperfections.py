@@ -69,12 +69,12 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return what the width of an interval depends on: the beam and the noise."""
+    """Return the beam and the noise, on which the width of an interval depends."""
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean ends of the intervals of full fits over their values, in logarithms."""
+    """Return the means of ln(end / modulus) for both ends of the intervals of full fits."""
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
         groups.setdefault(kind(o.case), []).append(np.log(np.array(o.interval) / o.value))
@@ -83,7 +83,7 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Return the outcome by the objective on solved shapes, with the mean ends of full fits."""
+    """Return the outcome of a quick fit to solved shapes, whose interval has the mean width of full fits."""
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
     return Outcome(case, float(np.exp(value)), interval, interval, 0.0, 0.0)

@@ -81,7 +81,7 @@ def load_motions(path: Path) -> MotionEvidence:
 
 
 def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
-    """Return the datasets, if a law of time can be fitted to them.
+    """Return the datasets unchanged after checking that a law of time can be fitted to them.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def replace(file: Path, path: Path) -> None:
 
 
 def remove(file: Path) -> None:
-    """Remove a file if it exists; leave a file that stays open in another program for `TRY_FOR_S`."""
+    """Remove a file if it exists; give up after `TRY_FOR_S`, without an error, if another program has it open."""
     try:
         _patiently(lambda: file.unlink(missing_ok=True))
     except PermissionError as error:

@@ -110,7 +110,7 @@ class VirtualBeam:
         return bool(self._material.prony_h)
 
     def moving(self) -> MovingBeam:
-        """Return the beam in motion, with the hidden law of time (ArithmeticError)."""
+        """Return the beam in motion, with the hidden law of time. Raises ArithmeticError."""
         material = self._material
         values, mesh = tuple(material.values), np.minimum(self._mesh, _MESH_OF_STIFFNESS).tolist()
         stiffness = stiffness_of_solid(self._specimen, material.model, values, (mesh[0], mesh[1], mesh[2]))

@@ -161,7 +161,7 @@ class _Rod:
         self._twice = np.tile(self._masses, 2)[:, None]
 
     def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
-        """Return the derivatives (2, p, n) of the places of masses, and their accelerations (2, p) at even speed."""
+        """Return the derivatives (2, p, n) of the places of masses, and the accelerations (2, p) at constant rates."""
         angle, stretch = self._angles @ z, 1 + self.stretch @ z
         turning, stretching = self._angles @ speed, self.stretch @ speed
         c, s = np.cos(angle), np.sin(angle)
@@ -305,7 +305,7 @@ class MovingBeam:
         return float(np.sqrt(squares.real.min()))
 
     def start(self, time_s: float, field_mT: float) -> None:
-        """Put the beam at rest in a field at a time."""
+        """Put the beam into its equilibrium in a field, at rest, at a time."""
         rest = self.at_rest(field_mT)
         self.time_s = time_s
         self._state = np.concatenate([rest, np.zeros(len(rest) * (1 + len(self._rates)))])
@@ -340,7 +340,7 @@ class MovingBeam:
         return np.array(places).reshape(-1, n)
 
     def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
-        """Make one step to ``end_s`` or to a time before; its length follows from its error."""
+        """Make one step to ``end_s`` or to an earlier time, so short that its error is small."""
         n, before, rate = self.rod.size, self._state, self._rate
         assert self.time_s is not None
         while True:

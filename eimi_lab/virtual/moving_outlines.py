@@ -1,8 +1,8 @@
 """The outlines of the virtual beam in motion.
 
 The solid is solved in a few fields, and its outlines are interpolated between them. A beam in motion has the outline of
-the solid in the field in which the tip of the resting rod turns as far, moved by the difference between the two shapes
-of the rod.
+the solid at rest in the field in which the tip of the rod is turned by the same angle. This outline is moved by the
+difference between the two shapes of the rod.
 """
 
 from __future__ import annotations

@@ -53,9 +53,9 @@ class Coil(Protocol):
 class VirtualCamera:
     """A camera that sees the virtual beam.
 
-    With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the beam swing between
-    its equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees an
-    elastic beam take each equilibrium at once. A beam with a Prony series moves and creeps for every camera.
+    With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the swings between
+    equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees an
+    elastic beam in each equilibrium at once. A beam with a Prony series moves and creeps for every camera.
 
     Parameters
     ----------

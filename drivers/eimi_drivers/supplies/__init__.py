@@ -13,7 +13,7 @@ aim_tti         Aim-TTi supplies of the QL, MX, QPX and CPX series
 scpi            supplies that speak SCPI
 xln             BK Precision XLN supplies
 owon            Owon SPE supplies
-profile         what a SCPI family is told and asked
+profile         the commands and queries of a SCPI family
 scpi_profiles   the command strings of each SCPI family
 transport       bytes over a serial line, over VISA or to an emulator in the same process
 interruptible   a line that can be left between two messages

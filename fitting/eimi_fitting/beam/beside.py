@@ -257,8 +257,9 @@ class SolidBeside:
     ) -> Configuration | None:
         """Solve one state; return the solid minus the planar shape, or None if Newton's method does not contract.
 
-        The planar shape is the second start. With fields of both signs the first two solved states are the outermost
-        states. The line through their depth effects is far from the depth effect of the straight beam.
+        If the method does not contract from the first start, it begins again at the planar shape. With fields of both
+        signs the first two solved states are the outermost ones, and a line through their depth effects is a bad start
+        for the states between them.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:

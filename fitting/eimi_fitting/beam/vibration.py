@@ -157,7 +157,7 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return both stiffnesses (B, r, r) in coordinates in which the mass is the unit matrix.
 
-    A shape that is nearly a sum of others has no motion of its own; it gets a stiffness above that of all others. The
+    A shape that is nearly a sum of other shapes adds no motion; it gets a stiffness above that of all others. The
     stiffnesses of candidates that are not finite are 0.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]

@@ -12,8 +12,8 @@ second cause of negligible size does not repair small errors of the model (a non
 J. R. Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by (m / (m + 0.3^2))^2, where m is the
 posterior mean of |s_a / size_a|^2, the largest of the amplitudes that the value of the cause consists of. Above a third
 of the usual size the factor is near one. Causes with nearly the same signature share their probability equally
-(`inference.doubts.collinear_causes`). The columns of J contain the
-remaining errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
+(`inference.doubts.collinear_causes`). The columns of J contain the remaining
+errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
 correlation tau of neighbouring points. The error d is what no listed cause explains; it is smooth along an edge and
 over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and Gaussian, so that the
 evidence has a closed form. With L = sigma^2 tau + eta^2 G, the columns A of J and C_a, each times
@@ -95,8 +95,8 @@ class Cause:
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus, in per cent, if this cause is taken into account; if the fit already takes
-        the cause into account, the change that this made.
+        Change of the initial shear modulus, in per cent, if this cause is taken into account, or the change that was
+        made if the fit already takes the cause into account.
     decide_by : str
         The measurement that decides whether the cause is present.
     like : tuple of str

@@ -69,10 +69,11 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Solve with the shapes ``before`` as a start, or keep these shapes if only the picture differs.
+        """Return the assumptions with the shapes of the beam and its residuals.
 
-        The result is None if there is no equilibrium, or if the specimen differs so much from the stated one that no
-        mesh or no tracked point fits it.
+        The solver starts from the shapes of ``before``; if only the picture differs, these shapes are kept. The result
+        is None if there is no equilibrium, or if the specimen differs so much from the stated one that no mesh or no
+        tracked point fits it.
         """
         try:
             return Solved._of(assumed, before)
