@@ -3,6 +3,7 @@
 measured        `Motion`, a recorded ring-down or creep
 channels        the signals of a motion, cleaned of gaps and outliers
 decay           frequencies and losses of a ring-down
+exposure        the amplitudes of a decay, corrected for the exposure of the frames
 ringing         the frequencies at which a specimen rings, for any modulus and relaxation
 slow_motion     the rotation of the tip after a step of the load
 loaded_creep    creep of a loaded beam for a given law of time
