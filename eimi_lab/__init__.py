@@ -1,9 +1,10 @@
 """Identify a soft material from pictures of a bent beam: `import eimi_lab as eimi`, or `eimi` on the command line.
 
-`open`, `acquire`, `import_pictures`, `import_points` and `segment` lead from the bench or from pictures to a dataset
-with edges. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`,
-`plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` list what there is
-by name, and `LAWS[name] = law` adds one. The other names are the classes of the results and of the errors.
+`open`, `acquire`, `import_pictures`, `import_points`, `import_motion` and `segment` lead from the bench or from a
+camera to a dataset. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`,
+`validate`, `plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` list
+what there is by name, and `LAWS[name] = law` adds one. The other names are the classes of the results and of the
+errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from eimi_lab.face.identifying import fit as fit
     from eimi_lab.face.identifying import open_fits as open_fits
     from eimi_lab.face.identifying import tensile as tensile
+    from eimi_lab.face.moving import import_motion as import_motion
     from eimi_lab.face.results import Discovered as Discovered
     from eimi_lab.face.results import Plan as Plan
     from eimi_lab.face.results import Report as Report
@@ -101,6 +103,7 @@ _HOMES = {
     "discover": "eimi_lab.face.discovering",
     "export": "eimi_lab.face.using",
     "fit": "eimi_lab.face.identifying",
+    "import_motion": "eimi_lab.face.moving",
     "import_pictures": "eimi_lab.face.segmenting",
     "import_points": "eimi_lab.face.segmenting",
     "open": "eimi_lab.face.acquiring",

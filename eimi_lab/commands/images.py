@@ -80,29 +80,44 @@ def import_(
 
     The source shows states at rest (--states), or a motion (--ring-down or --creep), or both.
     """
-    from eimi_lab.commands.motions import read_motion
-    from eimi_lab.config.calibration import load_calibration
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
-    from eimi_lab.dataset.moving.motion_import import add_motion, write_motion_dataset
+    from eimi_lab.dataset.moving.motion_import import add_motions, write_motion_dataset
     from eimi_lab.dataset.tracked.points_csv import import_points
+    from eimi_lab.face.moving import read_motions
     from eimi_lab.process.outputs import check_distinct, refuse_existing
 
     facts = options.motion_facts()
     _check_source(source, states)
     inputs = (source, states, Path(specimen), calibration, dark, flat)
     check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
-    beam, motion = load_specimen(specimen), None
+    beam, read = load_specimen(specimen), None
     if facts is not None:
         refuse_existing(output, force)
-        changes = options.changes() if is_video(source) else {}
-        in_pictures = load_calibration(calibration, changes) if calibration else None
-        motion = read_motion(source, beam, options, facts, in_pictures, gravity_angle is not None or no_gravity)
-        frames = f"{len(motion.time_s)} frames of {motion.kind.replace('_', '-')}"
-        content = {"dataset": output, "states": 0, "frames": len(motion.time_s), "lost": motion.lost_frames}
+        has_gravity = gravity_angle is not None or no_gravity
+        if options.format is None:
+            options.refuse_track_options()
+        read = read_motions(
+            source,
+            beam,
+            facts,
+            calibration=calibration,
+            changes=options.changes(),
+            tool=options.format,
+            placing=options.placing,
+            has_gravity_direction=has_gravity,
+            output=output,
+        )
+        content = {
+            "dataset": output,
+            "states": 0,
+            "motions": len(read.motions),
+            "frames": sum(len(motion.time_s) for motion in read.motions),
+            "lost": sum(motion.lost_frames for motion in read.motions),
+        }
         if states is None:
-            write_motion_dataset(output, motion, beam, in_pictures, gravity_angle, not no_gravity, force)
-            return Result([f"{output}: {frames}"], content)
+            write_motion_dataset(output, read.motions, beam, read.calibration, gravity_angle, not no_gravity, force)
+            return Result([f"{output}: {read.in_words}"], content)
         if options.format is None and not is_video(source):
             raise InputError(
                 f"{source}: --states: a table of a motion holds no states; import them into a dataset of "
@@ -135,9 +150,9 @@ def import_(
                 )
             count = import_points(source, states, tables.beam, gravity_angle, output, force, not no_gravity)
     line = f"{output}: {count} state{'s' if count > 1 else ''}"
-    if motion is not None:
-        add_motion(output, motion, beam)
-        return Result([f"{line}, {frames}"], {**content, "states": count})
+    if read is not None:
+        add_motions(output, read.motions, beam)
+        return Result([f"{line}, {read.in_words}"], {**content, "states": count})
     return Result([line], {"dataset": output, "states": count})
 
 

@@ -18,6 +18,7 @@ from eimi_lab.process.errors import InputError
 # when it opens the first video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
+_MOST_KEPT = 16  # frames in memory at once
 ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 
 
@@ -36,6 +37,38 @@ def frame_times(path: Path) -> NDArray[np.float64]:
     if not times:
         raise InputError(f"{path}: holds no frame that OpenCV can read, or is damaged")
     return np.array(times)
+
+
+def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[int, NDArray[Any]]]:
+    """Return the times of all frames, and every n-th frame by its number.
+
+    Parameters
+    ----------
+    path
+        The video.
+    every
+        The distance n of the frames that are returned. It is doubled whenever there would be more than 16 of them.
+
+    Raises
+    ------
+    InputError
+        If OpenCV cannot read the video.
+    """
+    times: list[float] = []
+    kept: dict[int, NDArray[Any]] = {}
+    with _opened(path) as video:
+        while video.grab():
+            if len(times) % every == 0:
+                decoded, image = video.retrieve()
+                if decoded and image is not None:
+                    kept[len(times)] = image
+                if len(kept) > _MOST_KEPT:
+                    every *= 2
+                    kept = {number: image for number, image in kept.items() if number % every == 0}
+            times.append(video.get(cv2.CAP_PROP_POS_MSEC) / 1000.0)
+    if not kept:
+        raise InputError(f"{path}: holds no frame that OpenCV can read, or is damaged")
+    return np.array(times), kept
 
 
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:

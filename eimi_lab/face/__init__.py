@@ -3,6 +3,7 @@
 given        types and conversion of arguments: paths, names of shipped files, objects that are open or loaded already
 acquiring    open, open_fits, acquire
 segmenting   import_pictures, import_points, segment
+moving       import_motion
 identifying  open_fits, fit, tensile
 discovering  discover
 using        simulate, validate, plan, report, export

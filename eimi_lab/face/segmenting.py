@@ -91,7 +91,7 @@ def import_pictures(
     from eimi_lab.process.outputs import check_distinct
     from eimi_lab.process.progress import progress
 
-    changes = _changes(clamp, axis, region, polarity, channel, beam_colour, along)
+    changes = stated_changes(clamp, axis, region, polarity, channel, beam_colour, along)
     check_distinct(files(source, states, specimen, calibration, dark, flat), [Path(output)])
     if isinstance(calibration, Calibration):
         used_calibration = changed_calibration(calibration, changes)
@@ -215,7 +215,7 @@ def segment(
     InputError
         If the dataset has no frames, or if a file cannot be used.
     """
-    changes = _changes(clamp, axis, region, polarity, channel, beam_colour, along)
+    changes = stated_changes(clamp, axis, region, polarity, channel, beam_colour, along)
     with closed_meanwhile([dataset]) as (path,), TemporaryDirectory() as folder:
         find_edges(
             path,
@@ -246,7 +246,7 @@ def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
     return str(path)
 
 
-def _changes(
+def stated_changes(
     clamp: tuple[float, float] | None,
     axis: float | None,
     region: tuple[int, int, int, int] | None,

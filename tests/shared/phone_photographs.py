@@ -179,22 +179,22 @@ def bent_bodies(scene: PhoneScene) -> list[BentBody]:
 def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> bytes:
     """Return one photograph as JPEG with Exif data."""
     rng = np.random.default_rng([scene.seed, 7])  # the same wall, colours and clamp in all photographs
-    wall, beam = _colours(rng)
-    picture = _wall(scene, wall, rng)
+    behind, beam = colours(rng)
+    picture = wall(scene, behind, rng)
     dense = 3.2 * scene.size[0] / FULL_SIZE[0]
     shadow = np.zeros((scene.size[1], scene.size[0]), np.float32)
     moved = BentBody(body.around + np.array([2.0, 3.0, 4.0]))
-    _cover(shadow, _silhouette(scene, moved), 1.0)
+    cover(shadow, silhouette(scene, moved), 1.0)
     shadow = cv2.GaussianBlur(shadow, (0, 0), 12 * dense)
     picture *= 1.0 - 0.22 * shadow[..., None]
-    clamp = BentBody(_clamp(scene))
-    _paint(picture, _silhouette(scene, clamp), 0.8 * CLAMP_COLOUR)
-    _paint(picture, _silhouette(scene, body), 0.86 * beam)
-    _paint(picture, [scene.to_px(body.around[0])], beam)
+    holder = BentBody(clamp(scene))
+    paint(picture, silhouette(scene, holder), 0.8 * CLAMP_COLOUR)
+    paint(picture, silhouette(scene, body), 0.86 * beam)
+    paint(picture, [scene.to_px(body.around[0])], beam)
     if grams:
         _hang(scene, picture, body.tip, grams)
-    _paint(picture, [scene.to_px(clamp.around[0])], CLAMP_COLOUR)  # the near face lies before the beam
-    _paint_ruler(scene, picture)
+    paint(picture, [scene.to_px(holder.around[0])], CLAMP_COLOUR)  # the near face lies before the beam
+    paint_ruler(scene, picture)
     picture = cv2.GaussianBlur(picture, (0, 0), 0.45 * dense)
     noise = np.random.default_rng([scene.seed, 9, number])
     picture += (1.2 + 0.08 * np.sqrt(picture)) * noise.standard_normal(picture.shape, dtype=np.float32)
@@ -234,14 +234,14 @@ def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, flo
     }
 
 
-def _clamp(scene: PhoneScene) -> Array:
+def clamp(scene: PhoneScene) -> Array:
     """Return the near and the far face of the clamp, (2, 5, 3) in mm in the world."""
     half, z = 0.5 * scene.specimen.width_mm, 0.5 * scene.specimen.depth_mm + BEYOND_MM
     face = np.array([[0.0, -4 * half], [0.0, 4 * half], [-40.0, 4 * half], [-40.0, -4 * half], [0.0, -4 * half]])
     return scene.in_world(np.stack([np.column_stack([face, np.full(5, depth)]) for depth in (-z, z)]))
 
 
-def _colours(rng: np.random.Generator) -> tuple[Array, Array]:
+def colours(rng: np.random.Generator) -> tuple[Array, Array]:
     """Return the colours of the wall and of the beam: blue, green and red."""
     while True:
         wall, beam = rng.uniform(60.0, 215.0, 3), rng.uniform(60.0, 230.0, 3)
@@ -249,7 +249,7 @@ def _colours(rng: np.random.Generator) -> tuple[Array, Array]:
             return wall, beam
 
 
-def _wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[np.float32]:
+def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[np.float32]:
     """Return the wall behind the beam: uneven light, and a grain that the lens does not resolve sharply."""
     width, height = scene.size
     lumps = rng.uniform(-12.0, 12.0, (6, 8, 3)).astype(np.float32)
@@ -259,7 +259,7 @@ def _wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray
     return np.asarray(picture + colour.astype(np.float32), dtype=np.float32)
 
 
-def _silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
+def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
     """Return polygons (n, 2) px whose union is the silhouette of the body: its layers and the faces between them."""
     layers = scene.to_px(body.around)
     polygons = list(layers)
@@ -270,7 +270,7 @@ def _silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
     return polygons
 
 
-def _cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tuple[slice, slice]:
+def cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tuple[slice, slice]:
     """Set the mask to the covered share of each pixel, in the rectangle that is returned."""
     every = np.vstack(polygons)
     limit = np.array(mask.shape[::-1])
@@ -288,9 +288,9 @@ def _cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tu
     return where
 
 
-def _paint(picture: NDArray[np.float32], polygons: list[Array], colour: Array) -> None:
+def paint(picture: NDArray[np.float32], polygons: list[Array], colour: Array) -> None:
     mask = np.zeros(picture.shape[:2], np.float32)
-    where = _cover(mask, polygons, 1.0)
+    where = cover(mask, polygons, 1.0)
     picture[where] += mask[where][..., None] * (colour.astype(np.float32) - picture[where])
 
 
@@ -304,20 +304,20 @@ def _strip(scene: PhoneScene, start: Array, end: Array, half_mm: float) -> Array
 def _hang(scene: PhoneScene, picture: NDArray[np.float32], tip: Array, grams: float) -> None:
     """Draw a thread from the tip and a weight at its end."""
     low = tip + np.array([0.0, 0.45 * scene.specimen.length_mm, 0.0])
-    _paint(picture, [_strip(scene, tip, low, 0.12)], np.array([30.0, 30.0, 30.0]))
+    paint(picture, [_strip(scene, tip, low, 0.12)], np.array([30.0, 30.0, 30.0]))
     weight = 1.2 + grams
-    _paint(
+    paint(
         picture, [_strip(scene, low, low + np.array([0.0, weight, 0.0]), 0.6 * weight)], np.array([96.0, 150.0, 170.0])
     )
 
 
-def _paint_ruler(scene: PhoneScene, picture: NDArray[np.float32]) -> None:
+def paint_ruler(scene: PhoneScene, picture: NDArray[np.float32]) -> None:
     """Draw a ruler of 60 mm above the beam, with ticks at its lower edge."""
     ends = scene.ruler(np.array([-3.0, 63.0]))
     up = np.array([0.0, -1.0, 0.0])
     body = np.array([ends[0], ends[1], ends[1] + 9 * up, ends[0] + 9 * up])
-    _paint(picture, [scene.to_px(body)], np.array([205.0, 225.0, 228.0]))
+    paint(picture, [scene.to_px(body)], np.array([205.0, 225.0, 228.0]))
     ticks = scene.ruler(np.arange(0.0, 61.0))
     lines = [_strip(scene, tick, tick + (5.0 if k % 10 == 0 else 2.5) * up, 0.09) for k, tick in enumerate(ticks)]
     for line in lines:
-        _paint(picture, [line], np.array([35.0, 35.0, 35.0]))
+        paint(picture, [line], np.array([35.0, 35.0, 35.0]))

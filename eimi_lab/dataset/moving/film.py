@@ -28,6 +28,10 @@ _LEAST_SIGMA_MM = 1e-4
 _NORMAL_MEDIAN = 1.4826  # ratio of the standard deviation of a normal distribution to the median of its absolute values
 
 
+class NoBeam(InputError):
+    """A film shows no beam where its calibration says that it is."""
+
+
 @dataclass(frozen=True)
 class Film:
     """The beam in the n frames of a film; NaN where it was not seen.
@@ -69,11 +73,12 @@ def follow_film(
     specimen: SpecimenFile,
     origin: str,
     projection: Projection | None = None,
+    tracker: BeamTracker | None = None,
 ) -> Film:
     """Follow the beam through a film.
 
-    The whole frame is searched for the beam at the beginning, and after the beam was lost. Otherwise the beam is
-    followed from its place in the previous frame.
+    The whole frame is searched for the beam at the beginning, unless a tracker is given, and after the beam was lost.
+    Otherwise the beam is followed from its place in the previous frame.
 
     Parameters
     ----------
@@ -85,14 +90,15 @@ def follow_film(
         Name of the film in messages.
     projection : Projection, optional
         Projection of the colours; by default it is chosen in the first frame.
+    tracker : BeamTracker, optional
+        A tracker that begins with the beam in another frame of the film.
 
     Raises
     ------
-    InputError
+    NoBeam
         If the beam is not found in any of the first frames.
     """
-    frame, length_mm = BeamFrame(calibration), specimen.specimen.length_mm
-    tracker: BeamTracker | None = None
+    length_mm = specimen.specimen.length_mm
     beams: list[SeenBeam | None] = []
     missed = 0
     for image in images:
@@ -101,7 +107,7 @@ def follow_film(
         beam = tracker.follow(image) if tracker else None
         if beam is None or not beam.is_seen:
             if missed % _SEARCH_EVERY == 0:
-                restarted = _start(image, calibration, specimen, frame, projection)
+                restarted = tracker_from(image, calibration, specimen, projection)
                 tracker = restarted or tracker
                 beam = restarted.follow(image) if restarted else None
             missed += 1
@@ -111,10 +117,9 @@ def follow_film(
         if tracker is None and len(beams) >= FIRST_TRIES:
             break
     if tracker is None:
-        raise InputError(
+        raise NoBeam(
             f"{origin}: no beam was found in the first {len(beams)} frames; check clamp, axis and scale of the "
-            "calibration, and --polarity, --channel or --beam-colour; `eimi import --states` of one frame and "
-            "`eimi segment` show where the program looked"
+            "calibration, and --polarity, --channel or --beam-colour"
         )
     missing = np.full((len(tracker.along_mm), 2), np.nan)
     middle, left, right = (
@@ -124,19 +129,15 @@ def follow_film(
     return Film(tracker.along_mm, middle, left, right)
 
 
-def _start(
-    image: NDArray[Any],
-    calibration: Calibration,
-    specimen: SpecimenFile,
-    frame: BeamFrame,
-    projection: Projection | None,
+def tracker_from(
+    image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> BeamTracker | None:
     """Return a tracker that begins with the edges in a frame; None if no edges are detected in the frame."""
     edges = _edges(image, calibration, specimen, projection)
     if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:
         return None
     try:
-        return BeamTracker(image, edges, frame, specimen.specimen.length_mm, projection)
+        return BeamTracker(image, edges, BeamFrame(calibration), specimen.specimen.length_mm, projection)
     except ValueError:  # the edges are those of another body
         return None
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,24 @@ from numpy.typing import NDArray
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.moving.film import Film, follow_film
-from eimi_lab.dataset.moving.free_motion import free_motion
+from eimi_lab.dataset.moving.clicked_line import with_measured_axis
+from eimi_lab.dataset.moving.film import Film, NoBeam, follow_film, tracker_from
+from eimi_lab.dataset.moving.free_motion import FEWEST_FRAMES, free_motions
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
-from eimi_lab.dataset.videos import row_direction, timed_frames
+from eimi_lab.dataset.moving.video_times import recorded_times
+from eimi_lab.dataset.videos import looked_through, row_direction, timed_frames
+from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.progress import Report, progress
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.intensity import camera_grey, is_coloured
+from eimi_lab.vision.projection import choose_projection
+from eimi_lab.vision.tracking.steady_view import MOVED_PX, SteadyView
 
 Array = NDArray[np.float64]
+
+_EVERY = 8  # frames; one of those that are kept shows the beam at rest
+_AT_THE_END = 4  # the last quarter of a recording shows where the beam comes to rest
+_LITTLE = 0.7  # share of the points
 
 
 @dataclass(frozen=True)
@@ -78,8 +89,29 @@ def points_of_film(
     )
 
 
-def read_video_motion(path: Path, calibration: Calibration, specimen: SpecimenFile, facts: MotionFacts) -> Motion:
-    """Read a motion from a video.
+@dataclass(frozen=True)
+class VideoMotions:
+    """The motions in a video.
+
+    Attributes
+    ----------
+    motions : tuple of Motion
+        One for each flick.
+    calibration : Calibration
+        The calibration by which the points are in millimetres.
+    """
+
+    motions: tuple[Motion, ...]
+    calibration: Calibration
+
+
+def read_video_motions(
+    path: Path, calibration: Calibration, specimen: SpecimenFile, facts: MotionFacts, *, is_clicked: bool = False
+) -> VideoMotions:
+    """Read the motions in a video.
+
+    The beam is first searched in a frame near the end, in which it is at rest, and then followed from the first frame.
+    If the camera moved, the picture is moved back. Notes on stderr state what was found.
 
     Parameters
     ----------
@@ -88,30 +120,84 @@ def read_video_motion(path: Path, calibration: Calibration, specimen: SpecimenFi
     calibration, specimen
         Calibration and specimen.
     facts : MotionFacts
-        Facts that the user states; `rate_Hz` replaces the times of the video.
-
-    Returns
-    -------
-    Motion
+        Facts that the user states; `rate_Hz` replaces the rate of the video.
+    is_clicked : bool
+        Whether the calibration is that of clicks, so that the beam at rest shows its axis and its clamp better.
 
     Raises
     ------
     InputError
-        If the video cannot be read, or if the beam is not found in it.
+        If the video cannot be read, or, as a `NoBeam`, if the beam is not found in it.
     """
-    times: list[float] = []
-    film = follow_film(_images(path, times), calibration, specimen, str(path))
-    frame_s = np.arange(len(times)) / facts.rate_Hz if facts.rate_Hz else np.array(times)
-    frame_s = frame_s[: len(film.middle_px)]
+    stored_s, kept = looked_through(path, _EVERY)
+    if len(stored_s) < FEWEST_FRAMES:
+        raise InputError(f"{path}: has {len(stored_s)} frames; a motion needs at least {FEWEST_FRAMES}")
+    frame_s = recorded_times(path, stored_s, facts.rate_Hz)
+    still = _still_frame(kept)
+    coloured = is_coloured(still)
+    reference = still if coloured else camera_grey(still)
+    beam = specimen.specimen
+    projection = choose_projection([reference], calibration, beam.width_mm, beam.length_mm) if coloured else None
+    tracker = tracker_from(reference, calibration, specimen, projection)
+    view = SteadyView(reference, tracker.outline_px) if tracker else None
+    images = (image if coloured else camera_grey(image) for image, _ in timed_frames(path))
+    steadied = images if view is None else map(view.steadied, images)
+    with progress(f"follow the beam in {path.name}", len(frame_s)) as report:
+        film = follow_film(_reported(steadied, report, len(frame_s)), calibration, specimen, str(path), projection,
+                           tracker)  # fmt: skip
+    count = min(len(frame_s), len(film.middle_px))
+    film, frame_s = (
+        Film(film.along_mm, film.middle_px[:count], film.left_px[:count], film.right_px[:count]),
+        frame_s[:count],
+    )
+    _tell_view(path, view, film)
+    if is_clicked:
+        late = film.middle_px[-(count // _AT_THE_END + 1) :]
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # a point that was never seen
+            rest_px = np.nanmedian(late, axis=0)
+        calibration = with_measured_axis(calibration, rest_px, film.along_mm, facts.hanging_N > 0)
     points = points_of_film(film, calibration, frame_s, facts.row_time_s, row_direction(path))
-    return free_motion(points.points_mm, points.rest_mm, points.time_s, points.sigma_mm, facts, str(path))
+    motions = free_motions(points.points_mm, points.rest_mm, points.time_s, points.sigma_mm, facts, str(path))
+    return VideoMotions(motions, calibration)
 
 
-def _images(path: Path, times: list[float]) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a video, grey if the video has no colours, and append the time of each frame to `times`."""
-    frames = timed_frames(path)
-    first, first_s = next(frames)
-    coloured = is_coloured(first)
-    for image, time_s in chain([(first, first_s)], frames):
-        times.append(time_s)
-        yield image if coloured else camera_grey(image)
+def frame_at_rest(path: Path) -> NDArray[Any]:
+    """Return the frame of a video in which the beam is searched first: near the end, in colour.
+
+    Raises InputError if the video cannot be read.
+    """
+    return _still_frame(looked_through(path, _EVERY)[1])
+
+
+def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
+    """Return the frame before the last one of those that were kept: at the very end, a hand may stop the camera."""
+    numbers = sorted(kept)
+    return kept[numbers[max(len(numbers) - 2, 0)]]
+
+
+def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Iterator[NDArray[Any]]:
+    """Yield the frames of a film, and report the progress on a terminal."""
+    for number, image in enumerate(images):
+        yield image
+        if sys.stderr.isatty():
+            report(f"frame {number + 1} of {total}")
+
+
+def _tell_view(path: Path, view: SteadyView | None, film: Film) -> None:
+    """Print notes about a camera that moved, and about a beam that was seen in few frames."""
+    seen = float(np.isfinite(film.middle_px[..., 0]).mean())
+    if seen < _LITTLE:
+        tell(
+            f"note: {path}: the beam was seen in {seen:.0%} of the frames; light, focus, a hand before the beam, or "
+            "motion blur can hide it"
+        )
+    if view is not None and view.moved_px > MOVED_PX:
+        tell(f"note: {path}: the camera moved by up to {view.moved_px:.1f} px; its motion was removed")
+    elif view is not None and not view.is_possible:
+        tell(
+            f"note: {path}: the picture has too few corners outside the beam to see whether the camera moved; a ruler "
+            "or printed paper behind the clamp gives corners"
+        )
+
+
+__all__ = ["FilmedPoints", "NoBeam", "VideoMotions", "frame_at_rest", "points_of_film", "read_video_motions"]

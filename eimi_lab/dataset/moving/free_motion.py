@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.time.measured import Motion
+from eimi_lab.dataset.moving.flicks import parts_of
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.process.errors import InputError, tell
 
@@ -15,6 +16,34 @@ FEWEST_FRAMES = 8
 _NEAR_GREATEST = 0.97  # share of the greatest deflection; a beam released from rest is below it after 0.04 of a period
 _AT_THE_END = 4  # the last quarter of a recording shows where the beam comes to rest
 _GAP = 1.5  # times the usual interval between frames; in a longer interval frames were lost
+
+
+def free_motions(
+    points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
+) -> tuple[Motion, ...]:
+    """Return the free motions of a recording: one for each flick, unless the release is stated.
+
+    See `free_motion`. A note states how many flicks were found.
+    """
+    frame_s = time_s.min(axis=1)
+    alone = facts.kind != "ring_down" or facts.released_s is not None or len(frame_s) < FEWEST_FRAMES
+    parts = [(0, len(frame_s))] if alone or not (np.diff(frame_s) > 0).all() else parts_of(frame_s, points_mm)
+    if len(parts) > 1:
+        tell(
+            f"note: {origin}: the beam was moved {len(parts)} times; each ring-down is stored by itself; --released "
+            "states the time of one release"
+        )
+    return tuple(
+        free_motion(
+            points_mm[first:last],
+            rest_mm,
+            time_s[first:last],
+            sigma_mm[first:last],
+            facts,
+            f"{origin}: flick {number}" if len(parts) > 1 else origin,
+        )
+        for number, (first, last) in enumerate(parts, start=1)
+    )
 
 
 def free_motion(

@@ -9,7 +9,7 @@ import numpy as np
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.csv_tables import Column, Row, read_table
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.moving.free_motion import free_motion
+from eimi_lab.dataset.moving.free_motion import free_motions
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.tracked.points_csv import COLUMNS as STATE_POINT_COLUMNS
 from eimi_lab.dataset.tracked.points_csv import check_on_beam
@@ -26,8 +26,8 @@ POINT_COLUMNS = {
 }
 
 
-def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> Motion:
-    """Read a motion from a table; a point without a row for a frame was not seen in that frame.
+def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> tuple[Motion, ...]:
+    """Read motions from a table; a point without a row for a frame was not seen in that frame.
 
     Parameters
     ----------
@@ -80,4 +80,4 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> M
         sigma[k, p] = row.number("sigma_mm")
         time[k, p] = frame_of(row) / facts.rate_Hz if facts.rate_Hz else row.number("time_s")
     time = np.where(np.isnan(time), np.nanmin(time, axis=1, keepdims=True), time)
-    return free_motion(points, np.array([rest[p] for p in range(len(names))]), time, sigma, facts, str(path))
+    return free_motions(points, np.array([rest[p] for p in range(len(names))]), time, sigma, facts, str(path))

@@ -1,7 +1,8 @@
-"""Write an imported motion into a new dataset, or into a dataset that already holds states of the same beam."""
+"""Write imported motions into a new dataset, or into a dataset that already holds states of the same beam."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
@@ -19,21 +20,21 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 def write_motion_dataset(
     path: Path,
-    motion: Motion,
+    motions: Sequence[Motion],
     specimen: SpecimenFile,
     calibration: Calibration | None = None,
     gravity_angle_deg: float | None = None,
     gravity: bool = True,
     force: bool = False,
 ) -> None:
-    """Write a dataset of a motion without states.
+    """Write a dataset of motions of one kind without states.
 
     Parameters
     ----------
     path : Path
         The dataset.
-    motion : Motion
-        The motion.
+    motions : sequence of Motion
+        At least one motion.
     specimen : SpecimenFile
         The specimen.
     calibration : Calibration, optional
@@ -56,11 +57,14 @@ def write_motion_dataset(
         header = Header(specimen=specimen, calibration=calibration)
         write_points(temporary, header, gravity_angle_deg or 0.0, [], [], gravity)
         with h5py.File(temporary, "r+", libver=WRITTEN_AS) as file:
-            write_motions(file["entry"], motion.kind, [motion], specimen.specimen.length_mm)
+            write_motions(file["entry"], motions[0].kind, motions, specimen.specimen.length_mm)
 
 
-def add_motion(path: Path, motion: Motion, specimen: SpecimenFile) -> None:
-    """Store a motion in an existing dataset of the same beam. Raises InputError if the file cannot be written."""
-    size = motion.points_mm.nbytes + 4 * motion.time_s.nbytes
+def add_motions(path: Path, motions: Sequence[Motion], specimen: SpecimenFile) -> None:
+    """Store motions of one kind in an existing dataset of the same beam.
+
+    Raises InputError if the file cannot be written.
+    """
+    size = sum(motion.points_mm.nbytes + 4 * motion.time_s.nbytes for motion in motions)
     with rewritten(path, size) as entry:
-        write_motions(entry, motion.kind, [motion], specimen.specimen.length_mm)
+        write_motions(entry, motions[0].kind, motions, specimen.specimen.length_mm)

@@ -8,7 +8,7 @@ import numpy as np
 
 from eimi_fitting.time.measured import Motion
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.moving.free_motion import free_motion
+from eimi_lab.dataset.moving.free_motion import free_motions
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.tracked.axes import Placing, place
 from eimi_lab.dataset.tracked.formats import reader_of
@@ -18,8 +18,8 @@ from eimi_lab.process.errors import InputError
 
 def read_tracked_motion(
     source: Path, tool: str, specimen: SpecimenFile, placing: Placing, facts: MotionFacts
-) -> Motion:
-    """Read a motion from the file of a tracking program; points that are not on the undeformed beam are left out.
+) -> tuple[Motion, ...]:
+    """Read motions from the file of a tracking program; points that are not on the undeformed beam are left out.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def read_tracked_motion(
 
     Returns
     -------
-    Motion
+    tuple of Motion
+        One for each flick.
 
     Raises
     ------
@@ -54,4 +55,4 @@ def read_tracked_motion(
     chosen = points_on_beam(placed, list(range(len(frame_s))), specimen, source)
     places = placed.places_mm[:, chosen]
     time_s = np.repeat(frame_s[:, None], len(chosen), axis=1)
-    return free_motion(places, placed.rest_mm[chosen], time_s, placed.sigma_mm[:, chosen], facts, str(source))
+    return free_motions(places, placed.rest_mm[chosen], time_s, placed.sigma_mm[:, chosen], facts, str(source))

@@ -7,7 +7,7 @@ the pixels around the beam are read.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -101,6 +101,7 @@ class BeamTracker:
         step = max(1, len(ordered) // (2 * STATIONS))
         self._curve = curve_through(np.vstack([root, frame.to_px(ordered[step // 2 :: step])]), length_px)
         self._before: BeamCurve | None = None
+        self._first = self._curve
         left, right = (frame.to_px(side.points_mm) for side in (edges.left, edges.right))
         places, normals = self._curve.at(self._along_px)
         near_left, near_right = (_nearest(side, places) for side in (left, right))
@@ -117,12 +118,26 @@ class BeamTracker:
         if self._contrast <= 0.0:
             raise ValueError("the beam does not contrast with its surroundings")
 
+    @property
+    def outline_px(self) -> Array:
+        """A polygon (n, 2) around the beam in the first frame, a width of the beam wider on each side."""
+        places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
+        aside = 3.0 * float(self._half_px.max()) * normals
+        ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
+        return np.vstack([places - aside, places[-1] - aside[-1] + ahead, places[-1] + aside[-1] + ahead,
+                          (places + aside)[::-1]])  # fmt: skip
+
     def follow(self, image: NDArray[Any]) -> SeenBeam:
         """Return the beam in the next frame; most of its points are NaN if the beam was not seen."""
         grey = self._grey(image)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
-        for start, reach in ((predicted, _SEARCH), (self._curve, _SEARCH), (self._curve, _WIDER_SEARCH)):
+        for start, reach in (
+            (predicted, _SEARCH),
+            (self._curve, _SEARCH),
+            (self._curve, _WIDER_SEARCH),
+            (self._first, _WIDER_SEARCH),  # after the beam was hidden
+        ):
             band = self._near(grey, start, reach)
             if band is not None:
                 break
@@ -132,7 +147,8 @@ class BeamTracker:
             return SeenBeam(missing, missing, missing)
         beam, curve = self._on_edges(grey, band, self._smear_px(band))
         if beam.is_seen:
-            self._before, self._curve = self._curve, curve
+            # The points hardly determine the root, and a sudden motion would leave it beside the clamp.
+            self._before, self._curve = self._curve, replace(curve, root_px=self._first.root_px)
         else:
             self._before = None
         return beam

@@ -27,6 +27,8 @@ def chain(folder: Path) -> float:
     )
     taken = eimi.import_pictures(folder, "states.csv", run.specimen, "calibration.toml", "taken.h5", clamp=(1.0, 2.0))
     eimi.import_points("points.csv", "states.csv", "type1", "points.h5", gravity_angle=0.0).close()
+    with eimi.import_motion("flick.mp4", "type1", "flick.h5", along=[(1.0, 2.0), (3.0, 4.0)], rate=240.0) as flick:
+        durations = [motion.duration_s for motion in flick.ring_downs()]
     with eimi.segment(taken, workers=2) as segmented:
         images = segmented.images(0)
     prior = eimi.Prior("C10", 20e3, 500.0)
@@ -45,7 +47,7 @@ def chain(folder: Path) -> float:
     card: str = eimi.export(fits, "yeoh", to="abaqus", bulk_ratio=2000.0)
     names: list[str] = [*eimi.LAWS, *eimi.SUPPLIES, *eimi.CAMERAS, eimi.__version__, terms, card, page.name]
     errors = [own.mean_error_mm for own in judged]
-    print(images.shape, first.model, distances.shape, shapes.shape, planned, names, errors)
+    print(images.shape, first.model, distances.shape, shapes.shape, planned, names, errors, durations)
     return fit.initial_shear_modulus.value
 
 

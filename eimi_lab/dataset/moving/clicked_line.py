@@ -1,0 +1,150 @@
+"""A calibration from points that a person clicked on the beam at rest: its clamp, its direction, and its scale.
+
+A ring-down needs no accurate scale: frequency and loss do not depend on it. The clicks also need not show the direction
+in which the beam leaves its clamp, because the shape of the beam at rest shows it: a uniform load bends a clamped beam
+in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3, a load at its tip in the shape (3 ξ² - ξ³) / 2, where ξ is the distance from the
+clamp over the length (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration, Changes, changed_calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import check
+from eimi_lab.process.errors import InputError
+
+Array = NDArray[np.float64]
+
+_SCALE_SHARE = 0.03  # standard uncertainty of the scale: perspective, clicks, and a chord in place of the arc
+_CLICK_PX = 3.0
+_AXIS_DEG, _GRAVITY_DEG = 1.0, 2.0
+_DOWN_DEG = 90.0
+_LEVEL_DEG = 20.0  # two clicks on a sagging beam are this far from its axis at most
+_SHORTEST_PX = 40.0
+
+
+def clicked_calibration(
+    along_px: Sequence[tuple[float, float]], specimen: SpecimenFile, axis_deg: float | None, origin: str
+) -> Calibration:
+    """Return a calibration from two to six points on the centre line, the first at the clamp and the last at the tip.
+
+    Gravity points down in the picture.
+
+    Parameters
+    ----------
+    along_px : sequence of (float, float)
+        The points, px.
+    specimen : SpecimenFile
+        The specimen; its length gives the scale.
+    axis_deg : float, optional
+        Direction in which the beam leaves its clamp, if the user states it.
+    origin : str
+        Name of the recording in messages.
+
+    Raises
+    ------
+    InputError
+        If the points are too few, or too close to each other.
+    """
+    points = np.array(along_px, float)
+    if not 2 <= len(points) <= 6:
+        raise InputError(f"{origin}: --along has {len(points)} points; give two to six, from the clamp to the tip")
+    length_px = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    if length_px < _SHORTEST_PX:
+        raise InputError(
+            f"{origin}: --along: the points are {length_px:.0f} px apart; the first should be at the clamp and the "
+            "last at the tip of the beam"
+        )
+    scale = length_px / specimen.specimen.length_mm
+    table = {
+        "pixels_per_mm": scale,
+        "clamp_midpoint_px": tuple(points[0].tolist()),
+        "axis_angle_deg": _direction_deg(points) if axis_deg is None else axis_deg,
+        "gravity_angle_deg": _DOWN_DEG,
+        "uncertainty": {
+            "pixels_per_mm": _SCALE_SHARE * scale,
+            "clamp_midpoint_px": _CLICK_PX,
+            "axis_angle_deg": _AXIS_DEG,
+            "gravity_angle_deg": _GRAVITY_DEG,
+        },
+        "picture": {"along_px": tuple(map(tuple, points.tolist()))},
+    }
+    return check(Calibration, table, "", origin)
+
+
+def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) -> Calibration:
+    """Return a calibration from stated values alone, among which are points on the beam; see `clicked_calibration`.
+
+    Parameters
+    ----------
+    changes : mapping
+        Values of a calibration by key; `picture` has `along_px`.
+    specimen, origin
+        See `clicked_calibration`.
+
+    Raises
+    ------
+    InputError
+        See `clicked_calibration`.
+    """
+    calibration = clicked_calibration(changes["picture"]["along_px"], specimen, changes.get("axis_angle_deg"), origin)
+    return changed_calibration(calibration, changes)
+
+
+def _direction_deg(points: Array) -> float:
+    """Return the direction, clockwise from +x, in which a beam through points (n, 2) leaves its clamp."""
+    from_clamp = points[1:] - points[0]
+    chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))
+    if len(points) < 3:
+        upright = 90.0 * round(chord_deg / 90.0)
+        return upright if abs(chord_deg - upright) < _LEVEL_DEG else chord_deg
+    ahead, across = _along_and_across(from_clamp, chord_deg)
+    turn, _ = np.linalg.lstsq(np.column_stack([ahead, _uniform(ahead / ahead[-1])]), across, rcond=None)[0]
+    return chord_deg + float(np.degrees(np.arctan(turn)))
+
+
+def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array, has_tip_load: bool) -> Calibration:
+    """Return a calibration whose axis and clamp are those of the beam at rest.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration from clicks.
+    rest_px : ndarray, shape (p, 2)
+        Points of the centre line at rest; NaN for a point that was not seen.
+    along_mm : ndarray, shape (p,)
+        Their distances from the clamp along the beam.
+    has_tip_load : bool
+        Whether a weight hangs at the tip.
+    """
+    seen = np.isfinite(rest_px[:, 0])
+    if seen.sum() < 6:
+        return calibration
+    clamp, axis_deg = np.array(calibration.clamp_midpoint_px), calibration.axis_angle_deg
+    ahead, across = _along_and_across(rest_px[seen] - clamp, axis_deg)
+    share = along_mm[seen] / along_mm.max()
+    shapes = [np.ones(len(share)), ahead, _uniform(share)] + ([0.5 * (3 - share) * share**2] if has_tip_load else [])
+    offset, turn = np.linalg.lstsq(np.column_stack(shapes), across, rcond=None)[0][:2]
+    normal = np.array([-np.sin(np.radians(axis_deg)), np.cos(np.radians(axis_deg))])
+    moved = clamp + offset * normal
+    return calibration.model_copy(
+        update={
+            "clamp_midpoint_px": (float(moved[0]), float(moved[1])),
+            "axis_angle_deg": axis_deg + float(np.degrees(np.arctan(turn))),
+        }
+    )
+
+
+def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:
+    """Return coordinates along a direction and a quarter turn clockwise of it, of points (n, 2)."""
+    cosine, sine = np.cos(np.radians(axis_deg)), np.sin(np.radians(axis_deg))
+    return from_clamp @ np.array([cosine, sine]), from_clamp @ np.array([-sine, cosine])
+
+
+def _uniform(share: Array) -> Array:
+    return np.asarray((share**4 - 4 * share**3 + 6 * share**2) / 3)

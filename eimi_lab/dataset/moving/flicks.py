@@ -1,0 +1,88 @@
+"""The parts of a recording, one for each time the beam was moved.
+
+A person often flicks a beam several times in one recording. The deflection of the tip is compared with its running
+maximum over one period: it rises at each flick and falls afterwards.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.signal import find_peaks
+
+Array = NDArray[np.float64]
+
+_LEAST = 0.15  # share of the largest flick; smaller motions are not flicks
+_RISE = 3.0  # factor by which the amplitude rises at a flick
+_OVER_NOISE = 8.0
+_FEWEST_PERIODS = 6.0  # in which a part has to show the beam swinging
+
+
+def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
+    """Return the first frame and the frame after the last one of each part.
+
+    Parameters
+    ----------
+    frame_s : ndarray, shape (n,)
+        Times of the frames.
+    points_mm : ndarray, shape (n, p, 2)
+        Places of the points; NaN where a point was not seen.
+
+    Returns
+    -------
+    list of (int, int)
+        In the order of time; the whole recording if the beam was moved once.
+    """
+    whole = [(0, len(frame_s))]
+    moved = _deflection(points_mm)
+    if moved is None:
+        return whole
+    rate_Hz = 1.0 / float(np.median(np.diff(frame_s)))
+    frames = _period(moved, rate_Hz)
+    if not 2 < frames < len(moved) / 12:
+        return whole
+    slow = median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
+    size = maximum_filter1d(np.abs(moved - slow), size=frames | 1)
+    floor = float(np.quantile(size, 0.1))
+    least = max(_LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0)
+    peaks, _ = find_peaks(
+        np.log(np.maximum(size, 1e-9)), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames
+    )
+    if len(peaks) < 2:
+        return whole
+    valleys = [int(first + np.argmin(size[first:last])) for first, last in pairwise(peaks)]
+    ends = [0, *(max(valley - frames // 2, 1) for valley in valleys), len(frame_s)]
+    parts = list(pairwise(ends))
+    long = [
+        (first, last)
+        for (first, last), peak in zip(parts, peaks, strict=True)
+        if last - peak >= _FEWEST_PERIODS * frames
+    ]
+    return long or whole
+
+
+def _deflection(points_mm: Array) -> Array | None:
+    """Return the deflection (n,) of the point that moves most, without gaps; None if no point was seen often."""
+    seen = np.isfinite(points_mm[..., 1])
+    often = seen.mean(axis=0) > 0.5
+    if not often.any():
+        return None
+    spread = np.where(often, np.nanstd(np.where(seen, points_mm[..., 1], np.nan), axis=0), 0.0)
+    place = points_mm[:, int(np.argmax(spread)), 1]
+    good = np.flatnonzero(np.isfinite(place))
+    filled = np.interp(np.arange(len(place)), good, place[good])
+    return np.asarray(filled - np.median(filled))
+
+
+def _period(moved: Array, rate_Hz: float) -> int:
+    """Return the frames in a period of the strongest vibration."""
+    n = len(moved)
+    power = np.abs(np.fft.rfft(np.diff(moved) * np.hanning(n - 1), 2 * n)) ** 2  # a difference suppresses slow motion
+    frequency = np.fft.rfftfreq(2 * n, 1.0 / rate_Hz)
+    power[frequency < 3.0 * rate_Hz / n] = 0.0
+    power[frequency > 0.3 * rate_Hz] = 0.0
+    best = float(frequency[int(np.argmax(power))])
+    return round(rate_Hz / best) if best > 0 else n

@@ -1,0 +1,292 @@
+"""Import the motion of a beam, a ring-down or creep, from a video or from tracked points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from eimi_fitting.time.measured import Kind
+from eimi_lab.config.calibration import Calibration, Changes, changed_calibration, load_calibration
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.face.given import AnyPath, AnySpecimen, files, named_options, specimen_of
+from eimi_lab.face.segmenting import stated_changes
+from eimi_lab.process.errors import InputError
+
+if TYPE_CHECKING:
+    from eimi_fitting.time.measured import Motion
+    from eimi_lab.config.specimen import SpecimenFile
+    from eimi_lab.dataset.moving.motion_facts import MotionFacts
+    from eimi_lab.dataset.tracked.axes import Placing
+
+
+@named_options
+def import_motion(
+    source: AnyPath,
+    specimen: AnySpecimen,
+    output: AnyPath,
+    *,
+    kind: Literal["ring_down", "creep"] = "ring_down",
+    calibration: AnyPath | Calibration | None = None,
+    along: Sequence[tuple[float, float]] | None = None,
+    clamp: tuple[float, float] | None = None,
+    axis: float | None = None,
+    region: tuple[int, int, int, int] | None = None,
+    polarity: Literal["dark", "bright"] | None = None,
+    channel: Literal["red", "green", "blue", "grey"] | None = None,
+    beam_colour: tuple[float, float, float] | None = None,
+    gravity_angle: float | None = None,
+    no_gravity: bool = False,
+    rate: float | None = None,
+    released: float | None = None,
+    hanging: float = 0.0,
+    removed: float = 0.0,
+    exposure: float | None = None,
+    row_time: float = 0.0,
+    format: str | None = None,
+    unit: str | None = None,
+    pixels_per_mm: float | None = None,
+    sigma: float | None = None,
+    rest: int | None = None,
+    plane: str | None = None,
+    force: bool = False,
+) -> Dataset:
+    """Make a dataset from a recorded motion of a beam: a video, or points that were tracked.
+
+    A video needs ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
+
+    Parameters
+    ----------
+    source : str or Path
+        A video; a table (CSV) with the columns time_s, point, x0_mm, y0_mm, x_mm, y_mm and sigma_mm; or, with
+        ``format``, the file of a tracking program.
+    specimen : str, Path or SpecimenFile
+        The beam.
+    output : str or Path
+        The dataset to write.
+    kind : "ring_down" or "creep"
+        Whether the beam swings freely after a flick or a release, or creeps under a load that no longer changes.
+    calibration : str, Path or Calibration
+        Calibration of the pictures.
+    along : sequence of (float, float)
+        Two to six points on the centre line of the beam at rest, from the clamp to the tip, px. Without a calibration
+        they state the clamp, the axis and the scale, and gravity points down in the picture.
+    clamp, axis, region, polarity, channel, beam_colour
+        Values that replace those of the calibration, see `import_pictures`.
+    gravity_angle : float
+        For tracked points: direction of gravity in the beam frame, degrees from +x toward +y; 0 if the beam hangs.
+    no_gravity : bool
+        For tracked points: gravity does not bend the beam.
+    rate : float
+        Frames per second of the recording, if the file states none, or if the file is played slowly.
+    released : float
+        Time in the recording at which the beam was released or its load changed, s. By default, each flick is found.
+    hanging, removed : float
+        Weight that hangs at the tip during the motion, and weight that was taken from the tip at the release, N.
+    exposure : float
+        Exposure time of a frame, s.
+    row_time : float
+        Time from one row of the picture to the next below, s (rolling shutter).
+    format : str
+        Name of the tracking program: dice, ncorr, mudic, dltdv, tracker, deeplabcut or c3d.
+    unit : str
+        Unit of the points of a tracking program: mm, cm, m, in or px.
+    pixels_per_mm : float
+        Scale of points in px, without a calibration.
+    sigma : float
+        Standard deviation of a tracked coordinate, in the unit of the file.
+    rest : int
+        Number of the frame in which the tracked beam is straight.
+    plane : str
+        For points in three dimensions: the plane of bending, such as "xz".
+    force : bool
+        Replace an existing dataset.
+
+    Returns
+    -------
+    Dataset
+        The dataset, open for reading. `Dataset.ring_downs` and `Dataset.creeps` return its motions; `fit` with
+        ``time="prony"`` identifies a law of time.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used. The message says what would be right.
+    """
+    from eimi_lab.dataset.moving.motion_facts import MotionFacts
+    from eimi_lab.dataset.moving.motion_import import write_motion_dataset
+    from eimi_lab.dataset.tracked.axes import Placing
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+
+    path, beam = Path(output), specimen_of(specimen)
+    check_distinct(files(source, specimen, calibration), [path])
+    refuse_existing(path, force)
+    for name, value in (("rate", rate), ("exposure", exposure)):
+        if value is not None and value <= 0.0:
+            raise InputError(f"{source}: {name} = {value:g} should be greater than 0")
+    facts = MotionFacts(
+        kind=kind,
+        rate_Hz=rate,
+        released_s=released,
+        hanging_N=hanging,
+        removed_N=removed,
+        exposure_s=exposure,
+        row_time_s=row_time,
+    )
+    read = read_motions(
+        Path(source),
+        beam,
+        facts,
+        calibration=calibration,
+        changes=stated_changes(clamp, axis, region, polarity, channel, beam_colour, along),
+        tool=format,
+        placing=lambda loaded: Placing(
+            calibration=loaded,
+            unit=unit,
+            pixels_per_mm=pixels_per_mm,
+            clamp=clamp,
+            axis_deg=axis,
+            sigma=sigma,
+            rest=rest,
+            plane=plane,
+        ),
+        has_gravity_direction=gravity_angle is not None or no_gravity,
+        output=path,
+    )
+    write_motion_dataset(path, read.motions, beam, read.calibration, gravity_angle, not no_gravity, force)
+    return open_dataset(path)
+
+
+@dataclass(frozen=True)
+class ReadMotions:
+    """The motions of a source, and the calibration of its pictures."""
+
+    motions: tuple[Motion, ...]
+    calibration: Calibration | None
+
+    @property
+    def in_words(self) -> str:
+        """The number of frames and of motions."""
+        kind: Kind = self.motions[0].kind
+        frames = sum(len(motion.time_s) for motion in self.motions)
+        parts = f" after {len(self.motions)} flicks" if len(self.motions) > 1 else ""
+        lost = sum(motion.lost_frames for motion in self.motions)
+        return f"{frames} frames of {kind.replace('_', '-')}{parts}" + (f", {lost} lost" if lost else "")
+
+
+def read_motions(
+    source: Path,
+    specimen: SpecimenFile,
+    facts: MotionFacts,
+    *,
+    calibration: AnyPath | Calibration | None,
+    changes: Changes,
+    tool: str | None,
+    placing: Callable[[Calibration | None], Placing],
+    has_gravity_direction: bool,
+    output: Path,
+) -> ReadMotions:
+    """Read the motions in a video or in tracked points.
+
+    Parameters
+    ----------
+    source : Path
+        A video, a table of points, or the file of a tracking program.
+    specimen : SpecimenFile
+        The specimen.
+    facts : MotionFacts
+        The facts about the recording that the user stated, such as the frame rate.
+    calibration : str, Path or Calibration, optional
+        The calibration, if the user gave one.
+    changes : mapping
+        Values that replace those of the calibration.
+    tool : str, optional
+        Name of the tracking program.
+    placing : callable
+        Returns how the points of a tracking program are placed, from the calibration.
+    has_gravity_direction : bool
+        Whether the user stated the direction of gravity in the beam frame, or that gravity does not act.
+    output : Path
+        The dataset; a picture for reading off pixels is written beside it.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read, or if an option is missing or superfluous.
+    """
+    from eimi_lab.dataset.listing import is_image, is_video
+
+    if not source.exists():
+        raise InputError(f"{source}: no such file; give a video or tracked points")
+    if source.is_dir() and tool is None:
+        raise InputError(f"{source}: a motion is read from a video or from tracked points, not from a folder of images")
+    if is_image(source):
+        raise InputError(f"{source}: is one image; a motion is read from a video or from tracked points")
+    if is_video(source):
+        if has_gravity_direction:
+            raise InputError(
+                f"{source}: --gravity-angle and --no-gravity: are for tracked points; the calibration of a video "
+                "states the direction of gravity, and without a calibration gravity points down in the picture"
+            )
+        return _of_video(source, specimen, facts, calibration, changes, output)
+    loaded = _loaded(calibration, {}) if calibration is not None else None
+    if loaded is None and not has_gravity_direction:
+        raise InputError(f"{source}: tracked points need --gravity-angle or --no-gravity")
+    if facts.row_time_s or facts.exposure_s:
+        raise InputError(f"{source}: --row-time and --exposure: are for a video, not for tracked points")
+    if tool is not None:
+        from eimi_lab.dataset.moving.tracked_motion import read_tracked_motion
+
+        return ReadMotions(read_tracked_motion(source, tool, specimen, placing(loaded), facts), loaded)
+    from eimi_lab.dataset.moving.motion_csv import read_motion_csv
+
+    if loaded or changes:
+        raise InputError(f"{source}: is in the beam frame; leave out --calibration, --clamp and the like")
+    return ReadMotions(read_motion_csv(source, specimen, facts), None)
+
+
+def _loaded(calibration: AnyPath | Calibration, changes: Changes) -> Calibration:
+    if isinstance(calibration, Calibration):
+        return changed_calibration(calibration, changes)
+    return load_calibration(calibration, changes)
+
+
+def _of_video(
+    source: Path,
+    specimen: SpecimenFile,
+    facts: MotionFacts,
+    calibration: AnyPath | Calibration | None,
+    changes: Changes,
+    output: Path,
+) -> ReadMotions:
+    from eimi_lab.dataset.moving.clicked_line import clicked_from_changes
+    from eimi_lab.dataset.moving.filmed_motion import NoBeam, read_video_motions
+
+    try:
+        if calibration is not None:
+            used, is_clicked = _loaded(calibration, changes), False
+        else:
+            if "along_px" not in changes.get("picture", {}):
+                raise InputError(_where(source, output, "a video needs --along 'X,Y X,Y X,Y', or --calibration"))
+            used, is_clicked = clicked_from_changes(changes, specimen, str(source)), True
+        read = read_video_motions(source, used, specimen, facts, is_clicked=is_clicked)
+    except NoBeam as error:
+        raise InputError(_where(source, output, str(error).removeprefix(f"{source}: "))) from error
+    return ReadMotions(read.motions, read.calibration)
+
+
+def _where(source: Path, output: Path, problem: str) -> str:
+    """Write the frame at rest with rulers, and return a message that asks for points on the beam in it."""
+    import cv2
+
+    from eimi_lab.dataset.moving.filmed_motion import frame_at_rest
+    from eimi_lab.process.outputs import write_file
+    from eimi_lab.vision.ruled_picture import ruled_picture
+
+    picture = output.with_name(f"{output.stem}_where.png")
+    write_file(picture, cv2.imencode(".png", ruled_picture(frame_at_rest(source)))[1].tobytes(), force=True)
+    return (
+        f"{source}: {problem}; {picture} shows the beam at rest with rulers in px: read off three points on its centre "
+        "line, at the clamp, in the middle and at the tip, and give them with --along"
+    )

@@ -1,0 +1,111 @@
+"""Remove the motion of the camera from a recording: what does not belong to the beam stays where it is.
+
+Corners around the beam are followed from a reference frame into each frame by the method of Lucas and Kanade with
+pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a scale are fitted to them; corners that move otherwise,
+such as those of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.intensity import eight_bit
+
+Array = NDArray[np.float64]
+
+MOVED_PX = 0.3
+"""A camera whose picture moves by less counts as fixed: following the corners is hardly more accurate."""
+_CORNERS, _FEWEST = 160, 12
+_QUALITY, _DISTANCE_PX = 0.02, 12
+_WINDOW = (21, 21)
+_LEVELS = 4
+_OFF_PX = 0.8  # a corner farther from its place does not move with the others
+_WIDEST_PX = 1400  # a wider picture is halved before its corners are followed
+
+
+class SteadyView:
+    """The view of a reference frame, into which the other frames of a recording are moved.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (H, W) or (H, W, 3)
+        The frame whose view the others take.
+    outline_px : ndarray, shape (n, 2)
+        A polygon around the part of the picture that moves, in the reference frame; corners within are not used.
+
+    Attributes
+    ----------
+    moved_px : float
+        Largest motion of the picture so far.
+    """
+
+    def __init__(self, reference: NDArray[Any], outline_px: Array) -> None:
+        self._halved = reference.shape[1] > _WIDEST_PX
+        self._reference = self._small(reference)
+        still = np.full(self._reference.shape, 255, np.uint8)
+        cv2.fillPoly(still, [np.rint(outline_px / self._scale).astype(np.int32)], 0)
+        corners = cv2.goodFeaturesToTrack(self._reference, _CORNERS, _QUALITY, _DISTANCE_PX, mask=still)
+        self._corners = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
+        self._to_frame = np.eye(2, 3)
+        self._is_moving = False
+        self.moved_px = 0.0
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the reference frame has enough corners."""
+        return len(self._corners) >= _FEWEST
+
+    def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return a frame as the reference sees it; the frame itself while the camera has not moved."""
+        if not self.is_possible:
+            return image
+        found = self._follow(self._small(image))
+        if found is not None:
+            self._to_frame = found
+            height, width = self._reference.shape
+            ends = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+            moved = ends @ found[:, :2].T + found[:, 2] - ends
+            self.moved_px = max(self.moved_px, self._scale * float(np.hypot(*moved.T).max()))
+            self._is_moving |= self.moved_px > MOVED_PX
+        if not self._is_moving:
+            return image
+        to_frame = self._to_frame.copy()
+        to_frame[:, 2] *= self._scale
+        if self._halved:  # the centre of pixel 0 of the halved picture lies at 0.5 px
+            to_frame[:, 2] += 0.5 - to_frame[:, :2] @ np.full(2, 0.5)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        size = (image.shape[1], image.shape[0])
+        return np.asarray(cv2.warpAffine(image, to_frame, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
+
+    @property
+    def _scale(self) -> float:
+        return 2.0 if self._halved else 1.0
+
+    def _small(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """Return a frame in grey with 8 bits, halved if it is wide."""
+        grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        grey = grey if grey.dtype == np.uint8 else eight_bit(grey)
+        if self._halved:
+            grey = np.asarray(cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        return np.asarray(grey, np.uint8)
+
+    def _follow(self, grey: NDArray[np.uint8]) -> Array | None:
+        """Return the map (2, 3) from the reference to a frame; None if too few corners are seen."""
+        guess = (self._corners @ self._to_frame[:, :2].T + self._to_frame[:, 2]).astype(np.float32)
+        places, seen, _ = cv2.calcOpticalFlowPyrLK(
+            self._reference, grey, self._corners, guess.copy(), winSize=_WINDOW, maxLevel=_LEVELS,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )  # fmt: skip
+        kept = seen.ravel() > 0
+        if kept.sum() < _FEWEST:
+            return None
+        found, inliers = cv2.estimateAffinePartial2D(
+            self._corners[kept], places[kept], method=cv2.RANSAC, ransacReprojThreshold=_OFF_PX / self._scale
+        )
+        if found is None or int(inliers.sum()) < max(_FEWEST, int(kept.sum()) // 4):
+            return None
+        return np.asarray(found, float)

@@ -1,0 +1,99 @@
+"""Change what an MP4 file states about its frames: their times, the rate of the recording, and the orientation.
+
+The boxes are those of ISO/IEC 14496-12: `moov` / `trak` / `mdia` / `minf` / `stbl` / `stts` has the duration of every
+frame, and `tkhd` the matrix by which a viewer turns the frames. Android's camera states the rate of a recording in slow
+motion under the key `com.android.capture.fps` of `moov` / `meta` (android.media.MediaRecorder.setCaptureRate). OpenCV
+writes `moov` at the end of a file, so that its size may change.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+_TURNS = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}
+
+
+def state_times(path: Path, times_s: Sequence[float]) -> None:
+    """State the time of every frame of a video that OpenCV wrote; they rise, and the first one is 0."""
+    content = path.read_bytes()
+    mdhd = content.index(b"mdhd")
+    (per_s,) = struct.unpack_from(">I", content, mdhd + 16)  # version 0: version and flags, two dates, time scale
+    ticks = [round(time * per_s) for time in times_s]
+    last = ticks[-1] - ticks[-2] if len(ticks) > 1 else 1
+    lengths = [after - before for before, after in pairwise(ticks)] + [last]
+    entries = b"".join(struct.pack(">II", 1, length) for length in lengths)
+    table = struct.pack(">II", 0, len(lengths)) + entries
+    _rewrite(path, (b"moov", b"trak", b"mdia", b"minf", b"stbl"), b"stts", lambda _: table)
+    mvhd = content.index(b"mvhd")
+    (of_movie,) = struct.unpack_from(">I", content, mvhd + 16)
+    length, of_media = round(sum(lengths) * of_movie / per_s), sum(lengths)
+
+    def put(at: int, value: int) -> Callable[[bytes], bytes]:
+        return lambda body: body[:at] + struct.pack(">I", value) + body[at + 4 :]
+
+    _rewrite(path, (b"moov",), b"mvhd", put(16, length))
+    _rewrite(path, (b"moov", b"trak"), b"tkhd", put(20, length))
+    _rewrite(path, (b"moov", b"trak", b"edts"), b"elst", put(8, length))
+    _rewrite(path, (b"moov", b"trak", b"mdia"), b"mdhd", put(16, of_media))
+
+
+def state_capture_rate(path: Path, rate_Hz: float) -> None:
+    """State the rate of the recording, as Android does for slow motion."""
+    name = b"com.android.capture.fps"
+    handler = _box(b"hdlr", struct.pack(">II4s12x", 0, 0, b"mdta") + b"\0")
+    keys = _box(b"keys", struct.pack(">II", 0, 1) + struct.pack(">I", 8 + len(name)) + b"mdta" + name)
+    data = _box(b"data", struct.pack(">II", 23, 0) + struct.pack(">f", rate_Hz))  # 23: a float of 32 bits
+    meta = _box(b"meta", handler + keys + _box(b"ilst", _box(struct.pack(">I", 1), data)))
+    content = path.read_bytes()
+    at = _find(content, 0, len(content), b"moov")
+    (size,) = struct.unpack_from(">I", content, at)
+    moov = content[at : at + size] + meta
+    path.write_bytes(content[:at] + struct.pack(">I", len(moov)) + moov[4:] + content[at + size :])
+
+
+def state_turn(path: Path, turn_deg: int) -> None:
+    """State by how many degrees, clockwise, a viewer has to turn the frames."""
+    a, b, c, d = (value * 0x10000 for value in _TURNS[turn_deg])
+    matrix = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 0x40000000)
+
+    def turned(body: bytes) -> bytes:
+        return body[:40] + matrix + body[76:]
+
+    _rewrite(path, (b"moov", b"trak"), b"tkhd", turned)
+
+
+def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable[[bytes], bytes]) -> None:
+    """Replace the body of a box, and correct the sizes of the boxes that contain it."""
+    content = bytearray(path.read_bytes())
+    begin, end, starts = 0, len(content), []
+    for parent in parents:
+        at = _find(content, begin, end, parent)
+        starts.append(at)
+        begin, end = at + 8, at + struct.unpack_from(">I", content, at)[0]
+    at = _find(content, begin, end, name)
+    (size,) = struct.unpack_from(">I", content, at)
+    replaced = _box(name, change(bytes(content[at + 8 : at + size])))
+    for start in starts:
+        struct.pack_into(">I", content, start, struct.unpack_from(">I", content, start)[0] + len(replaced) - size)
+    content[at : at + size] = replaced
+    path.write_bytes(bytes(content))
+
+
+def _find(content: bytes | bytearray, begin: int, end: int, name: bytes) -> int:
+    """Return where the box of a name begins between two places."""
+    at = begin
+    while at + 8 <= end:
+        size, kind = struct.unpack_from(">I4s", content, at)
+        if kind == name:
+            return at
+        if size == 1:
+            (size,) = struct.unpack_from(">Q", content, at + 8)
+        at += size or end
+    raise ValueError(f"no box {name!r}")
+
+
+def _box(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I4s", 8 + len(body), name) + body
