@@ -16,6 +16,7 @@ edges               error of the edges on rendered frames
 real_pictures       edges found in other people's photographs, compared with traced ones
 photographs         error of the edges in rendered photographs of coloured beams
 phone               fits of rendered photographs of a phone, with weights
+flick               fits of rendered videos of a phone: a flicked strip
 lab_photographs     rendered photographs, each with one difficulty of a laboratory
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper

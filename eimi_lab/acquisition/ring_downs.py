@@ -22,27 +22,10 @@ from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, wait_until_settled
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.config.protocol import RingDown
 from eimi_lab.dataset.frame_stream import FrameStream
+from eimi_lab.dataset.moving.recording_checks import LOST, SLOW
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.steps import RingDownStep, SetPoint
-from eimi_lab.vision.check import Check, Severity
 
-LOST = Check(
-    name="RING_DOWN_LOST",
-    finding="lost_frames",
-    quantity="number of frames of a ring-down that the camera counted and that did not arrive",
-    limit=0.0,
-    remedy="Lower the frame rate or the region of the camera, or remove other devices from its bus.",
-    severity=Severity.NOTE,
-)
-SLOW = Check(
-    name="RING_DOWN_SLOW",
-    finding="rate_share",
-    quantity="frames per second of a ring-down, as a share of ring_down.rate_Hz",
-    limit=0.95,
-    below=True,
-    remedy="Set frame_rate_Hz in [camera] of the rig, and an exposure that allows it.",
-    severity=Severity.NOTE,
-)
 _LOOK_EVERY_S, _EARLY_S = 0.1, 0.5  # the other thread checks the supply earlier than the thread of the run would
 _NO_IMAGE = np.zeros((0, 0), np.uint8)  # stored in place of the image, which would stay in memory
 _SAME_PACE = 0.02  # largest difference of a camera's clock from that of the run, as a share

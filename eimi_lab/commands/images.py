@@ -83,6 +83,7 @@ def import_(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
     from eimi_lab.dataset.moving.motion_import import add_motions, write_motion_dataset
+    from eimi_lab.dataset.moving.recording_checks import flagged_lines
     from eimi_lab.dataset.tracked.points_csv import import_points
     from eimi_lab.face.moving import read_motions
     from eimi_lab.process.outputs import check_distinct, refuse_existing
@@ -117,7 +118,7 @@ def import_(
         }
         if states is None:
             write_motion_dataset(output, read.motions, beam, read.calibration, gravity_angle, not no_gravity, force)
-            return Result([f"{output}: {read.in_words}"], content)
+            return Result([f"{output}: {read.in_words}", *flagged_lines(read.motions)], content)
         if options.format is None and not is_video(source):
             raise InputError(
                 f"{source}: --states: a table of a motion holds no states; import them into a dataset of "
@@ -152,7 +153,7 @@ def import_(
     line = f"{output}: {count} state{'s' if count > 1 else ''}"
     if read is not None:
         add_motions(output, read.motions, beam)
-        return Result([f"{line}, {read.in_words}"], {**content, "states": count})
+        return Result([f"{line}, {read.in_words}", *flagged_lines(read.motions)], {**content, "states": count})
     return Result([line], {"dataset": output, "states": count})
 
 
@@ -417,6 +418,7 @@ def segment(
 
     The edges are stored in the dataset. So are the dark frame and the flat field, if they are given.
     """
+    from eimi_lab.dataset.moving.recording_checks import flagged_lines
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.face.segmenting import find_edges
     from eimi_lab.vision.check import Severity, leaves_out
@@ -439,14 +441,15 @@ def segment(
     flagged = sum(any(flag.severity is not Severity.NOTE for flag in edge_set.flags) for edge_set in edge_sets)
     unusable = sum(leaves_out(edge_set.flags) for edge_set in edge_sets)
     with open_dataset(dataset) as opened:
-        colours, ring_downs, creeps = opened.projection(), len(opened.ring_downs()), len(opened.creeps())
+        colours, ring_downs, creeps = opened.projection(), opened.ring_downs(), opened.creeps()
     lines = list(restated)
     lines += [] if colours is None else [f"colours seen as one: {colours}"]
     lines.append(
         f"{dataset}: edges of {total} state{'s' if total > 1 else ''}, {flagged} with flags, {unusable} unusable"
     )
     if ring_downs or creeps:
-        lines.append(f"{dataset}: points of {ring_downs} ring-downs and {creeps} creep records")
+        lines.append(f"{dataset}: points of {len(ring_downs)} ring-downs and {len(creeps)} creep records")
+        lines += flagged_lines([*ring_downs, *creeps])
     flags = [[flag.name for flag in edge_set.flags] for edge_set in edge_sets]
     return Result(
         lines,
@@ -456,8 +459,9 @@ def segment(
             "flagged": flagged,
             "unusable": unusable,
             "flags": flags,
-            "ring_downs": ring_downs,
-            "creeps": creeps,
+            "ring_downs": len(ring_downs),
+            "creeps": len(creeps),
+            "lost": [motion.lost_frames for motion in (*ring_downs, *creeps)],
             "restated": restated,
         },
     )

@@ -242,7 +242,9 @@ def read_motions(
     from eimi_lab.dataset.moving.motion_csv import read_motion_csv
 
     if loaded or changes:
-        raise InputError(f"{source}: is in the beam frame; leave out --calibration, --clamp and the like")
+        raise InputError(
+            f"{source}: is in the beam frame; leave out --calibration, --clamp and the other options that place points"
+        )
     return ReadMotions(read_motion_csv(source, specimen, facts), None)
 
 

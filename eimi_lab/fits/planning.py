@@ -6,7 +6,7 @@ The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.planning.design_of_experiment import (
     MODULUS,
     Candidates,
@@ -34,6 +35,7 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import to_toml
 from eimi_lab.fits.evidence import FEWEST_STATES
 from eimi_lab.fits.fits_file import AnyFit
+from eimi_lab.fits.planned_ring_down import ExpectedRingDown, expected_ring_down
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -91,6 +93,10 @@ class PlannedRun:
         discriminate between two laws: the expected difference of AIC in favour of the first.
     effects_percent : dict of float
         Standard deviation of the goal due to each source of uncertainty in per cent, the largest first.
+    signed_percent : dict of float
+        Change of the goal if each source deviates by its standard uncertainty, in per cent.
+    ring_down : ExpectedRingDown or None
+        The intervals with a ring-down in zero field; of the best run alone, and only if the goal is the modulus.
     """
 
     mounting: Mounting
@@ -98,6 +104,8 @@ class PlannedRun:
     expected: float
     spaced: float
     effects_percent: dict[str, float]
+    signed_percent: dict[str, float] = field(default_factory=dict)
+    ring_down: ExpectedRingDown | None = None
 
 
 @dataclass(frozen=True)
@@ -226,7 +234,33 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
     runs = [run for mounting in choices if (run := _planned(goal, mounting, rig, currents, states))]
     if not runs:
         raise InputError("the beam has an equilibrium in too few states: set a lower limit, or choose another mounting")
-    return sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
+    best, *others = sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
+    return [_with_ring_down(goal, best, rig), *others]
+
+
+def _with_ring_down(goal: Goal, run: PlannedRun, rig: Rig) -> PlannedRun:
+    """Add the intervals with a ring-down, if the goal is the modulus."""
+    if goal.rival or goal.parameter != MODULUS:
+        return run
+    mounting = run.mounting
+    expected = expected_ring_down(
+        _law(goal.fit),
+        mounting.specimen.mechanics(),
+        mounting.gravity_angle_deg,
+        mounting.tip_force_N,
+        _stated(mounting, rig),
+        run.expected,
+        run.signed_percent,
+    )
+    return replace(run, ring_down=expected)
+
+
+def _stated(mounting: Mounting, rig: Rig) -> tuple[StatedSource, ...]:
+    return (
+        *mounting.specimen.stated_sources(),
+        *rig.calibration.stated_sources(),
+        *stated_by_rig(rig.text, rig.name, rig.calibration.mT_per_A),
+    )
 
 
 def _currents(rig: Rig, protocol: Protocol) -> Array:
@@ -246,11 +280,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         mounting.tip_force_N,
     )
     loads = in_stated_field(loads, rig.calibration, mounting.specimen.mechanics())
-    stated = (
-        *mounting.specimen.stated_sources(),
-        *rig.calibration.stated_sources(),
-        *stated_by_rig(rig.text, rig.name, constant),
-    )
+    stated = _stated(mounting, rig)
     specimen = mounting.specimen.mechanics()
     law, noise = _law(goal.fit), _noise(goal.fit)
     criterion: Candidates | Rivals
@@ -272,6 +302,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         expected=score(choice),
         spaced=score(spaced),
         effects_percent=criterion.effects_percent(choice) if isinstance(criterion, Candidates) else {},
+        signed_percent=criterion.signed_effects_percent(choice) if isinstance(criterion, Candidates) else {},
     )
 
 
@@ -332,6 +363,8 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
     effects = [f"{name} {effect:.2g} %" for name, effect in list(best.effects_percent.items())[:3] if effect > 0]
     if effects:
         lines.append(f"largest sources of uncertainty, as standard deviations: {', '.join(effects)}")
+    if best.ring_down:
+        lines.append(best.ring_down.in_words)
     return lines
 
 
@@ -349,6 +382,7 @@ def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
                 "expected": run.expected,
                 "equally_spaced": run.spaced,
                 "effects_percent": run.effects_percent,
+                "ring_down": run.ring_down and asdict(run.ring_down),
             }
             for run in runs
         ],

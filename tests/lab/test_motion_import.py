@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -178,3 +179,30 @@ def test_a_motion_survives_recovery(run: Run, files: Path) -> None:
     with open_dataset(files / "whole.h5") as dataset:
         (after,) = dataset.ring_downs()
     np.testing.assert_array_equal(after.points_mm, before.points_mm)
+
+
+def test_lost_frames_are_counted_and_flagged_in_the_file(run: Run, files: Path) -> None:
+    places = swing()
+    table = write_table(files / "flick.csv", places)
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join(line for line in lines if not line.startswith(("0.5000,", "0.5100,"))))
+    code, said = imported(run, files, table, "--ring-down")
+    assert code == 0, said
+    assert ring_down(files).lost_frames == 2
+    with h5py.File(files / "out.h5") as stored:
+        motion = stored["entry/ring_down_points/0"]
+        assert (motion.attrs["lost_frames"], motion["flags"].asstr()[()]) == (2, "RING_DOWN_LOST")
+
+
+def test_each_of_several_flicks_is_a_ring_down(run: Run, files: Path) -> None:
+    first = swing(240)
+    second = 0.6 * (first - REST_MM) + REST_MM
+    second[..., 1] -= 0.4 * 2.0 * cantilever_modes(REST_MM[:, 0] / 10.0)[:, 0]
+    code, said = imported(run, files, write_table(files / "flick.csv", np.concatenate([first, second])), "--ring-down")
+    assert code == 0, said
+    assert "the beam was moved 2 times" in said
+    with open_dataset(files / "out.h5") as dataset:
+        motions = dataset.ring_downs()
+    assert [motion.label.rpartition(": ")[2] for motion in motions] == ["flick 1", "flick 2"]
+    for motion, size in zip(motions, (1.5, 0.9), strict=True):
+        assert motion.points_mm[0, 1, 1] - motion.points_mm[-1, 1, 1] == pytest.approx(size, rel=0.15)

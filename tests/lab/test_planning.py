@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
+from eimi_fitting.inference.planning.design_of_experiment import KnownLaw
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
@@ -19,6 +21,7 @@ from eimi_lab.dataset.state import State
 from eimi_lab.fits import planning
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fits_file import Fits, read_fits_file
+from eimi_lab.fits.planned_ring_down import expected_ring_down
 from eimi_lab.fits.planning import Goal
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import StatesUsed
@@ -69,6 +72,27 @@ def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch
     (planned,) = json.loads(capsys.readouterr().out)["runs"]
     assert planned["expected"] < 0.99 * planned["equally_spaced"]  # a state without current would be wasted
     assert len(planned["currents_A"]) == 3
+    assert planned["ring_down"]["without_percent"] == planned["expected"]
+
+
+def test_a_ring_down_removes_the_uncertainty_of_the_moment(fits: Path, run, tmp_path: Path) -> None:
+    known = KnownLaw(LAWS["neo-hookean"], np.array([46.4e3]))
+    specimen = load_specimen("bench_example")
+    beam, stated = specimen.mechanics(), specimen.stated_sources()
+    static = {"remanence": -5.0, "width": -2.0}
+    whole = NORMAL_95 * np.hypot(5.0, 2.0)
+    expected = expected_ring_down(known, beam, 0.0, 0.0, stated, whole, static)
+    assert expected is not None
+    assert expected.with_percent < 0.6 * whole
+    assert expected.moment_percent is not None
+    # A ring-down does not contain the moment: nothing changes if its stated uncertainty is larger.
+    less_known = expected_ring_down(
+        known, beam, 0.0, 0.0, stated, NORMAL_95 * np.hypot(9.0, 2.0), {**static, "remanence": 9.0}
+    )
+    assert less_known is not None
+    assert less_known.dynamic_percent == expected.dynamic_percent
+    assert less_known.moment_percent == pytest.approx(expected.moment_percent)
+    assert expected.with_percent <= less_known.with_percent < 1.25 * expected.with_percent
 
 
 def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_uncertain(

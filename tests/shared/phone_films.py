@@ -329,8 +329,12 @@ def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axi
     return HiddenStrip(specimen, instantaneous_Pa, series, rest, changes[0], changes[1], (rates[0], rates[1]))
 
 
-def drawn_film(seed: int) -> PhoneFilm:
-    """Draw a recording: a strip that sags by 3 to 10 % of its length, and a phone at 120 or 240 Hz on a support."""
+def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
+    """Draw a recording: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
+
+    ``share`` scales the size of the frames.
+    """
+    size = (round(SIZE[0] * share), round(SIZE[1] * share))
     rng = np.random.default_rng([seed, 31])
     length, depth = rng.uniform(38, 60), rng.uniform(8.0, 14.0)
     width = length * rng.uniform(0.11, 0.16)
@@ -344,8 +348,8 @@ def drawn_film(seed: int) -> PhoneFilm:
     clamp_deg = float(rng.normal(0.0, 1.0))
     strip = hidden_strip(specimen, dynamic_Pa / float(series.ratio(0.02)), series, clamp_deg)
     equivalent = rng.choice([24.0, 26.0, 28.0, 52.0])
-    focal_px = 1.15 * equivalent / DIAGONAL_35MM * float(np.hypot(*SIZE))  # a video shows a part of the sensor
-    far = max(150.0, rng.uniform(1.5, 2.2) * length * focal_px / SIZE[0])
+    focal_px = 1.15 * equivalent / DIAGONAL_35MM * float(np.hypot(*size))  # a video shows a part of the sensor
+    far = max(150.0, rng.uniform(1.5, 2.2) * length * focal_px / size[0])
     angles = np.radians(rng.normal(0.0, [1.0, 1.0, 1.0]))
     turned = np.asarray(cv2.Rodrigues(angles)[0])
     aim = np.array([rng.uniform(0.4, 0.6) * length, rng.uniform(-0.1, 0.1) * length, 0.0])
@@ -353,7 +357,7 @@ def drawn_film(seed: int) -> PhoneFilm:
         modulus_Pa=strip.dynamic_Pa,
         specimen=specimen,
         grams=(),
-        size=SIZE,
+        size=size,
         focal_px=focal_px,
         stated_focal_mm=round(equivalent),
         camera_mm=aim - turned.T @ np.array([0.0, 0.0, far]),
@@ -371,7 +375,7 @@ def drawn_film(seed: int) -> PhoneFilm:
         rate_Hz=rate,
         flicks_mm=(float(rng.uniform(0.05, 0.12)) * length,),
         exposure_s=1.0 / float(rng.uniform(300, 1000)),
-        row_time_s=0.6 / rate / SIZE[1],
+        row_time_s=0.6 / rate / size[1],
         seed=seed,
     )
 
@@ -392,11 +396,12 @@ SIGMAS = {"length_mm": 0.15, "width_mm": 0.03, "depth_mm": 0.05, "density_kg_m3"
 """Standard uncertainties of what is typed."""
 
 
-def clicked_line(film: PhoneFilm, rng: np.random.Generator, sigma_px: float = 2.0) -> tuple[tuple[float, float], ...]:
+def clicked_line(film: PhoneFilm, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
     """Return where a person clicks on the strip at rest: at the clamp, in the middle, and at the tip."""
     near = film.at_rest.around[0]
     lower, upper = near[:_STATIONS], near[_STATIONS:][::-1]
     middle = film.scene.to_px(0.5 * (lower + upper))
+    sigma_px = 2.0 * film.scene.size[0] / SIZE[0]
     clicks = middle[[0, _STATIONS // 2, -1]] + sigma_px * rng.standard_normal((3, 2))
     return tuple((float(x), float(y)) for x, y in clicks.round(1))
 

@@ -12,5 +12,6 @@ film              points of the beam in every frame of a film
 flicks            the parts of a recording, one for each time the beam was moved
 filmed_motion     motions from films
 recorded_motion   motions from the recorded frames of a run
+recording_checks  frames that were lost, and a camera that was too slow
 motion_import     write an imported motion into a dataset
 """

@@ -132,12 +132,11 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
     offset, turn = np.linalg.lstsq(np.column_stack(shapes), across, rcond=None)[0][:2]
     normal = np.array([-np.sin(np.radians(axis_deg)), np.cos(np.radians(axis_deg))])
     moved = clamp + offset * normal
-    return calibration.model_copy(
-        update={
-            "clamp_midpoint_px": (float(moved[0]), float(moved[1])),
-            "axis_angle_deg": axis_deg + float(np.degrees(np.arctan(turn))),
-        }
-    )
+    places = {
+        "clamp_midpoint_px": (float(moved[0]), float(moved[1])),
+        "axis_angle_deg": axis_deg + float(np.degrees(np.arctan(turn))),
+    }
+    return changed_calibration(calibration, places)
 
 
 def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:

@@ -42,7 +42,7 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
         return whole
     rate_Hz = 1.0 / float(np.median(np.diff(frame_s)))
     frames = _period(moved, rate_Hz)
-    if not 2 < frames < len(moved) / 12:
+    if not 2 < frames < len(moved) / (2 * _FEWEST_PERIODS):
         return whole
     slow = median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
     size = maximum_filter1d(np.abs(moved - slow), size=frames | 1)

@@ -2,7 +2,8 @@
 
 The groups are named 0, 1, … . Each is an NXdata with `points` (n, p, 2), their `time` and `sigma` (n, p), their places
 in the undeformed beam `rest` (p, 2), and the set-points before the step `history` (h, 2: time, current). Single
-values are attributes. `tip_angle` and `modal_amplitudes` are computed from the points; they are stored for viewers.
+values are attributes; `flags` names the checks that the recording did not pass. `tip_angle` and `modal_amplitudes` are
+computed from the points; they are stored for viewers.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from eimi_fitting.time.measured import Kind, Motion
 from eimi_lab.dataset.layout import get_text, group, put_text
 from eimi_lab.dataset.moving.beam_modes import modal_amplitudes_mm, tip_angles_deg
+from eimi_lab.dataset.moving.recording_checks import flag_names
 
 GROUPS: dict[Kind, str] = {"ring_down": "ring_down_points", "creep": "creep_points"}
 
@@ -59,6 +61,7 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
         store.attrs[name] = getattr(motion, name)
     store.attrs["exposure_s"] = np.nan if motion.exposure_s is None else motion.exposure_s
     put_text(store, "label", motion.label)
+    put_text(store, "flags", " ".join(flag_names(motion)))
 
 
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from eimi_lab.config.toml import parse_table
+from eimi_lab.dataset.moving.recording_checks import recordings_in_words
 from eimi_lab.fits.measured_record import MeasuredField, MeasuredTemperature
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.panel import DatasetPanel
@@ -24,6 +25,8 @@ def facts(contents: DatasetContents) -> Facts:
     rows += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
     rows += [("gravity", gravity), ("states", states)]
     rows += _measured(contents)
+    motions = (*dataset.ring_downs(), *dataset.creeps())
+    rows += [("ring-downs and creep", recordings_in_words(motions))] if motions else []
     note = dataset.text("user_note")
     rows += [("operator's note", note)] if note else []
     rows += [("corrected", words) for words in dataset.corrections()]

@@ -7,6 +7,7 @@ length is therefore the same material point while the beam bends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 DEGREE = 6
 _NODES = 129
 _STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
+
+_OF_NODES = chebyshev.chebvander((2.0 * np.arange(_NODES - 1) + 1.0) / (_NODES - 1.0) - 1.0, DEGREE)
+"""Polynomials in the middle between two nodes, (nodes - 1, DEGREE + 1)."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class BeamCurve:
 
     def at(self, along_px: Array) -> tuple[Array, Array]:
         """Return places and unit normals (p, 2) at arc lengths (p,), px."""
-        nodes, places = self._integrated()
+        nodes, places = self._integrated
         direction = self._direction(along_px)
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
         return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
@@ -63,12 +67,10 @@ class BeamCurve:
         weight : ndarray, shape (p,)
             Weight of each point; 0 for a point that is not used.
         """
-        nodes, _ = self._integrated()
-        middle = 0.5 * (nodes[1:] + nodes[:-1])
-        direction = self._direction(middle)
-        change = chebyshev.chebvander(2.0 * middle / self.length_px - 1.0, DEGREE)  # of the direction
-        step = np.diff(nodes)[:, None, None]
-        velocity = np.stack([-np.sin(direction), np.cos(direction)], axis=1)[:, :, None] * change[:, None, :] * step
+        nodes, _ = self._integrated
+        direction = _OF_NODES @ self.coefficients
+        velocity = np.stack([-np.sin(direction), np.cos(direction)], axis=1)[:, :, None] * _OF_NODES[:, None, :]
+        velocity *= nodes[1]
         moved = np.concatenate([np.zeros((1, 2, DEGREE + 1)), np.cumsum(velocity, axis=0)])
         at = np.clip(np.rint(along_px / nodes[1]).astype(int), 0, len(nodes) - 1)
         _, normals = self.at(along_px)
@@ -88,11 +90,12 @@ class BeamCurve:
         )
 
     def _direction(self, along_px: Array) -> Array:
-        return np.asarray(chebyshev.chebval(2.0 * along_px / self.length_px - 1.0, self.coefficients))
+        return np.asarray(chebyshev.chebvander(2.0 * along_px / self.length_px - 1.0, DEGREE) @ self.coefficients)
 
+    @cached_property
     def _integrated(self) -> tuple[Array, Array]:
         nodes = np.linspace(0.0, self.length_px, _NODES)
-        direction = self._direction(0.5 * (nodes[1:] + nodes[:-1]))
+        direction = _OF_NODES @ self.coefficients
         steps = np.column_stack([np.cos(direction), np.sin(direction)]) * nodes[1]
         return nodes, self.root_px + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 

@@ -31,6 +31,7 @@ _FEWEST = 0.5  # smallest share of the stations at which the beam has to be seen
 _LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
 _SEARCH = 1.0  # largest shift in the first search, in widths of the beam
 _WIDER_SEARCH = 3.0
+_MARGIN_PX = 30.0  # of the pictures beyond a search
 _CLOSE_PX = 1.0  # the edges are measured again if the curve was farther from their middle
 _OFF_CURVE_PX = 3.0  # an edge point farther from the smooth curve is dirt or a reflection
 
@@ -111,7 +112,7 @@ class BeamTracker:
         self._half_px = np.maximum(np.median(self._half_px) * 0.5, self._half_px)
         self._left_sign = float(np.sign(np.median(_across(near_left, places, normals)))) or 1.0
         self._polarity = 1.0
-        contrasts = [self._bands(self._grey(image), self._curve, 1.0, sign)[1] for sign in (1.0, -1.0)]
+        contrasts = [self._bands(self._grey(image, 1.0), self._curve, 1.0, sign)[1] for sign in (1.0, -1.0)]
         best = int(np.argmax([np.median(contrast) for contrast in contrasts]))
         self._polarity = (1.0, -1.0)[best]
         self._contrast = float(np.median(contrasts[best]))
@@ -129,7 +130,7 @@ class BeamTracker:
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
         """Return the beam in the next frame; most of its points are NaN if the beam was not seen."""
-        grey = self._grey(image)
+        grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
         for start, reach in (
@@ -138,6 +139,8 @@ class BeamTracker:
             (self._curve, _WIDER_SEARCH),
             (self._first, _WIDER_SEARCH),  # after the beam was hidden
         ):
+            if reach > _SEARCH:
+                grey = self._grey(image, reach)
             band = self._near(grey, start, reach)
             if band is not None:
                 break
@@ -153,9 +156,23 @@ class BeamTracker:
             self._before = None
         return beam
 
-    def _grey(self, image: NDArray[Any]) -> NDArray[Any]:
+    def _grey(self, image: NDArray[Any], widths: float) -> NDArray[Any]:
+        """Return one channel (H, W) of a frame; of a colour picture only the part that a search may read."""
         if image.ndim == 2:
             return image
+        if image.dtype != np.uint8:  # the full scale of other pictures depends on all pixels
+            return self._projected(image)
+        reach = 2.0 * (widths + 1.0) * float(self._half_px.max()) + _MARGIN_PX
+        places = np.vstack([curve.at(self._along_px)[0] for curve in (self._first, self._curve)])
+        low = np.maximum(np.floor(places.min(axis=0) - reach), 0.0).astype(int)
+        high = np.maximum(np.ceil(places.max(axis=0) + reach).astype(int), low)
+        part = slice(low[1], high[1]), slice(low[0], high[0])
+        grey = np.zeros(image.shape[:2], np.float32)
+        if grey[part].size:
+            grey[part] = self._projected(image[part])
+        return grey
+
+    def _projected(self, image: NDArray[Any]) -> NDArray[np.float32]:
         if self._projection is None:
             return np.asarray(image.mean(axis=2, dtype=np.float32))
         return self._projection.apply(image)

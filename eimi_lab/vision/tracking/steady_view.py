@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 MOVED_PX = 0.3
 """A camera whose picture moves by less counts as fixed: following the corners is hardly more accurate."""
-_CORNERS, _FEWEST = 160, 12
+_CORNERS, _FEWEST = 80, 12
 _QUALITY, _DISTANCE_PX = 0.02, 12
-_WINDOW = (21, 21)
-_LEVELS = 4
+_WINDOW = (15, 15)
+_LEVELS = 3
 _OFF_PX = 0.8  # a corner farther from its place does not move with the others
 _WIDEST_PX = 1400  # a wider picture is halved before its corners are followed
 

@@ -168,9 +168,14 @@ class Candidates:
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the standard deviation of the goal due to each source, in per cent, largest first."""
+        signed = self.signed_effects_percent(choice)
+        return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
+
+    def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
+        """Return the change of the goal if each source deviates by its standard uncertainty, in per cent, by name."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
-        effect = 100 * np.abs(np.linalg.solve(information + self.prior, self.goal) @ source_score)
-        return {self.sources[i]: float(effect[i]) for i in np.argsort(-effect)}
+        effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
+        return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
         """Return the ratio of Student's quantile to the normal quantile, as in `inference.interval.estimate`."""

@@ -1,0 +1,155 @@
+"""The value of a ring-down in a planned run: the expected interval of the modulus with and without one.
+
+A static run determines the ratio of the modulus to the magnet's moment. A ring-down in zero field determines the
+modulus from the mass of the beam, without the moment. With creep recorded, one law of time joins both. To first order
+in the errors δ of the inputs, each of unit variance, the logarithms of the two estimates of the modulus are
+
+    s = x + a · δ + n_s,    d = x + r + b · δ + n_d,
+
+where x is the true logarithm, a and b are the effects of the inputs, n_s and n_d noise, and r the error of the
+relaxation between both times. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance
+of s and d (Gauss-Markov).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.inference.planning.design_of_experiment import KnownLaw
+from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam
+from eimi_fitting.time.small_effects import small_effects
+
+Array = NDArray[np.float64]
+
+FREQUENCY_SHARE = 5e-4
+"""Assumed relative standard uncertainty of a measured frequency, its mesh error included."""
+RELAXATION_SHARE = 0.01
+"""Assumed relative standard uncertainty of the relaxation between the times of ring-down and static states."""
+_LOSS = 0.1  # assumed for the effect of the air on the loss; it does not change the modulus
+_STEP = 1.05
+_MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the magnetic load
+
+
+@dataclass(frozen=True)
+class ExpectedRingDown:
+    """The intervals of a run with one ring-down in zero field; half-widths of 95 % intervals in per cent.
+
+    Attributes
+    ----------
+    frequency_Hz : float
+        Frequency at the modulus of the earlier fit; the dynamic modulus is higher.
+    dynamic_percent : float
+        Dynamic modulus from the ring-down alone.
+    without_percent, with_percent : float
+        Modulus of the static states without a ring-down, and with one and creep.
+    moment_share_percent : float
+        Part of ``without_percent`` that comes from the magnetic moment and the field.
+    moment_percent : float or None
+        Factor on the magnetic moment, from both; None if nothing magnetic is uncertain.
+    """
+
+    frequency_Hz: float
+    dynamic_percent: float
+    without_percent: float
+    with_percent: float
+    moment_share_percent: float
+    moment_percent: float | None
+
+    @property
+    def in_words(self) -> str:
+        """The expected intervals in one sentence."""
+        moment = ""
+        if self.moment_percent is not None:
+            moment = (
+                f"; the moment and the field, ± {self.moment_share_percent:.3g} % of the interval without it, would be "
+                f"known to ± {self.moment_percent:.3g} %"
+            )
+        return (
+            f"with a ring-down in zero field, at about {self.frequency_Hz:.3g} Hz, and creep: "
+            f"± {self.with_percent:.3g} % instead of ± {self.without_percent:.3g} %{moment}; "
+            f"the dynamic modulus alone ± {self.dynamic_percent:.3g} %"
+        )
+
+
+def expected_ring_down(
+    known: KnownLaw,
+    specimen: Specimen,
+    gravity_angle_deg: float | None,
+    tip_weight_N: float,
+    stated: Sequence[StatedSource],
+    static_percent: float,
+    effects: Mapping[str, float],
+) -> ExpectedRingDown | None:
+    """Return what a ring-down would add to a planned run; None if the beam has no equilibrium without the field.
+
+    Parameters
+    ----------
+    known : KnownLaw
+        The law and parameters of an earlier fit.
+    specimen : Specimen
+    gravity_angle_deg : float or None
+        Angle of gravity in the beam frame; None without gravity.
+    tip_weight_N : float
+        Weight at the tip, whose mass moves with it.
+    stated : sequence of StatedSource
+    static_percent : float
+        Expected half-width of the static run.
+    effects : mapping of str to float
+        Signed effect of each source on the static modulus for one standard uncertainty, in per cent, by name.
+    """
+    law, parameters = known.law, np.asarray(known.parameters, float)
+    modulus = float(law.initial_shear_modulus(parameters))
+    is_modulus = np.array([unit == "Pa" for unit in law.units])
+    loads = Loads.along(np.zeros(1), gravity_angle_deg=gravity_angle_deg, tip_force_N=tip_weight_N)
+    beam = RingingBeam(specimen, loads, law, np.where(is_modulus, parameters / modulus, parameters), tip_weight_N)
+    try:
+        frequency_Hz = float(beam.undamped_Hz(modulus)[0])
+        gain = float(np.log(_STEP) / np.log(beam.undamped_Hz(_STEP * modulus)[0] / frequency_Hz))
+        dynamic = _effects_percent(beam, modulus, frequency_Hz, gain, stated)
+    except (NoEquilibrium, ValueError):
+        return None
+    small = small_effects(specimen, loads, frequency_Hz, _LOSS, gain, None)
+    noise = float(np.hypot(100 * gain * FREQUENCY_SHARE, np.sqrt(sum(one.modulus_percent**2 for one in small))))
+    names = sorted({*effects, *dynamic})
+    a, b = (np.array([given.get(name, 0.0) for name in names]) for given in (effects, dynamic))
+    rest = max((static_percent / NORMAL_95) ** 2 - float(a @ a), 0.0)
+    relaxation = 100 * RELAXATION_SHARE
+    covariance = np.array([[a @ a + rest, a @ b], [a @ b, b @ b + noise**2 + relaxation**2]])
+    joined = 1.0 / np.linalg.inv(covariance).sum() if np.linalg.det(covariance) > 0 else covariance.min()
+    magnetic = np.isin(names, [part for source in _MAGNETIC for part in SOURCES[source].parts])
+    share = float(np.linalg.norm(a[magnetic]))
+    others = np.where(magnetic, 0.0, a)
+    moment = np.sqrt(((others - b) ** 2).sum() + rest + noise**2 + relaxation**2) if share else None
+    return ExpectedRingDown(
+        frequency_Hz,
+        NORMAL_95 * float(np.sqrt(b @ b + noise**2)),
+        static_percent,
+        NORMAL_95 * float(np.sqrt(joined)),
+        NORMAL_95 * share,
+        None if moment is None else NORMAL_95 * float(moment),
+    )
+
+
+def _effects_percent(
+    beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
+) -> dict[str, float]:
+    """Return the signed effect of each part of each source on the dynamic modulus, in per cent, by name."""
+    effects: dict[str, float] = {}
+    for one in stated:
+        source = SOURCES[one.source]
+        if not one.standard_uncertainty or not (source.specimen or source.loads):
+            continue
+        for part, name in enumerate(source.parts):
+            deviation = np.zeros(len(source.parts))
+            deviation[part] = one.standard_uncertainty
+            changed_Hz = float(beam.under({one.source: deviation}).undamped_Hz(modulus)[0])
+            effects[name] = 100 * gain * float(np.log(changed_Hz / frequency_Hz))
+    return effects
