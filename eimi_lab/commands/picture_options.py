@@ -44,8 +44,8 @@ class PictureOptions:
         str | None,
         typer.Option(
             metavar="'X,Y X,Y ...'",
-            help="two to six points on the centre line of the beam, from clamp to tip, in px: in the first image; for a "
-            "motion, in the picture at rest",
+            help="two to six points on the centre line of the beam, from clamp to tip, in px: in the first image; "
+            "for a motion, in the picture at rest",
         ),
     ] = None
 
