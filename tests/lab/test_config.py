@@ -52,13 +52,15 @@ def test_up_and_down_passes_every_current_once_more_on_the_way_back() -> None:
 
 
 def test_a_prony_series_of_a_hidden_material_needs_two_lists_of_equal_length() -> None:
-    given = {"model": "neo-hookean", "parameters": {"mu_Pa": 46390.0}, "prony_h": (0.1,)}
-    relaxing = TrueMaterial(**given, prony_tau_s=(2.0,)).series
+    relaxing = TrueMaterial(
+        model="neo-hookean", parameters={"mu_Pa": 46390.0}, prony_h=(0.1,), prony_tau_s=(2.0,)
+    ).series
     assert relaxing is not None
     assert relaxing.long_term == pytest.approx(1 / 1.1)
-    for taus in ((), (2.0, 3.0), (0.0,)):
+    wrong: tuple[tuple[float, ...], ...] = ((), (2.0, 3.0), (0.0,))
+    for taus in wrong:
         with pytest.raises(ValueError, match="two lists of equal length"):
-            TrueMaterial(**given, prony_tau_s=taus)
+            TrueMaterial(model="neo-hookean", parameters={"mu_Pa": 46390.0}, prony_h=(0.1,), prony_tau_s=taus)
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("specimens/*.toml")), ids=lambda path: path.stem)
