@@ -525,7 +525,8 @@ def _result(fitted: _Fitted, windows: tuple[Window, ...], label: str, doubts: li
     vibration = fitted.vibration_mm()
     main = int(np.argmax(np.abs(fitted.vibration_mm(0)).max(axis=0)))
     design = _design(signals.time_s, fitted.modes, fitted.bend)
-    slow = signals.in_mm(design[:, 2 * count + 5 :] @ fitted.linear[2 * count + 5 :])
+    # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
+    slow = signals.in_mm(design[:, 2 * count + 4 :] @ fitted.linear[2 * count + 4 :])
     level = signals.in_mm(signals.reduced) - slow
     frequency_change = float(fitted.bend[0]) if fitted.has_bend else 0.0
     loss_change = float(2 * fitted.bend[1]) if fitted.has_bend else 0.0

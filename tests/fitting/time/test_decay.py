@@ -87,3 +87,10 @@ def test_noise_alone_is_no_vibration() -> None:
 def test_a_recording_of_few_frames_is_refused() -> None:
     with pytest.raises(TooFewFrames, match="at least 8 are needed"):
         decay(recorded(seconds=0.1))
+
+
+def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
+    motion = recorded(frequency_Hz=16.16, loss=0.024, seconds=1.9, rate_Hz=120.0, amplitude_mm=2.0, sigma_mm=0.005)
+    decay = decay_of(signals_of(motion), "flick", LENGTH_MM, is_stepped=True)
+    assert (np.abs(decay.displacement_mm) < 1.1 * decay.envelope_mm + 0.1).all()
+    assert np.abs(decay.displacement_mm).max() > 0.7 * decay.envelope_mm.max()
