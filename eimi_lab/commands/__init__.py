@@ -13,7 +13,6 @@ watching          dashboard
 shared_options    options of several commands, and options that are fields of a dataclass
 picture_options   options for finding the beam in images
 motion_options    options of `eimi import` for a motion
-motions           read the motion that `eimi import` imports
 track_options     options for tracked points
 examples          the examples that --help shows
 result            the result of a command, and the options --json and --quiet

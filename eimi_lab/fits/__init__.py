@@ -26,6 +26,7 @@ predicted_error      compute the interval of the error of a fit on a dataset
 validation           the errors of a fit on a dataset, and validation.json
 validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run
+planned_ring_down    the value of a ring-down in a planned run
 recorded_motions     read the ring-downs and the creep of a dataset
 time_records         the part of a result file for ring-downs alone, and the lines on a law of time
 time_fits            fit a law of time to motions, with or without static states
