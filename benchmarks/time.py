@@ -35,9 +35,9 @@ BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="solid", magnet=MAGNET)
 FLAT = replace(BEAM, section="plane-stress")
 DOWN = np.array([9.80665, 0.0])
 STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0}
-FIELDS = ((5.0, 30.0), (0.0, 16.0), (7.0, 30.0), (0.0, 16.0))  # mT, and the time in s for which each lasts
+FIELDS = ((5.0, 30.0), (0.0, 20.0), (7.0, 30.0), (0.0, 20.0))  # mT, and the time in s for which each lasts
 REST_MM = np.column_stack([np.linspace(4, 29, 8), np.zeros(8)])
-NOISE_MM, FRAME_S, RINGING_S = 0.005, 0.015, 6.0
+NOISE_MM, FRAME_S, RINGING_S = 0.005, 0.015, 16.0
 STEP_S, RELEASE_STEPS = 0.00125, 1600
 TIMES_S = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 
