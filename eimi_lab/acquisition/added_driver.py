@@ -14,9 +14,7 @@ import sys
 
 from eimi_drivers.interfaces import UnusableDriver
 from eimi_drivers.supplies.supply_names import SUPPLIES
-
-LONGEST_ON_WINDOWS = 24_000
-"""Largest number of characters of a driver on a command line, which has at most 32767 (Microsoft, CreateProcessW)."""
+from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
@@ -39,7 +37,7 @@ def pack(name: str) -> str:
             f"{error}; write it as a class in a module of its own"
         ) from error
     packed = json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
-    if sys.platform == "win32" and len(packed) > LONGEST_ON_WINDOWS:
+    if LONGEST_ARGUMENT is not None and len(packed) > LONGEST_ARGUMENT:
         raise UnusableDriver(
             f"the supply driver {name!r} is too large to be carried over to the process that switches the coil off if "
             "the run dies; write it as a class in a module of its own"

@@ -15,6 +15,7 @@ from eimi_fitting.beam.coil_field import CoilShape, FieldTable
 from eimi_fitting.beam.specimen import Specimen
 from eimi_lab.config.toml import Table, read_text
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import named_in
 
 _REACH = 1.15  # lengths of the beam within which the field of the loops is tabulated
 _LEAST = 4  # places along and across that a map needs
@@ -115,7 +116,7 @@ def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
     field = table.get("field")
     if not isinstance(field, dict) or not isinstance(field.get("map"), str):
         return False
-    file = beside.parent / field["map"]
+    file = named_in(beside, field["map"])
     reader = csv.DictReader(io.StringIO(read_text(file)), skipinitialspace=True)
     if tuple(reader.fieldnames or ()) != _COLUMNS:
         raise InputError(f"{file}: the first row should be {','.join(_COLUMNS)}")

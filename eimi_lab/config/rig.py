@@ -24,6 +24,7 @@ from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text
 from eimi_lab.config.uncertainty import OfRig
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import named_in
 
 VIRTUAL = "virtual"
 PLAYER = "opencv"
@@ -282,7 +283,7 @@ def _replace_by_file(table: dict[str, Any], key: str, rig: Path, load: Callable[
     """Replace the name of a file beside the rig by the file's contents."""
     name = table.get(key)
     if isinstance(name, str):
-        path = rig.parent / name
+        path = named_in(rig, name)
         if not path.is_file():
             raise InputError(f"{rig}: {key} = {name!r}: no such file beside the rig")
         table[key] = load(path)

@@ -18,6 +18,7 @@ from eimi_lab.config.csv_tables import read_table
 from eimi_lab.config.size_along import rows_of, size_along, written
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
 from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_sources
+from eimi_lab.process.paths import named_in
 
 Array = NDArray[np.float64]
 
@@ -279,7 +280,7 @@ def load_specimen(name: str | Path) -> SpecimenFile:
     text = read_text(file)
     stated = _NAMED_CSV.search(text)
     if stated:
-        rows = read_table(file.parent / stated["name"], ("x_mm", "y_mm"))
+        rows = read_table(named_in(file, stated["name"]), ("x_mm", "y_mm"))
         points = ", ".join(f"[{row.number('x_mm')!r}, {row.number('y_mm')!r}]" for row in rows)
         text = f"{text[: stated.start('value')]}[{points}]{text[stated.end('value') :]}"
     return parse(SpecimenFile, text, file)

@@ -17,7 +17,7 @@ from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, UNTIL_COLU
 from eimi_lab.dataset.videos import ENDINGS as VIDEOS
 from eimi_lab.dataset.videos import frame_times, read_video
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.paths import followed
+from eimi_lab.process.paths import followed, named_in
 from eimi_lab.vision.image_files import ENDINGS as IMAGES
 from eimi_lab.vision.image_files import find_images, read_image
 
@@ -153,7 +153,7 @@ def _near(row: Row, images: list[Path]) -> str:
 
 def _beside(row: Row) -> list[Path]:
     """Return the image at a row's path relative to the table, in a list; an empty list if there is no such image."""
-    image = row.path.parent / Path(row.text("frame").replace("\\", "/"))
+    image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []
     except (OSError, ValueError):  # the text cannot be the name of a file

@@ -45,6 +45,7 @@ from eimi_lab.page.opened_eyes import OpenedEyes, Seen
 from eimi_lab.page.watched_run import SIGNAL
 from eimi_lab.process.detached import detached
 from eimi_lab.process.pipes import handed_down
+from eimi_lab.process.stopping import SIGNALS_BETWEEN_PROCESSES
 
 CONFIRMED_WITHIN_S = 4.0
 """A run that has not confirmed the output as off within this time after STOP is killed; its guardian takes over."""
@@ -241,11 +242,11 @@ class BenchRun:
         return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:
-        if sys.platform == "win32":  # it has no signals between processes; see `watched_run`
-            self._type(f"{SIGNAL}{number:d}")
-        else:
+        if SIGNALS_BETWEEN_PROCESSES:
             with suppress(ProcessLookupError):
                 self._run.send_signal(number)
+        else:
+            self._type(f"{SIGNAL}{number:d}")
 
     def _kill(self) -> None:
         with suppress(ProcessLookupError):

@@ -25,7 +25,7 @@ from eimi_lab.page.stored_runs import finite, in_pixels, jpeg, shown_flags
 from eimi_lab.process.detached import give_way
 from eimi_lab.process.pipes import readable, received
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.edges.edge_set import tip_angle_deg
+from eimi_lab.vision.edges.edge_set import tip_angle_deg, tip_angle_sigma_deg
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.flags import CHECK_OF
 from eimi_lab.vision.intensity import full_scale
@@ -101,7 +101,7 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 
 
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
-    """Return the edges of an image in pixels, the direction of the tip, and the blur.
+    """Return the edges of an image in pixels, the direction of the tip with its standard uncertainty, and the blur.
 
     The search runs with a blur limit of 0, so that its flag for blur is always set and contains the blur.
     """
@@ -113,6 +113,7 @@ def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFi
     return {
         **shown,
         "tip_angle_deg": finite(tip_angle_deg(edge_set)),
+        "tip_angle_sigma_deg": finite(tip_angle_sigma_deg(edge_set)),
         "blur_px": blur.value if blur else None,
         "blur_limit_px": _BLUR.limit,
     }

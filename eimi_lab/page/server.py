@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 import signal
 import socket
-import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict
@@ -223,21 +221,12 @@ class _Server(uvicorn.Server):
 def _listen(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        listening = socket.socket(family, socket.SOCK_STREAM)
-        try:
-            if os.name == "posix" and sys.platform != "cygwin":
-                listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listening.bind((host, port))
-            listening.listen()  # now, because the address is printed before the server runs
-        except OSError:
-            listening.close()
-            raise
+        return socket.create_server((host, port), family=family)  # now: the address is printed before the server runs
     except OSError as error:
         raise InputError(
             f"--host {host} --port {port}: the program cannot listen there ({error.strerror}); "
             "give another address or port"
         ) from error
-    return listening
 
 
 def _is_loopback(host: str) -> bool:

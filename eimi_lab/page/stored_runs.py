@@ -25,7 +25,7 @@ from eimi_lab.fits.evidence import experiment_so_far
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg
+from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg, tip_angle_sigma_deg
 from eimi_lab.vision.edges.overlay import in_colour
 from eimi_lab.vision.flags import Flag
 from eimi_lab.vision.intensity import state_mean
@@ -97,6 +97,7 @@ def edges(path: Path, index: int) -> Edges:
         assert dataset.calibration is not None
         shown = in_pixels(edge_set, BeamFrame(dataset.calibration))
         shown["tip_angle_deg"] = finite(tip_angle_deg(edge_set))
+        shown["tip_angle_sigma_deg"] = finite(tip_angle_sigma_deg(edge_set))
         return shown
 
 

@@ -31,6 +31,10 @@ if sys.platform == "win32":
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
 
 
+LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
+"""Most characters of one long argument. A command line of Windows has at most 32767 (Microsoft, CreateProcessW)."""
+
+
 def detached() -> dict[str, Any]:
     """Return the options of `subprocess.Popen` for a Python process that the terminal's signals do not reach.
 

@@ -16,7 +16,7 @@ Without LongPathsEnabled Windows takes at most 259 characters, and 247 for a fol
 Limitation"). This number is smaller, because files with longer paths are written beside and below a given path.
 """
 
-_PREFIX, _UNC_PREFIX = "\\\\?\\", "\\\\?\\UNC\\"
+_PREFIX, _UNC_PREFIX, _DEVICE = "\\\\?\\", "\\\\?\\UNC\\", "\\\\.\\"
 _UNRESOLVED = (206, 234)
 """ERROR_FILENAME_EXCED_RANGE, and ERROR_MORE_DATA, which Wine reports for a path above 260 characters (winerror.h)."""
 
@@ -24,6 +24,11 @@ _UNRESOLVED = (206, 234)
 def reachable(path: Path) -> Path:
     r"""Return the path; on Windows, a long path in the form ``\\?\C:\folder``, whose length is not limited."""
     return Path(with_prefix(os.path.abspath(path), str(path))) if sys.platform == "win32" else path
+
+
+def named_in(file: Path, name: str) -> Path:
+    """Return the path of a file that another file names, relative to its own folder."""
+    return reachable(file.parent / name)
 
 
 def with_prefix(absolute: str, short: str) -> str:
@@ -39,10 +44,13 @@ def with_prefix(absolute: str, short: str) -> str:
     Returns
     -------
     str
-        ``\\?\C:\folder``, ``\\?\UNC\server\share\folder``, or ``short``.
+        ``\\?\C:\folder``, ``\\?\UNC\server\share\folder``, or ``short``. A path that has the prefix keeps it; its
+        ``..`` are resolved here, because Windows takes them for names of folders behind the prefix.
     """
+    if absolute.startswith(_PREFIX):
+        return _PREFIX + ntpath.normpath(absolute.removeprefix(_PREFIX))
     drive = ntpath.splitdrive(absolute)[0]
-    if len(absolute) <= LONGEST_PLAIN or absolute.startswith((_PREFIX, "\\\\.\\")):
+    if len(absolute) <= LONGEST_PLAIN or absolute.startswith(_DEVICE):
         return short
     return _UNC_PREFIX + absolute[2:] if drive.startswith("\\\\") else _PREFIX + absolute
 

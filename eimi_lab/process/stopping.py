@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 """SIGBREAK is Windows' signal for Ctrl-Break; here it also stands for a closed console, a log-off and a shutdown."""
 
+SIGNALS_BETWEEN_PROCESSES = sys.platform != "win32"
+"""Whether a process can send a signal to another one; Windows can only end the other process."""
+
 AGAIN_AFTER_S = 0.05
 IN_HASTE_AFTER_S = 1.0
 """Time (s) from the first signal to the second: Windows ends a process 5 s after its console was closed."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import re
-import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
@@ -43,7 +43,7 @@ def port_of(address: str) -> int | None:
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):
         return int(local["port"])
-    return 0 if _NETWORK.match(place) or sys.platform == "win32" else None
+    return 0 if _NETWORK.match(place) or not hasattr(os, "openpty") else None
 
 
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:

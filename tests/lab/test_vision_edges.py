@@ -10,6 +10,7 @@ import pytest
 from eimi_lab.config.specimen import Magnet, SpecimenFile
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet, tip_angle_deg, tip_angle_sigma_deg
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import FieldCorrection, state_mean
 from tests.shared.rendered_edges import (
@@ -328,3 +329,19 @@ def test_blur_does_not_move_a_curved_edge_inward():
     image = expose(make_bent_scene(optics, CALIBRATION, specimen, beam), np.random.default_rng(0))
     for errors in errors_px(find_edges(image, CALIBRATION, specimen), beam, CALIBRATION):
         assert abs(np.median(errors)) < 0.004
+
+
+def test_the_stated_deviation_of_the_tip_angle_is_that_of_many_draws_of_the_points():
+    along = np.arange(100) * 0.1
+    rng = np.random.default_rng(0)
+
+    def drawn(noise_mm):
+        sides = (np.column_stack([along, np.full(100, y) + noise_mm * rng.normal(size=100)]) for y in (-1.5, 1.5))
+        return EdgeSet(*(EdgePoints(side, np.full(100, 0.01)) for side in sides), (), np.full((4, 2), np.nan))
+
+    stated = tip_angle_sigma_deg(drawn(0.0))
+    angles = [tip_angle_deg(drawn(0.01)) for _ in range(2000)]
+    assert np.std(angles) == pytest.approx(stated, rel=0.06)
+    assert np.isnan(
+        tip_angle_sigma_deg(EdgeSet(*(EdgePoints(np.zeros((0, 2)), np.zeros(0)),) * 2, (), np.full((4, 2), np.nan)))
+    )

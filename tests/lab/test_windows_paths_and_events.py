@@ -16,8 +16,10 @@ DEEP = "\\folder" * 40
         ("C:\\runs\\run.h5", "run.h5"),
         (f"C:{DEEP}\\run.h5", f"\\\\?\\C:{DEEP}\\run.h5"),
         (f"\\\\server\\share{DEEP}", f"\\\\?\\UNC\\server\\share{DEEP}"),
-        (f"\\\\?\\C:{DEEP}\\run.h5", "run.h5"),
-        (f"\\\\?\\UNC\\server\\share{DEEP}", "run.h5"),
+        (f"\\\\?\\C:{DEEP}\\run.h5", f"\\\\?\\C:{DEEP}\\run.h5"),
+        (f"\\\\?\\C:{DEEP}\\runs\\..\\frames/a.png", f"\\\\?\\C:{DEEP}\\frames\\a.png"),
+        (f"\\\\?\\UNC\\server\\share{DEEP}\\..\\x", f"\\\\?\\UNC\\server\\share{DEEP[:-7]}\\x"),
+        ("\\\\.\\COM10", "run.h5"),
         ("C:\\" + "x" * (LONGEST_PLAIN - 3), "run.h5"),
     ],
 )

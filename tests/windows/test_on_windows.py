@@ -20,6 +20,7 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.process import replacing
 from eimi_lab.process.errors import InputError
@@ -185,6 +186,11 @@ def test_files_in_a_folder_with_a_long_path_are_written_locked_and_read(tmp_path
     assert str(folder).startswith("\\\\?\\")
     assert {"calibration.toml", "protocol.toml", "specimen.toml"} <= {path.name for path in folder.iterdir()}
     assert load_protocol(plain / "protocol.toml").currents_A
+    (folder / "shape.csv").write_text("x_mm,y_mm\n0,0\n10,0.2\n20,0.5\n")
+    (folder / "below").mkdir()
+    text = load_specimen("type1").text.replace("[specimen]", '[specimen]\nrest_shape = "../shape.csv"', 1)
+    (folder / "below" / "specimen.toml").write_text(text, encoding="utf-8")
+    assert "20.0, 0.5" in load_specimen(plain / "below" / "specimen.toml").text
     path = folder / "fits.json"
     write_file(path, "µ", force=False)
     lock = WriterLock(path)

@@ -1,10 +1,11 @@
 // The view of the bench: choose a run, run it dry, start, watch, pause, resume and end it. STOP is in the header.
-import { ask, byId, el, facts, flagList, number, svg, tell } from "./dom.js";
+import { ask, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { showStates } from "./run_states.js";
+import { Stillness } from "./stillness.js";
 
-const picture = new Picture(byId("live"));
+const picture = new Picture(byId("live")), stillness = new Stillness();
 let choicesShown = false;
 let lastRun = 0, shownRun = 0; // numbers of the last run, and of the run to which picture and values belong; 0 is the live camera
 let lastAbout = null, lastEdges = null;
@@ -111,6 +112,7 @@ function forget(number) {
   shownRun = number;
   lastAbout = lastEdges = null;
   picture.clear();
+  stillness.forget();
   for (const id of ["values", "light", "live-flags"]) byId(id).replaceChildren();
   byId("light-words").textContent = "";
 }
@@ -119,6 +121,8 @@ on("state", showState);
 on("frame", async (about, blob) => {
   if (about.run !== shownRun) return;
   await picture.show(blob, about.size_px, `live picture, frame ${about.number}`);
+  stillness.see(picture.canvas, about.seen);
+  drawEdges();
   byId("live").dataset.seen = about.seen;
   lastAbout = about;
   showCameraWords();
@@ -128,9 +132,14 @@ on("frame", async (about, blob) => {
 on("edges", (edges) => {
   if (edges.run !== shownRun) return;
   lastEdges = edges;
-  picture.draw(edges);
+  drawEdges();
   flagList(byId("live-flags"), edges.flags);
 });
+
+// The edges are found more slowly than frames arrive. They are drawn only on a frame that looks like theirs.
+function drawEdges() {
+  picture.draw(lastEdges && stillness.holds(lastEdges.seen) ? lastEdges : null);
+}
 
 // The current as it belongs to the state of the coil in the header. A frame can be older than that state.
 function currents(about) {
@@ -154,7 +163,7 @@ function showValues(about) {
     ["heat of the coil", percent(about.heat_share)],
     ["frame rate", `${number(about.rate_Hz, 2)} Hz`],
     ["blur σ (focus)", lastEdges?.blur_px ? `${number(lastEdges.blur_px)} px (limit ${number(lastEdges.blur_limit_px)})` : "—"],
-    ["tip angle", lastEdges?.tip_angle_deg !== undefined ? `${number(lastEdges.tip_angle_deg)}°` : "—"],
+    ["tip angle", lastEdges ? withSigma(lastEdges.tip_angle_deg, lastEdges.tip_angle_sigma_deg, "°") : "—"],
   ]);
 }
 

@@ -41,6 +41,13 @@ export function flagList(list, flags) {
 export const number = (value, digits = 3) =>
   value === null || value === undefined ? "—" : String(Number(Number(value).toPrecision(digits)));
 
+// A value with its standard uncertainty: as many digits as the uncertainty allows.
+export function withSigma(value, sigma, unit) {
+  if (!sigma || value === null) return value === null ? "—" : `${number(value)}${unit}`;
+  const digits = Math.max(0, -Math.floor(Math.log10(sigma / 2)));
+  return `${(Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits)} ± ${sigma.toFixed(digits)}${unit}`;
+}
+
 export function address(path, parameters = {}) {
   const query = new URLSearchParams(parameters).toString();
   return query ? `${path}?${query}` : path;

@@ -1,5 +1,5 @@
 // The states of the run on the screen, as its dataset holds them: the angle of the tip, and the modulus so far.
-import { ask, byId, number } from "./dom.js";
+import { ask, byId, number, withSigma } from "./dom.js";
 import { state } from "./live.js";
 import { plot } from "./plot.js";
 
@@ -58,7 +58,7 @@ function showPlot() {
   byId("live-plot").hidden = !edges.length;
   plot(byId("live-plot"), edges.map((found, index) => ({
     x: states[index].field_mT, y: found.tip_angle_deg, flagged: states[index].flags.length + found.flags.length > 0, now: index === edges.length - 1,
-    title: `state ${index}: ${number(states[index].field_mT)} mT, ${number(found.tip_angle_deg)}°`,
+    title: `state ${index}: ${number(states[index].field_mT)} mT, ${withSigma(found.tip_angle_deg, found.tip_angle_sigma_deg, "°")}`,
   })), { x: "field, mT", y: "tip angle, degrees", high: 230 });
 }
 

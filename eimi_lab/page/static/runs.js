@@ -1,5 +1,5 @@
 // The datasets of the folder. They are opened read-only, also while a run writes them.
-import { ask, askPicture, byId, el, facts, flagList, number, tell } from "./dom.js";
+import { ask, askPicture, byId, el, facts, flagList, number, tell, withSigma } from "./dom.js";
 import { showFits } from "./fits.js";
 import { Picture } from "./picture.js";
 import { plot } from "./plot.js";
@@ -65,7 +65,7 @@ function drawPlot() {
     y: open.edges[index]?.tip_angle_deg ?? null,
     flagged: flagsOf(index).length > 0,
     now: index === open.state,
-    title: `state ${index}: ${number(state.field_mT)} mT, ${number(open.edges[index]?.tip_angle_deg)}°`,
+    title: `state ${index}: ${number(state.field_mT)} mT, ${open.edges[index] ? withSigma(open.edges[index].tip_angle_deg ?? null, open.edges[index].tip_angle_sigma_deg, "°") : "—"}`,
   }));
   plot(byId("run-plot"), points, { x: "field, mT", y: "tip angle, degrees", choose: showState });
 }

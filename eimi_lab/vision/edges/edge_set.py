@@ -88,12 +88,43 @@ def tip_angle_deg(edges: EdgeSet) -> float:
     return float(np.degrees(np.arctan2(y, x)))
 
 
+def tip_angle_sigma_deg(edges: EdgeSet) -> float:
+    """Return the standard uncertainty of the direction of the tip (`tip_angle_deg`) from the noise of the edge points.
+
+    The errors of the points are taken as independent. The uncertainty of the axis of the picture is not included.
+
+    Parameters
+    ----------
+    edges : EdgeSet
+        Both edges of a state.
+
+    Returns
+    -------
+    float
+        Degrees; NaN without edges.
+    """
+    variance = 0.0
+    for edge in (edges.left, edges.right):
+        if len(edge.points_mm) < 3:
+            return float("nan")
+        end = _end(edge.points_mm)
+        points_mm = edge.points_mm[end]
+        spread_mm2 = np.sum((points_mm - points_mm.mean(axis=0)) ** 2)
+        variance += np.mean(edge.sigma_mm[end] ** 2) / spread_mm2 / 4  # of a line's slope; the mean of two lines
+    return float(np.degrees(np.sqrt(variance)))
+
+
 def _end_direction(points_mm: Array) -> Array:
     """Return the unit vector along the end of an edge (n, 2), away from the clamp; NaN for fewer than three points."""
     if len(points_mm) < 3:
         return np.full(2, np.nan)
-    steps = np.hypot(*np.diff(points_mm, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    end = points_mm[along >= min(along[-1] * (1.0 - END_SHARE), along[-3])]
+    end = points_mm[_end(points_mm)]
     axis = np.linalg.svd(end - end.mean(axis=0), full_matrices=False)[2][0]
     return np.asarray(axis if axis @ (end[-1] - end[0]) > 0 else -axis)
+
+
+def _end(points_mm: Array) -> NDArray[np.bool_]:
+    """Return which points (n,) belong to the last tenth of an edge; at least three do."""
+    steps = np.hypot(*np.diff(points_mm, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

@@ -38,3 +38,59 @@ def test_a_camera_that_cannot_be_opened_gives_its_reason_instead_of_a_picture(
     page.get_by_text("no live picture: ").wait_for()
     assert "missing.mp4" in page.locator("#camera-words").inner_text()
     assert page.get_by_role("button", name="Start").is_enabled()
+
+
+def test_edges_are_drawn_only_while_the_picture_looks_like_the_one_in_which_they_were_found(
+    served: Any, tab: Any
+) -> None:
+    page = tab(served.address)
+    holds = page.evaluate(
+        """async () => {
+          const { Stillness } = await import("/static/stillness.js");
+          const canvas = Object.assign(document.createElement("canvas"), { width: 960, height: 768 });
+          const context = canvas.getContext("2d"), stillness = new Stillness();
+          const draw = (number, tip_px) => {
+            context.fillStyle = "rgb(210, 210, 210)";
+            context.fillRect(0, 0, 960, 768);
+            context.fillStyle = "rgb(30, 30, 30)";
+            context.beginPath();
+            context.moveTo(470, 60);
+            context.quadraticCurveTo(470, 300, 470 + tip_px, 600);
+            context.lineTo(510 + tip_px, 600);
+            context.quadraticCurveTo(510, 300, 510, 60);
+            context.fill();
+            for (let k = 0; k < 3000; k++) { // the noise of the camera
+              context.fillStyle = `rgba(0, 0, 0, ${0.03 * ((k * 7919) % 13) / 13})`;
+              context.fillRect((k * 7907 + number * 31) % 960, (k * 104729 + number * 17) % 768, 2, 2);
+            }
+            stillness.see(canvas, number);
+          };
+          const none = stillness.holds(7);
+          draw(5, 0);
+          draw(9, 0); // still: edges of the frames from 5 on belong to this picture
+          const still = [4, 5, 7, 9].map((number) => stillness.holds(number));
+          draw(11, 6); // the tip moved by 6 of 960 pixels
+          const moved = [5, 9, 11].map((number) => stillness.holds(number));
+          stillness.forget();
+          return { none, still, moved, forgotten: stillness.holds(11) };
+        }"""
+    )
+    assert holds == {
+        "none": False,
+        "still": [False, True, True, True],
+        "moved": [False, False, True],
+        "forgotten": False,
+    }
+
+
+def test_a_value_is_shown_with_as_many_digits_as_its_uncertainty_allows(served: Any, tab: Any) -> None:
+    page = tab(served.address)
+    cases = [[0.00228, 0.0213], [-0.0004, 0.021], [43.7281, 0.0121], [43.7281, 2.6], [43.7281, None], [None, 0.1]]
+    shown = page.evaluate(
+        """async (cases) => {
+          const { withSigma } = await import("/static/dom.js");
+          return cases.map(([value, sigma]) => withSigma(value, sigma, "°"));
+        }""",
+        cases,
+    )
+    assert shown == ["0.00 ± 0.02°", "0.00 ± 0.02°", "43.728 ± 0.012°", "44 ± 3°", "43.7°", "—"]

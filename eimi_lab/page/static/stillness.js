@@ -1,0 +1,31 @@
+// Whether the live picture is still: the edges of an earlier frame are drawn only while the picture looks like that frame.
+const [WIDE, HIGH] = [160, 128]; // the size at which two pictures are compared
+const LEVELS = 16; // of 255: an edge of good contrast that moved by about one thousandth of the picture
+const PIXELS = 10; // more pixels than noise changes by this
+
+export class Stillness {
+  constructor() {
+    const small = Object.assign(document.createElement("canvas"), { width: WIDE, height: HIGH });
+    this.context = small.getContext("2d", { willReadFrequently: true });
+    this.context.imageSmoothingQuality = "medium"; // averages the noise
+    this.forget();
+  }
+
+  forget() {
+    this.before = null;
+    this.since = Infinity; // number of the first frame that looks like the one on the screen
+  }
+
+  // Compare a frame on its canvas with the first frame of the same look.
+  see(canvas, number) {
+    this.context.drawImage(canvas, 0, 0, WIDE, HIGH);
+    const { data } = this.context.getImageData(0, 0, WIDE, HIGH);
+    let changed = this.before === null ? Infinity : 0;
+    for (let i = 0; i < data.length && changed <= PIXELS; i += 4)
+      if (Math.max(Math.abs(data[i] - this.before[i]), Math.abs(data[i + 1] - this.before[i + 1]), Math.abs(data[i + 2] - this.before[i + 2])) > LEVELS) changed++;
+    if (changed > PIXELS) [this.before, this.since] = [data, number];
+  }
+
+  // Whether what was found in a frame holds for the picture on the screen.
+  holds(number) { return number >= this.since; }
+}
