@@ -18,6 +18,7 @@ from eimi_lab.reporting.residual_noise import residual_noise
 from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 
+_NOISE = "Do the residuals look like noise?"
 _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Burnham and Anderson 2002, section 2.6)
 
 
@@ -100,9 +101,8 @@ def _finding(shown: ShownFit, report: ReportContents) -> Finding:
         how = f"{fit.model}, from {where}"
         return Finding(shown, fit.source.material or "", value, interval, how, "", (_reach(fit),))
     fitted_to = [c for c in report.datasets if c.evidence.sha256 in {d.sha256 for d in fit.datasets}]
-    truths = (_truth(fit, contents) for contents in fitted_to)
-    noise = (_noise(shown, contents) for contents in fitted_to)
-    verdicts = (_belief(fit, fitted_to, report), _next(fit), *noise, _law(shown), _reach(fit), *truths)
+    noise, truths = _noise(shown, fitted_to), _truths(fit, fitted_to)
+    verdicts = (_belief(fit, fitted_to, report), _next(fit), noise, _law(shown), _reach(fit), *truths)
     return Finding(
         shown,
         _subject(fitted_to) or ", ".join(d.path for d in fit.datasets),
@@ -204,10 +204,23 @@ def _next(fit: FitRecord) -> Verdict | None:
     )
 
 
-def _noise(shown: ShownFit, contents: DatasetContents) -> Verdict | None:
-    simulated = contents.simulated_by(shown)
-    noise = residual_noise(simulated) if simulated else None
-    return Verdict("Do the residuals look like noise?", noise.answer, noise.words) if noise else None
+def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
+    """Return one verdict on the residuals of all datasets; with several, the tests themselves are in the appendix."""
+    simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
+    tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]
+    if not tested:
+        return None
+    if len(tested) == 1:
+        return Verdict(_NOISE, tested[0][1].answer, tested[0][1].words)
+    answers = [noise.answer for _, noise in tested]
+    answer = answers[0] if len(set(answers)) == 1 else f"{answers.count('yes')} of {len(answers)} datasets"
+    parts = "; ".join(f"{name}: {noise.answer}{noise.parts and ', '}{noise.parts}" for name, noise in tested)
+    words = f"{parts} (root mean squares). "
+    if "no" in answers:
+        words += (
+            "Where there is a systematic part, model, optics or inputs leave an error that the noise does not explain. "
+        )
+    return Verdict(_NOISE, answer, f"{words}The tests of each dataset are in the appendix.")
 
 
 def _law(shown: ShownFit) -> Verdict:
@@ -243,10 +256,15 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
     return Verdict("What is extrapolated?", beyond, words)
 
 
-def _truth(fit: FitRecord, contents: DatasetContents) -> Verdict | None:
-    truth = truth_of(contents)
-    if truth is None:
-        return None
+def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
+    """Yield a verdict for each hidden material, with the names of all its datasets."""
+    truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
+    for place, (_, truth) in enumerate(truths):
+        if truth not in [other for _, other in truths[:place]]:
+            yield _truth(fit, [name for name, other in truths if other == truth], truth)
+
+
+def _truth(fit: FitRecord, names: Sequence[str], truth: tuple[str, dict[str, float], float]) -> Verdict:
     model, parameters, modulus = truth
     low, high = fit.initial_shear_modulus.interval_95
     difference = 100 * (fit.initial_shear_modulus.value / modulus - 1)
@@ -257,6 +275,7 @@ def _truth(fit: FitRecord, contents: DatasetContents) -> Verdict | None:
     return Verdict(
         "How far from the true value?",
         f"{difference:+.2f} %".replace("-", "−"),
-        f"{contents.name} was made on the virtual rig. Its hidden material: {model}, {values}, initial shear modulus "
-        f"{1e-3 * modulus:.4g} kPa, {inside} the interval. The fits did not use these values.",
+        f"{', '.join(names)} {'were' if len(names) > 1 else 'was'} made on the virtual rig. Hidden material: {model}, "
+        f"{values}, initial shear modulus {1e-3 * modulus:.4g} kPa, {inside} the interval. The fits did not use these "
+        "values.",
     )

@@ -12,10 +12,11 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The verdict on the residuals of a fit: a short answer, and its reason in sentences."""
+    """The verdict on the residuals of a fit: a short answer, its reason in sentences, and the sizes of their parts."""
 
     answer: str
     words: str
+    parts: str = ""
 
 
 def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
@@ -25,7 +26,10 @@ def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
     tests = randomness_of(1e3 * simulated.residuals_mm)
     if not tests.decided:
         return ResidualNoise("too few points", f"Only {tests.pairs} pairs of neighbouring points could be tested.")
-    return ResidualNoise("yes" if tests.is_noise else "no", _words(tests))
+    parts = f"random part {tests.noise:.2g} µm"
+    if not tests.is_noise:
+        parts += f", systematic part {tests.systematic:.2g} µm"
+    return ResidualNoise("yes" if tests.is_noise else "no", _words(tests), parts)
 
 
 def _words(tests: Randomness) -> str:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from eimi_drivers.cameras import timed
+from eimi_drivers.clock import WallClock
+from eimi_lab.acquisition import open_bench
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
+from eimi_lab.page import camera_alone
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 
 
@@ -85,3 +93,32 @@ def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
     straight = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
     assert straight == pytest.approx(80.0, abs=0.5)
     assert abs(bent - straight) > 1.0
+
+
+@pytest.mark.parametrize(("rig", "clock"), [("emulated_bench", time.process_time), ("bench_example", time.monotonic)])
+def test_other_programs_on_the_computer_cannot_let_a_virtual_camera_miss_its_deadline(
+    specimen: SpecimenFile, monkeypatch: pytest.MonkeyPatch, rig: str, clock: Callable[[], float]
+) -> None:
+    """The deadline of a virtual camera counts the processor time of the run, not the time on the wall."""
+    given: list[Callable[[], float]] = []
+
+    class Opened(Exception):
+        pass
+
+    def open_timed(name: str, open_it: object, seconds: Callable[[], float], meanwhile: object = None) -> None:
+        given.append(seconds)
+        raise Opened
+
+    loaded = load_rig(rig)
+    coil = SimpleNamespace(clock=WallClock(), interruption=SimpleNamespace(while_waiting=None))
+    monkeypatch.setattr(timed, "TimedCamera", open_timed)
+    monkeypatch.setattr(camera_alone, "TimedCamera", open_timed)
+    monkeypatch.setattr(open_bench, "open_coil", lambda *arguments, **options: nullcontext(coil))
+    ways: list[AbstractContextManager[Any]] = [
+        open_bench.open_bench(loaded, specimen, loaded.supply.limits),
+        camera_alone._opened(loaded, specimen),
+    ]
+    for way in ways:
+        with pytest.raises(Opened), way:
+            pass
+    assert given == [clock, clock]

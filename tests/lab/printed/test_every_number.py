@@ -29,13 +29,18 @@ from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
 from eimi_lab.reporting.elements import Elements, Table
+from eimi_lab.reporting.error_at_a_glance import error_at_a_glance
 from eimi_lab.reporting.panels import law_stability, methods, uncertainty_budget, what_was_measured
 from eimi_lab.reporting.panels.causes import table_of_causes
-from eimi_lab.reporting.panels.convergence import table_of_searches
+from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches
+from eimi_lab.reporting.panels.error_against_field import drawn_errors
+from eimi_lab.reporting.panels.error_boxes import drawn_boxes
 from eimi_lab.reporting.panels.every_fit import tables as tables_of_every_fit
 from eimi_lab.reporting.panels.laws import table_of_choice, table_of_laws
+from eimi_lab.reporting.panels.parameter_correlation import drawn_correlations
 from eimi_lab.reporting.panels.published_values import table_of_published
 from eimi_lab.reporting.shown import ShownFit
+from tests.lab.printed.drawn import printed_figure
 from tests.lab.printed.tracing import Texts, filled, numbers_of, traced
 
 LIST = Path(__file__).with_name("traced_numbers.txt")
@@ -110,6 +115,78 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
     skip = ("draws", "bootstrap", "identifiability.correlation")
     return traced(filled(record.content()), printed, skip)
+
+
+def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
+    """Trace the figures that a report draws from the record of a fit."""
+    names = ("mu", "moment")
+    small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
+    record = replace(
+        fit,
+        budget=(*fit.budget, *small),
+        history=fit.history[:3],
+        identifiability=replace(fit.identifiability, names=names, correlation=((1.0, 0.41), (0.41, 1.0))),
+    )
+    adapter = TypeAdapter(FitRecord)
+
+    def printed(content: Any) -> Texts:
+        again = adapter.validate_python(content)
+        one = shown(again)
+        return {
+            "figure of the budget": printed_figure(uncertainty_budget.drawn_budget([(one, again)])),
+            "figure of the searches": printed_figure(drawn_convergence([one])),
+            "figure of the correlations": printed_figure(drawn_correlations([(one, again)])),
+        }
+
+    content = record.content()
+    drawn = ("budget", "history", "identifiability.correlation", "initial_shear_modulus")
+    skip = tuple(path for path in numbers_of(content) if not path.startswith(drawn))
+    return traced(filled(content), printed, skip)
+
+
+def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
+    """Trace the figures that a report draws from two fits simulated on a dataset."""
+    content = {
+        "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
+        "fits": [
+            {"error_mm": [0.011, 0.013, 0.017], "deviation_mm": [0.0031, 0.0037, 0.0041]},
+            {"error_mm": [0.019, 0.023, 0.029], "deviation_mm": [0.0043, 0.0047, 0.0053]},
+        ],
+        "pixels_per_mm": 24.7,
+    }
+
+    def printed(content: Any) -> Texts:
+        laws = [shown(fit), replace(shown(fit), origin="tensile")]
+        evidence = SimpleNamespace(states=namespace(content["states"]))
+        predictions: list[Any] = [
+            SimpleNamespace(
+                fitted_law=law,
+                evidence=evidence,
+                error_mm=np.array(values["error_mm"]),
+                deviation_mm=np.array(values["deviation_mm"]),
+            )
+            for law, values in zip(laws, content["fits"], strict=True)
+        ]
+        contents: Any = SimpleNamespace(
+            name="beam.h5",
+            best=predictions[0],
+            simulated=predictions,
+            simulated_by=lambda law: predictions[laws.index(law)],
+            dataset=SimpleNamespace(
+                specimen=SimpleNamespace(specimen=SimpleNamespace(name="one")),
+                calibration=SimpleNamespace(pixels_per_mm=content["pixels_per_mm"]),
+            ),
+        )
+        report: Any = SimpleNamespace(datasets=[contents], fits=laws)
+        picture = error_at_a_glance(report)
+        assert picture
+        return {
+            "figure on the first page": f"{picture.caption}\n{printed_figure(picture.figure)}",
+            "figure of the errors": printed_figure(drawn_errors(predictions)),
+            "figure of boxes": printed_figure(drawn_boxes(report)),
+        }
+
+    return traced(content, printed)
 
 
 def numbers_of_a_tensile_fit(tensile: TensileRecord, shown: Shown) -> dict[str, list[str]]:
@@ -238,6 +315,8 @@ def traces(
     """Return, for each printed text and table, the record field and the factor of each of its numbers."""
     return {
         **numbers_of_a_fit(fit, evidence, shown),
+        **numbers_of_the_figures_of_a_fit(fit, shown),
+        **numbers_of_the_figures_of_predictions(fit, shown),
         **numbers_of_a_tensile_fit(tensile, shown),
         **numbers_of_a_comparison(choices),
         **numbers_of_a_validation(validation(fit), shown, fit),

@@ -29,6 +29,7 @@ from eimi_lab.reporting.panels.every_fit import tables as fits_on_specimens
 from eimi_lab.reporting.panels.laws import table_of_choice, table_of_laws
 from eimi_lab.reporting.panels.stress_strain import drawn_stress
 from eimi_lab.reporting.panels.uncertainty_budget import drawn_budget, shares
+from eimi_lab.reporting.residual_noise import ResidualNoise
 from eimi_lab.reporting.rounded import format_quantity, value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 from eimi_lab.reporting.stress import TensilePoints
@@ -191,6 +192,28 @@ def test_a_hidden_truth_is_inside_the_interval_or_outside(
     assert f"initial shear modulus {1e-3 * mu:g} kPa, {where} the interval" in verdict.words
     assert verdict.answer.replace("−", "-") == f"{100 * (50e3 / mu - 1):+.2f} %"
     assert Score(fit, mu).difference_percent == pytest.approx(100 * (50e3 / mu - 1))
+
+
+def test_several_datasets_share_one_verdict_on_their_residuals_and_one_on_the_hidden_material(
+    fit: FitRecord, evidence: Evidence, report_of: Reported, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = {"model": "neo-hookean", "parameters": {"mu_Pa": 62e3}}
+    report, other = report_of(fit, evidence, truth), report_of(fit, evidence, truth)
+    (one,), (two,) = report.datasets, other.datasets
+    one.name, two.name = "one.h5", "two.h5"
+    one.simulated_by = two.simulated_by = lambda shown: "simulated"
+    report.datasets = [one, two]
+    verdicts = [ResidualNoise("no", "", "random part 0.3 µm, systematic part 0.7 µm")] * 2
+    verdicts.append(ResidualNoise("yes", "", "random part 0.4 µm"))
+    answers = iter([*verdicts[:2], *verdicts[1:]])
+    monkeypatch.setattr(findings, "residual_noise", lambda simulated: next(answers))
+    for answer, parts in (("no", verdicts[1].parts), ("1 of 2 datasets", verdicts[2].parts)):
+        (finding,) = findings.findings(report)
+        (noise,) = (v for v in finding.verdicts if v.question == "Do the residuals look like noise?")
+        (hidden,) = (v for v in finding.verdicts if v.question == "How far from the true value?")
+        assert noise.answer == answer
+        assert f"one.h5: no, {verdicts[0].parts}; two.h5: {'no' if answer == 'no' else 'yes'}, {parts}" in noise.words
+        assert hidden.words.startswith("one.h5, two.h5 were made on the virtual rig. Hidden material: neo-hookean, mu")
 
 
 def test_the_smallest_error_on_a_specimen_is_bold(
