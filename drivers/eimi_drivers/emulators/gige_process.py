@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_drivers.cameras.aravis_library import load_aravis
 from eimi_drivers.emulators.gige_camera import serve_gige
 from eimi_drivers.interfaces import InstrumentError, raised
 
@@ -70,8 +71,10 @@ def gige_process(
     Raises
     ------
     InstrumentError
-        The camera does not start; the message states the error of the process.
+        The camera does not start; the message states the error of the process. If the library Aravis is not installed,
+        no process is started.
     """
+    load_aravis()
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(there, prepare, size_px, camera), name="camera", daemon=True)

@@ -114,7 +114,8 @@ def picture_of(report: ReportContents) -> Picture | None:
             frames = contents.dataset.kind == "frames"
             drawn = (edges_over_frames if frames else points_over_outlines)(contents, simulated)
             words = "measured and simulated" if simulated else "measured"
-            caption = f"{contents.name}: the beam, {words}, at the smallest and the largest load"
+            middle = ", a middle" * (not frames and len(some_states(contents, 3)) > 2)
+            caption = f"{contents.name}: the beam, {words}, at the smallest{middle} and the largest load"
             caption += ", and its tip at the largest load." if frames else "."
             return Picture("result", drawn, "measured and simulated beam", caption, frames, of_half_width=True)
     return None
