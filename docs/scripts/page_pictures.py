@@ -85,6 +85,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
     keep(page, "idle")
     page.get_by_role("button", name="Start").click()
     page.locator("#modulus-plot circle.dot").first.wait_for()
+    page.locator("#live polyline >> nth=1").wait_for(state="attached")
     keep(page, "running")
     page.keyboard.press("Escape")
     page.get_by_text("confirmed after").wait_for()
