@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from benchmarks.spoilt_bench import Trial, wait_until
+from benchmarks.spoilt_bench import UNIDENTIFIED, Trial, wait_until
 from eimi_drivers.emulators.faults import SLEEPS_FOR_S
 
 
@@ -134,6 +134,7 @@ CUT = (("korad", "port"), ("genesys", "port"), ("scpi", "tcp"), ("keysight-n6700
 
 TOOK_OVER = "stood still for more than 5 s.*switched off"
 DIED = "the run died; .*: the coil was switched off"
+DIED_OR_UNIDENTIFIED = f"{DIED}|{UNIDENTIFIED}"
 FAULTS = (
     *(
         Fault(f"{number.name} {transport} {driver}", driver, transport, lambda t, n=number: t.send(n), said, within)
@@ -281,9 +282,9 @@ FAULTS = (
     ),
     Fault("guardian stopped", "scpi", "tcp", lambda t: _signal_guardian(t, signal.SIGSTOP), "does not answer", 6.0),
     Fault("line cut, stopped", "scpi", "tcp", lambda t: _cut(t, signal.SIGTERM), "", 6.0),
-    Fault("line cut, killed", "scpi", "tcp", lambda t: _cut(t, signal.SIGKILL), DIED, 6.0),
+    Fault("line cut, killed", "scpi", "tcp", lambda t: _cut(t, signal.SIGKILL), DIED_OR_UNIDENTIFIED, 6.0),
     Fault("line cut, stopped, HiSLIP", "scpi", "hislip", lambda t: _cut(t, signal.SIGTERM), "", 6.0),
-    Fault("line cut, killed, HiSLIP", "scpi", "hislip", lambda t: _cut(t, signal.SIGKILL), DIED, 6.0),
+    Fault("line cut, killed, HiSLIP", "scpi", "hislip", lambda t: _cut(t, signal.SIGKILL), DIED_OR_UNIDENTIFIED, 6.0),
     Fault(
         "silent for 3 s, killed",
         "korad",

@@ -19,6 +19,9 @@ from benchmarks.kill_campaign import FILES, HEIGHT, PICTURES, WIDTH
 from eimi_lab.config.protocol import load_protocol
 from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
+UNIDENTIFIED = "it may not be the supply of the coil"
+"""Words of a guardian that switched a supply off but did not confirm its identity."""
+
 SHIPPED = "dragon_skin_10"
 FULL_A = 1.5
 STATES = 8
@@ -167,6 +170,9 @@ maximum = 12.0
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 
+    def _is_unidentified(self) -> bool:
+        return any(UNIDENTIFIED in line for line in self.lines)
+
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
         """Send signals to the run; return the time of the first one."""
         began = time.monotonic()
@@ -192,13 +198,17 @@ maximum = 12.0
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:
-        """Wait for the end of the run and its guardian, killing the run if necessary; return its exit status."""
+        """Wait for the end of the run and its guardian, killing the run if necessary; return its exit status.
+
+        A guardian that switched off a supply without confirming its identity tries for an hour; it is ended.
+        """
         try:
             status = self.process.wait(20)
         except subprocess.TimeoutExpired:
             self.process.kill()
             status = self.process.wait(20)
-        wait_until(lambda: not alive(self.guardian), "the guardian never ended")
+        wait_until(lambda: not alive(self.guardian) or self._is_unidentified(), "the guardian never ended")
+        self.end_guardian()
         if not self.unread:
             self._reader.join(WAIT_AT_MOST_S)
         else:
