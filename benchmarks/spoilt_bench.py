@@ -21,6 +21,7 @@ from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
 UNIDENTIFIED = "it may not be the supply of the coil"
 """Words of a guardian that switched a supply off but did not confirm its identity."""
+TRIES_FOR_S = 15.0
 
 SHIPPED = "dragon_skin_10"
 FULL_A = 1.5
@@ -171,7 +172,9 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        return any(UNIDENTIFIED in line for line in self.lines)
+        """Return whether the guardian reported `TRIES_FOR_S` ago that it cannot identify the supply."""
+        reported_s = [at_s for line, at_s in zip(self.lines, self.heard_s, strict=False) if UNIDENTIFIED in line]
+        return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
         """Send signals to the run; return the time of the first one."""
@@ -200,7 +203,8 @@ maximum = 12.0
     def end(self) -> int:
         """Wait for the end of the run and its guardian, killing the run if necessary; return its exit status.
 
-        A guardian that switched off a supply without confirming its identity tries for an hour; it is ended.
+        A guardian that switched off a supply without confirming its identity tries for an hour; it is ended after
+        `TRIES_FOR_S`.
         """
         try:
             status = self.process.wait(20)
