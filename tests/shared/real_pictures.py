@@ -27,32 +27,28 @@ from eimi_lab.vision.edges.finding import find_edges
 
 PICTURES = Path(__file__).parents[3] / "shared" / "data" / "pictures"
 COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
-"""What a good result has at least and at most. No limit is narrower than the uncertainty of the reference."""
-_MEDIAN_OF_NORMAL, _P95_OF_NORMAL = 0.674, 1.96  # of absolute values, in standard deviations
+"""What a good result has at least and at most."""
 
 
 @dataclass(frozen=True)
 class PictureScore:
     """The score of edges against traced ones.
 
-    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points;
-    reference_px: standard uncertainty of the traced edges.
+    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points.
     """
 
     coverage: float
     median: float
     p95: float
-    reference_px: float = 0.0
 
     @property
     def good(self) -> bool:
-        return self.coverage >= COVERAGE and not self.wrong
+        return self.coverage >= COVERAGE and self.median <= MEDIAN_PX and self.p95 <= P95_PX
 
     @property
     def wrong(self) -> bool:
         """Whether the points that were found are far from the traced edges, however few they are."""
-        median = max(MEDIAN_PX, _MEDIAN_OF_NORMAL * self.reference_px)
-        return not (self.median <= median and self.p95 <= max(P95_PX, _P95_OF_NORMAL * self.reference_px))
+        return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
 
 @dataclass(frozen=True)
@@ -125,8 +121,7 @@ class Picture:
                 covered += int((np.abs(stations[:, None] - at).min(axis=1, initial=np.inf) <= reach).sum())
             apart = np.concatenate(distances)
             if len(apart):
-                median, p95 = float(np.median(apart)), float(np.percentile(apart, 95))
-                ways.append(PictureScore(covered / total, median, p95, float(reference["uncertainty_px"])))
+                ways.append(PictureScore(covered / total, float(np.median(apart)), float(np.percentile(apart, 95))))
         return min(ways, key=lambda scored: scored.median, default=PictureScore(0.0, math.nan, math.nan))
 
 
