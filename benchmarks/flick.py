@@ -5,7 +5,7 @@
 
 Each scene is drawn, filmed and typed with errors (`tests.shared.phone_films`): a phone's perspective and tilt, rolling
 shutter, exposure, noise and video compression. The video is imported with three clicks on the strip and fitted as in
-the tutorial "A moment-free modulus in a minute: flick it". The table gives the error of the dynamic modulus, the
+the tutorial "A modulus without a magnet: flick a strip". The table gives the error of the dynamic modulus, the
 half-width of its 95 % interval, and whether the interval holds the hidden modulus. The goal: every error below 5 %.
 With --difficulties, one scene is filmed in the ways in which recordings by hand differ from that. With --film FILE,
 only the video of the first scene is written, for the tutorial.
