@@ -270,7 +270,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off, now and in every earlier attempt. If it is on, append True to `was_on`."""
+    """Return whether the output is off, now and in every earlier attempt. If it is on, add True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)

@@ -271,7 +271,8 @@ def _of_video(
         else:
             if "along_px" not in changes.get("picture", {}):
                 raise InputError(_where(source, output, "a video needs --along 'X,Y X,Y X,Y', or --calibration"))
-            used, is_clicked = clicked_from_changes(changes, specimen, str(source)), True
+            used = clicked_from_changes(changes, specimen, str(source))
+            is_clicked = not {"axis_angle_deg", "clamp_midpoint_px"} & changes.keys()
         read = read_video_motions(source, used, specimen, facts, is_clicked=is_clicked)
     except NoBeam as error:
         raise InputError(_where(source, output, str(error).removeprefix(f"{source}: "))) from error

@@ -53,7 +53,7 @@ class ExpectedRingDown:
     moment_share_percent : float
         Part of ``without_percent`` that comes from the magnetic moment and the field.
     moment_percent : float or None
-        Factor on the magnetic moment, from both; None if nothing magnetic is uncertain.
+        The same part with a ring-down and creep; None if nothing magnetic is uncertain.
     """
 
     frequency_Hz: float
@@ -69,8 +69,8 @@ class ExpectedRingDown:
         moment = ""
         if self.moment_percent is not None:
             moment = (
-                f"; the moment and the field, ± {self.moment_share_percent:.3g} % of the interval without it, would be "
-                f"known to ± {self.moment_percent:.3g} %"
+                f"; the part of this interval that the moment and the field cause would shrink from "
+                f"± {self.moment_share_percent:.3g} % to ± {self.moment_percent:.3g} % of the modulus"
             )
         return (
             f"with a ring-down in zero field, at about {self.frequency_Hz:.3g} Hz, and creep: "
@@ -127,7 +127,8 @@ def expected_ring_down(
     magnetic = np.isin(names, [part for source in _MAGNETIC for part in SOURCES[source].parts])
     share = float(np.linalg.norm(a[magnetic]))
     others = np.where(magnetic, 0.0, a)
-    moment = np.sqrt(((others - b) ** 2).sum() + rest + noise**2 + relaxation**2) if share else None
+    difference = ((others - b) ** 2).sum() + rest + noise**2 + relaxation**2
+    moment = np.sqrt(1.0 / (1.0 / share**2 + 1.0 / difference)) if share else None
     return ExpectedRingDown(
         frequency_Hz,
         NORMAL_95 * float(np.sqrt(b @ b + noise**2)),

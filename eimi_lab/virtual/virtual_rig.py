@@ -22,7 +22,7 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.coil_line import RemoteCoil
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import Clock, Frame, Identity, PowerSupply
+from eimi_drivers.interfaces import Clock, Frame, Identity, InstrumentError, PowerSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_fitting.beam.rest_modes import with_modes
@@ -137,7 +137,10 @@ class VirtualCamera:
         """Return the next frame of the beam in the field of the coil; an error of the coil is passed on."""
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
-        outlines = self._moved() if self._is_moving else self._still()
+        try:
+            outlines = self._moved() if self._is_moving else self._still()
+        except ArithmeticError as error:
+            raise InstrumentError(f"virtual camera: {error}") from error
         if outlines:
             outline, magnet = outlines
             self._scene = make_scene(

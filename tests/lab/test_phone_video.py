@@ -103,7 +103,7 @@ def test_clicks_give_a_calibration_whose_axis_the_beam_at_rest_corrects() -> Non
     assert corrected.axis_angle_deg == pytest.approx(0.0, abs=0.3)
     assert corrected.clamp_midpoint_px[1] == pytest.approx(LEVEL.clamp_midpoint_px[1], abs=0.5)
     assert f"{corrected.axis_angle_deg:.3f}"[:5] in corrected.text
-    with pytest.raises(InputError, match="the first should be at the clamp and the last at the tip"):
+    with pytest.raises(InputError, match="the first point should be at the clamp and the last at the tip"):
         clicked_calibration([(61.0, 152.5), (65.0, 153.0)], STRIP, None, "flick.mp4")
 
 

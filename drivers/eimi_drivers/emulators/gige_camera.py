@@ -144,7 +144,7 @@ def _refuse_taken(address: str) -> None:
 
 
 def encode(pixel_format: PixelFormat, image: NDArray[np.uint8]) -> bytes:
-    """Count the time from the moment of this call.
+    """Return the data of an 8-bit picture in a pixel format; values with more bits are shifted to their full scale.
 
     A Bayer mosaic of a grey picture is the picture itself.
     """

@@ -55,10 +55,11 @@ def clicked_calibration(
     if not 2 <= len(points) <= 6:
         raise InputError(f"{origin}: --along has {len(points)} points; give two to six, from the clamp to the tip")
     length_px = float(np.hypot(*np.diff(points, axis=0).T).sum())
-    if length_px < _SHORTEST_PX:
+    chord_px = float(np.hypot(*(points[-1] - points[0])))
+    if not (length_px >= _SHORTEST_PX and chord_px > 0.5 * length_px):  # NaN is refused, too
         raise InputError(
-            f"{origin}: --along: the points are {length_px:.0f} px apart; the first should be at the clamp and the "
-            "last at the tip of the beam"
+            f"{origin}: --along: the line through the points is {length_px:.0f} px long and its ends are "
+            f"{chord_px:.0f} px apart; the first point should be at the clamp and the last at the tip of the beam"
         )
     scale = length_px / specimen.specimen.length_mm
     table = {

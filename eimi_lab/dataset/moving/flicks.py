@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _LEAST = 0.15  # share of the largest flick; smaller motions are not flicks
 _RISE = 3.0  # factor by which the amplitude rises at a flick
 _OVER_NOISE = 8.0
-_FEWEST_PERIODS = 6.0  # in which a part has to show the beam swinging
+FEWEST_PERIODS = 6.0  # in which a part has to show the beam swinging
 
 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
@@ -42,26 +42,36 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
         return whole
     rate_Hz = 1.0 / float(np.median(np.diff(frame_s)))
     frames = _period(moved, rate_Hz)
-    if not 2 < frames < len(moved) / (2 * _FEWEST_PERIODS):
+    if not 2 < frames < len(moved) / (2 * FEWEST_PERIODS):
         return whole
     slow = median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
     size = maximum_filter1d(np.abs(moved - slow), size=frames | 1)
     floor = float(np.quantile(size, 0.1))
     least = max(_LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0)
-    peaks, _ = find_peaks(
-        np.log(np.maximum(size, 1e-9)), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames
-    )
+    ending = np.append(np.maximum(size, 1e-9), 1e-9)  # with an end at rest, only the rise of the last flick counts
+    highest, _ = find_peaks(np.log(ending), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames)
+    peaks = [int(peak) for peak in highest if _is_abrupt(size, int(peak), frames)]
     if len(peaks) < 2:
         return whole
-    valleys = [int(first + np.argmin(size[first:last])) for first, last in pairwise(peaks)]
+    calm = size + np.abs(slow)  # a beam that is held aside is not at rest
+    valleys = [int(first + np.argmin(calm[first:last])) for first, last in pairwise(peaks)]
     ends = [0, *(max(valley - frames // 2, 1) for valley in valleys), len(frame_s)]
     parts = list(pairwise(ends))
     long = [
         (first, last)
         for (first, last), peak in zip(parts, peaks, strict=True)
-        if last - peak >= _FEWEST_PERIODS * frames
+        if last - peak >= FEWEST_PERIODS * frames
     ]
     return long or whole
+
+
+def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
+    """Return whether the amplitude rises faster than it decays; in a beat of two vibrations it does not."""
+    low = size[peak] / _RISE
+    before, after = np.flatnonzero(size[:peak] < low), np.flatnonzero(size[peak:] < low)
+    rise = peak - (int(before[-1]) if len(before) else 0)
+    fall = int(after[0]) if len(after) else len(size) - peak
+    return rise <= max(1.5 * frames, 0.75 * fall)
 
 
 def _deflection(points_mm: Array) -> Array | None:
@@ -70,7 +80,8 @@ def _deflection(points_mm: Array) -> Array | None:
     often = seen.mean(axis=0) > 0.5
     if not often.any():
         return None
-    spread = np.where(often, np.nanstd(np.where(seen, points_mm[..., 1], np.nan), axis=0), 0.0)
+    spread = np.zeros(len(often))
+    spread[often] = np.nanstd(np.where(seen, points_mm[..., 1], np.nan)[:, often], axis=0)
     place = points_mm[:, int(np.argmax(spread)), 1]
     good = np.flatnonzero(np.isfinite(place))
     filled = np.interp(np.arange(len(place)), good, place[good])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.time.measured import Motion
-from eimi_lab.dataset.moving.flicks import parts_of
+from eimi_lab.dataset.moving.flicks import FEWEST_PERIODS, parts_of
 from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.process.errors import InputError, tell
 
@@ -28,10 +28,16 @@ def free_motions(
     frame_s = time_s.min(axis=1)
     alone = facts.kind != "ring_down" or facts.released_s is not None or len(frame_s) < FEWEST_FRAMES
     parts = [(0, len(frame_s))] if alone or not (np.diff(frame_s) > 0).all() else parts_of(frame_s, points_mm)
+    if not alone and len(parts) == 1 and parts[0] != (0, len(frame_s)):
+        first, last = parts[0]
+        tell(
+            f"note: {origin}: the beam was moved several times; only the ring-down from {frame_s[first]:.4g} to "
+            f"{frame_s[last - 1]:.4g} s is long enough and is stored"
+        )
     if len(parts) > 1:
         tell(
-            f"note: {origin}: the beam was moved {len(parts)} times; each ring-down is stored by itself; --released "
-            "states the time of one release"
+            f"note: {origin}: {len(parts)} ring-downs of at least {FEWEST_PERIODS:g} periods were found; each one "
+            "is stored by itself; --released states the time of one release"
         )
     return tuple(
         free_motion(
@@ -89,6 +95,8 @@ def free_motion(
             f"{origin}: frame {at + 1} (counted from 0) has the time {frame_s[at + 1]:g} s, which should be later than "
             f"{frame_s[at]:g} s; give --rate if the file has no times"
         )
+    if not np.isfinite(points_mm).all(axis=2).any():
+        raise InputError(f"{origin}: no frame shows a point of the beam")
     period_s = float(np.median(steps_s))
     first = _stated_release(frame_s, facts, origin) if facts.released_s is not None else _release(points_mm)
     released_s = float(frame_s[first]) if facts.released_s is None else facts.released_s
@@ -111,7 +119,7 @@ def free_motion(
         sigma_mm=sigma_mm[first:],
         exposure_s=facts.exposure_s,
         step_uncertainty_s=period_s if facts.released_s is None else period_s / np.sqrt(12.0),
-        lost_frames=int(lost),
+        lost_frames=int(lost) if facts.kind == "ring_down" else 0,  # the intervals of creep grow on purpose
         tip_force_N=facts.removed_N,
         hanging_N=facts.hanging_N,
         label=origin,
@@ -131,6 +139,7 @@ def _release(points_mm: Array) -> int:
     """Return the last frame in which the most moving point is nearly farthest from its place at the end."""
     moved = np.nanstd(points_mm, axis=0).sum(axis=1)
     place = points_mm[:, int(np.nanargmax(moved))]
-    deflection = np.hypot(*(place - np.nanmean(place[-(len(place) // _AT_THE_END + 1) :], axis=0)).T)
+    visible = place[np.isfinite(place).all(axis=1)]
+    deflection = np.hypot(*(place - visible[-(len(visible) // _AT_THE_END + 1) :].mean(axis=0)).T)
     near = np.flatnonzero(deflection >= _NEAR_GREATEST * np.nanmax(deflection))
     return int(near[-1])

@@ -80,7 +80,7 @@ def capture_rate_Hz(path: Path) -> float | None:
     """
     try:
         header = _boxes(path)
-    except (OSError, struct.error):
+    except (OSError, OverflowError, ValueError, struct.error):
         return None
     at = header.find(_KEY)
     if at < 0:

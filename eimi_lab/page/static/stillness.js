@@ -14,10 +14,13 @@ export class Stillness {
   forget() {
     this.before = null;
     this.since = Infinity; // number of the first frame that looks like the one on the screen
+    this.latest = 0; // number of the frame on the screen
   }
 
   // Compare a frame on its canvas with the first frame of the same look.
   see(canvas, number) {
+    if (number < this.latest) this.forget(); // a reopened camera counts from 1 again
+    this.latest = number;
     this.context.drawImage(canvas, 0, 0, WIDE, HIGH);
     const { data } = this.context.getImageData(0, 0, WIDE, HIGH);
     let changed = this.before === null ? Infinity : 0;
@@ -27,5 +30,5 @@ export class Stillness {
   }
 
   // Whether what was found in a frame holds for the picture on the screen.
-  holds(number) { return number >= this.since; }
+  holds(number) { return number >= this.since && number <= this.latest; }
 }

@@ -163,7 +163,10 @@ class BeamTracker:
         if image.dtype != np.uint8:  # the full scale of other pictures depends on all pixels
             return self._projected(image)
         reach = 2.0 * (widths + 1.0) * float(self._half_px.max()) + _MARGIN_PX
-        places = np.vstack([curve.at(self._along_px)[0] for curve in (self._first, self._curve)])
+        curves = [self._first, self._curve]
+        if self._before is not None:  # the search begins where the beam would be at its present rate
+            curves.append(self._curve.extrapolated(self._before, 1.0))
+        places = np.vstack([curve.at(self._along_px)[0] for curve in curves])
         low = np.maximum(np.floor(places.min(axis=0) - reach), 0.0).astype(int)
         high = np.maximum(np.ceil(places.max(axis=0) + reach).astype(int), low)
         part = slice(low[1], high[1]), slice(low[0], high[0])

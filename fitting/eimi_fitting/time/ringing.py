@@ -2,7 +2,7 @@
 
 The modes (`beam.vibration`) are computed for a few moduli of the equilibrium and interpolated in the logarithm of the
 modulus. At each of them, the eigenvalue lambda(r) of every mode is computed for a few real ratios r of the modulus of
-the vibration to that of the equilibrium. A polynomial in r through these values also gives lambda at complex r. The
+the vibration to that of the equilibrium. A polynomial in 1/r through lambda/r also gives lambda at complex r. The
 ratio of the solid's frequency to that of the planar model is computed once, at the middle modulus.
 """
 
@@ -40,8 +40,8 @@ _TRIES = 15
 _SAME_FREQUENCY = 1e-5
 _SHAPES = 4  # modes at each modulus and each stiffening
 _STIFFENINGS = (1.0, 2.0)  # at 7 mT one of them alone gives losses that are 2 % too high
-_RATIOS = (0.6, 5.0)  # range of r
-_DEGREE = 10  # of the polynomials in r
+_LEAST_RATIO = 0.6  # of r; polynomials in 1 / r also hold for every larger ratio
+_DEGREE = 10  # of the polynomials in 1 / r
 _MODES = 3
 _LOAD_LOGS = np.array([-0.2, 0.0, 0.2])  # logarithms of the factors on the magnetic loads at which modes are computed
 _SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above that of finer ones
@@ -170,9 +170,8 @@ class RingTable:
         if not is_sound[_MODULI // 2 :].all():
             raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {middle_Pa:.3g} Pa")
         sound = np.flatnonzero(is_sound)
-        squares = squares_by_stiffening(
-            motion.material, motion.rest, motion.mass, _of_unit(_chebyshev_points()), _MODES
-        )
+        ratios = _of_unit(_chebyshev_points())
+        squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES) / ratios[:, None]
         squares = squares.reshape(loads, _MODULI, _DEGREE + 1, _MODES)[:, sound]
         size = squares.mean(axis=2)
         self._size = CubicSpline(logs[sound], np.log(size), axis=1)
@@ -200,7 +199,7 @@ class RingTable:
         columns = polynomials[..., :count].swapaxes(0, 1)
 
         def squares(stiffening: ComplexArray) -> ComplexArray:
-            return np.asarray(chebval(_in_unit(stiffening), columns, tensor=False))
+            return np.asarray(stiffening * chebval(_in_unit(stiffening), columns, tensor=False))
 
         return self.solid_over_planar[:count] * fixed_point(squares, ratio, (len(inside), min(count, _MODES)))
 
@@ -293,8 +292,8 @@ def _chebyshev_points() -> Array:
 
 def _of_unit(x: Array) -> Array:
     """Return the ratios r at places between -1 and 1."""
-    return np.asarray(0.5 * (_RATIOS[1] - _RATIOS[0]) * (x + 1) + _RATIOS[0])
+    return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 
 def _in_unit(ratio: ComplexArray) -> ComplexArray:
-    return np.asarray(2 * (ratio - _RATIOS[0]) / (_RATIOS[1] - _RATIOS[0]) - 1)
+    return np.asarray(2.0 * _LEAST_RATIO / ratio - 1.0)

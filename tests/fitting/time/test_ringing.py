@@ -40,6 +40,23 @@ def test_the_table_gives_the_roots_of_the_whole_matrices_in_a_field() -> None:
     assert roots.real == pytest.approx(expected.real, rel=3e-4)
 
 
+def test_the_table_holds_for_a_material_that_is_eight_times_as_stiff_in_vibrations() -> None:
+    strong = Prony(np.array([0.45, 0.425]), np.array([2.0, 20.0]))
+    of_table = table(0.0)
+
+    def ratio(s: np.ndarray) -> np.ndarray:
+        return strong.complex_ratio(s) / float(strong.long_term)
+
+    roots = of_table.roots(np.log([AT_REST_PA]), ratio)[0] / of_table.solid_over_planar
+    vibration = Vibration(of_table.beam.planar())
+    motion, _ = vibration.about(
+        of_table.beam.law, np.array([[AT_REST_PA]]), of_table.beam.loads, stiffenings=(1.0, 2.0, 4.0, 8.0)
+    )
+    expected = motion.roots(ratio)[0]
+    assert abs(ratio(expected)).min() > 7.0
+    assert roots.imag == pytest.approx(expected.imag, rel=3e-4)
+
+
 def test_a_factor_on_the_moment_changes_a_ring_down_as_a_stronger_field_does() -> None:
     of_field, stronger = table(7.0), table(7.7)
     (root,) = of_field.roots(np.log([AT_REST_PA]), relaxing, 1, np.log([1.1]))[0]

@@ -266,7 +266,8 @@ def cause_doubts(
             words = "none of the listed causes, alone or two together, explains the residuals"
             return (Doubt(words, dataset, kind="cause"),)
         return ()
-    left = [c for c in weighed.causes if c.name != NONE and c.name not in weighed.in_the_fit]
+    # A cause that is like one of the fit explains nothing that the fit does not take into account.
+    left = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
     if not left or left[0].probability < _NAMED or not _concerns(left[0], weighed, estimate, final):
         return ()
     return (Doubt(_causes_in_words(left), dataset, kind="cause"),)

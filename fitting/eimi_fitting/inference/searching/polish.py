@@ -141,9 +141,11 @@ def polish(
     Optimum
         The end of the polish.
 
-    Notes ----- Each step is tried at full length, in one batch with the differences about its end that the next step
-    needs. Most steps succeed, and a batch costs little more than one candidate. A step that fails is tried again at
-    shorter lengths.
+    Notes
+    -----
+    Each step is tried at full length, in one batch with the differences about its end that the next step needs. Most
+    steps succeed, and a batch costs little more than one candidate. A step that fails is tried again at shorter
+    lengths.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
