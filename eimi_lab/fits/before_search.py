@@ -32,7 +32,7 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 @dataclass(frozen=True)
 class _Remedy:
-    """A change that corrects a mistake, described for calibration.toml, for states.csv, and for tracked points."""
+    """The correction of an input mistake: one text each for calibration.toml, states.csv and tracked points."""
 
     calibration: str
     states: str

@@ -1,6 +1,6 @@
-"""The models with which the fits of a result file are written and read.
+"""The data classes with which fits are written to a result file and read from it.
 
-`eimi_fitting` has types for its results, and these are stored as they are. The models of this module add what
+`eimi_fitting` has types for its results, and these are stored as they are. The classes of this module add what
 `eimi_fitting` does not know: files, currents and versions.
 """
 

@@ -18,7 +18,7 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """The index of a state, and the standard deviation in mm that its flags add to that of its points."""
+    """The index of a state with flags, and the standard deviation (mm) that is added for them to that of its points."""
 
     state: int
     by_mm: float

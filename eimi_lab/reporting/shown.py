@@ -91,8 +91,8 @@ def sections_of(fit: FitRecord) -> tuple[str, ...]:
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
     """Choose the best fit of a group that is not empty.
 
-    If a file of the group compares its laws, return the fit of the first such file with the smallest AICc, or with the
-    smallest BIC if there are too few data for AICc. Otherwise return the fit with the smallest misfit.
+    Take the first file of the group that compares several laws, and return its fit with the smallest AICc, or with the
+    smallest BIC if there are too few data for AICc. If no file compares laws, return the fit with the smallest misfit.
     """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}

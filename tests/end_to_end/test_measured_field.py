@@ -56,7 +56,7 @@ timeout_s = 30.0
 
 
 def write_bench(folder: Path, sensors: str) -> None:
-    """Write the virtual rig with another coil constant and another background than its calibration states."""
+    """Write a virtual rig whose coil constant and background field differ from those in its calibration file."""
     rig = locate("virtual", "rigs").read_text().replace("mesh = [26, 3, 1]", "mesh = [10, 2, 1]") + sensors
     (folder / "rig.toml").write_text(rig)
     (folder / "virtual_calibration.toml").write_text(locate("virtual_calibration", "rigs").read_text())

@@ -37,7 +37,7 @@ READ_WITHIN_S, BYTES_PER_S = 10.0, 1e6
 
 
 def read_c3d(path: Path) -> Tracks:
-    """Read the markers of a C3D file; frames keep the numbers of the capture. Raises InputError.
+    """Read the markers of a C3D file; the frame numbers are those of the original recording. Raises InputError.
 
     Another process reads the file, because damage in it can end the process in which ezc3d runs.
     """

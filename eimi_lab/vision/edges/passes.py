@@ -55,7 +55,7 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """A stretch of the outline, and the n edge points that were located on it, from the clamp to the tip.
+    """One part of the outline, and the n edge points that were located on it, from the clamp to the tip.
 
     Attributes
     ----------

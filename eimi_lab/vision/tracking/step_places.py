@@ -60,7 +60,7 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Return the shift of a band on each profile that contrasts most with both of its sides.
+    """Return, for each profile, the shift at which a band differs most in grey value from both of its sides.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class FollowerPressure:
-    """The sides of elements under pressure, and the operator of its forces.
+    """The sides of elements on which a pressure acts, and the operator that gives the nodal forces of this pressure.
 
     Parameters
     ----------

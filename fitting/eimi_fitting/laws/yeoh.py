@@ -8,9 +8,9 @@ in `laws.stability`) is, up to a positive factor,
     D = W' (W' I2 + W'' (I1 I2 - 9)),
 
 where a prime is the derivative in I1. If W'' is negative, D decreases with I2 at a fixed I1. I1 and I2 are convex
-functions of the logarithmic stretches. Among all states of equal I1, the equibiaxial one has the largest I2 and the
-smallest largest stretch. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest root
-of a polynomial in one unknown.
+functions of the logarithmic stretches. Among all states of equal I1, in the equibiaxial one I2 is largest and the
+maximum stretch is smallest. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest
+root of a polynomial in one unknown.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def code_lines(text: str) -> int:
 
 @pytest.fixture
 def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with a run, its TOML files, two runs in `runs`, and its frames as another program stores them."""
+    """Return a folder with a run, its TOML files, two runs in `runs`, and the frames as another program stores them."""
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]

@@ -9,9 +9,9 @@ The unknowns x and the deviations s of the sources, in standard uncertainties, a
 
 with the residuals r_k, slopes J_k, changes C_k for one standard uncertainty, and the weights w_k of
 `inference.interval.covariance`. Level and correlation of the remaining residuals are those of the noise; they determine
-w_k, and the fit is repeated until they stay the same. A source changes the residuals linearly only to a few per cent,
-and the noise may be smaller than that. Residuals and slopes are therefore evaluated again at the minimum
-(Gauss-Newton). Laws are compared by the noise that remains.
+w_k, and the fit is repeated until they stay the same. The effect of a source on the residuals is only approximately
+linear: the error of a few per cent of the effect may exceed the noise. Residuals and slopes are therefore evaluated
+again at the minimum (Gauss-Newton). Laws are compared by the noise that remains.
 """
 
 from __future__ import annotations
