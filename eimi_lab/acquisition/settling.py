@@ -81,12 +81,14 @@ def wait_until_settled(
     Returns
     -------
     Settling
-        The last ratios and the duration, with a flag if the beam did not come to rest.
+        The last ratios and the duration. If the beam did not come to rest, the ratio is the largest of the last
+        `pairs`, and there is a flag.
     """
     camera.flush()
     began = clock.now()
     past: deque[tuple[float, NDArray[Any]]] = deque()
     quiet, ratio, drift = 0, float("inf"), float("inf")
+    recent: deque[float] = deque(maxlen=rule.pairs)  # the last ratio alone may be small by chance
     band = None
     while clock.now() <= max(began + rule.timeout_s, not_before_s):
         stop_if_asked()
@@ -104,6 +106,7 @@ def wait_until_settled(
                 band = edge_pixels(image)
                 ratio = noise.difference_ratio(previous, image, band)
             quiet = quiet + 1 if ratio <= rule.noise_ratio else 0
+            recent.append(ratio)
         see(frame, at)
         past.append((at, image))
         while len(past) > 1 and past[1][0] <= at - rule.drift_window_s:
@@ -117,6 +120,7 @@ def wait_until_settled(
                 if max(ratio, drift) <= rule.noise_ratio:
                     return Settling(ratio, drift, at - began, ())
                 quiet = quiet if ratio <= rule.noise_ratio else 0
-    worst = ratio if not np.isfinite(drift) else max(ratio, drift)
+    largest = max(recent, default=ratio)
+    worst = largest if not np.isfinite(drift) else max(largest, drift)
     flag = CHECK_OF["settling_ratio"].flag(worst if np.isfinite(worst) else 0.0, rule.noise_ratio)
-    return Settling(ratio, drift, clock.now() - began, (flag,))
+    return Settling(largest, drift, clock.now() - began, (flag,))

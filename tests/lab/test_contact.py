@@ -16,6 +16,7 @@ from eimi_lab.acquisition.event_words import protection_in_words
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset import writing
+from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.layout import append
 from eimi_lab.process.stopping import Stopped
 from tests.lab.conftest import BEGAN_S
@@ -121,14 +122,20 @@ def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkey
 
     def slow(column: h5py.Dataset, rows: Any) -> None:
         append(column, rows)
-        if setup.coil.state.set_current_A == 0.2 and not still_on:
+        if still_on:
+            still_on.append(setup.coil.state.output)
+
+    def slow_image(frames: h5py.Dataset, image: Any) -> None:
+        append_image(frames, image)
+        if still_on:
+            still_on.append(setup.coil.state.output)
+        elif setup.coil.state.set_current_A == 0.2:
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGTERM)
             still_on.append(True)
-        elif still_on:
-            still_on.append(setup.coil.state.output)
 
     monkeypatch.setattr(writing, "append", slow)
+    monkeypatch.setattr(writing, "append_image", slow_image)
     with pytest.raises(Stopped):
         setup.run()
     assert still_on[0]

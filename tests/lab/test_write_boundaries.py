@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eimi_lab.dataset import reading
+from eimi_lab.dataset import opened_file
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.repair.probing import read_all_but_frames
 from tests.patience import PATIENCE_S
@@ -67,7 +67,7 @@ def test_at_every_write_boundary_each_acknowledged_state_can_be_read(
     files: Path, monkeypatch: pytest.MonkeyPatch, states: int, frames: int
 ) -> None:
     # The probe of a file that was never closed, without its process: there are thousands of files.
-    monkeypatch.setattr(reading, "why_unreadable", lambda path: read_all_but_frames(path) or "")
+    monkeypatch.setattr(opened_file, "why_unreadable", lambda path: read_all_but_frames(path) or "")
     library, source = files / "traced_writes.so", Path(__file__).with_name("traced_writes.c")
     subprocess.run(
         [str(COMPILER), "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True, timeout=PATIENCE_S

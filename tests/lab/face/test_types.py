@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -90,5 +91,6 @@ def test_the_type_checker_reports_a_wrong_program(tmp_path: Path) -> None:
 @pytest.mark.parametrize("package", ["eimi_lab", "drivers/eimi_drivers", "fitting/eimi_fitting"])
 def test_a_package_says_that_it_is_typed(package: str) -> None:
     assert (ROOT / package / "py.typed").is_file()
-    name = package.rsplit("/", 1)[-1]
-    assert f'{name} = ["py.typed"]' in (ROOT / "pyproject.toml").read_text(encoding="utf-8").replace(f'"{name}"', name)
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    assert package.rsplit("/", 1)[-1] in settings["packages"]
+    assert "py.typed" in settings["package-data"]["*"]
