@@ -74,7 +74,10 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the means of ln(end / modulus) for both ends of the intervals of full fits."""
+    """Return the mean interval of the full fits of each kind, relative to the fitted modulus.
+
+    The two numbers of a kind are the means of ln(lower end / modulus) and of ln(upper end / modulus).
+    """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
         groups.setdefault(kind(o.case), []).append(np.log(np.array(o.interval) / o.value))
@@ -83,7 +86,7 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Return the outcome of a quick fit to solved shapes, whose interval has the mean width of full fits."""
+    """Fit a case to shapes that were solved before, and return the outcome with the mean interval of the full fits."""
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
     return Outcome(case, float(np.exp(value)), interval, interval, 0.0, 0.0)

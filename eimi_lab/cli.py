@@ -14,7 +14,18 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from eimi_lab.commands import beginning, bench, images, material_laws, next_run, publishing, showing, studying, watching
+from eimi_lab.commands import (
+    beginning,
+    bench,
+    calibrating,
+    images,
+    material_laws,
+    next_run,
+    publishing,
+    showing,
+    studying,
+    watching,
+)
 from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.process.errors import InputError, OwnFault, tell
@@ -26,7 +37,7 @@ from eimi_lab.process.threads import one_thread_each
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Measure": (bench.instruments, bench.acquire, bench.recover, next_run.plan, bench.emulate),
     "Prepare": (
-        *(beginning.init, images.calibrate, bench.calibrate_coil, images.import_),
+        *(beginning.init, calibrating.calibrate, bench.calibrate_coil, images.import_),
         images.segment,
     ),
     "Fit": (

@@ -216,7 +216,17 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch the coil off and report the outcome. failed: in words, why the ramp down failed."""
+    """Switch the coil off and report the outcome.
+
+    Parameters
+    ----------
+    coil : Coil
+    guardian : Guardian or None
+    on_event : OnEvent
+        Receives the events.
+    failed : str
+        The reason, in words, for which the ramp down failed; empty if it did not fail.
+    """
     if guardian:
         guardian.allow(OFF_WITHIN_S)
     reason = failed or coil.unreachable

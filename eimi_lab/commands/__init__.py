@@ -3,7 +3,8 @@
 beginning         init
 bench             instruments, emulate, acquire, recover
 trying            the questions of `eimi instruments --try`
-images            import, calibrate, segment
+images            import, segment
+calibrating       calibrate
 material_laws     fit, validate, tensile, simulate, export
 next_run          plan
 showing           report, demo

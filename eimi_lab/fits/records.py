@@ -39,7 +39,22 @@ Array = NDArray[np.float64]
 
 
 class StateError(Record):
-    """Error and deviation of one state. `dataset`: index of the dataset in the fit; `state`: index in the dataset."""
+    """The distances between the simulated and the measured edges of one state.
+
+    Attributes
+    ----------
+    dataset : int
+        The index of the dataset in the fit.
+    state : int
+        The index of the state in the dataset.
+    current_A : float or None
+        The set current; None if the dataset states no current.
+    field_mT : float
+    error_mm : float
+        The mean distance, see `error` in the glossary.
+    deviation_mm : float
+        The standard deviation of the distances.
+    """
 
     dataset: int
     state: int

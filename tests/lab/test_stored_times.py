@@ -44,7 +44,7 @@ def test_all_times_lie_within_the_run(setup: Any) -> None:
         assert times_s.min() >= 0.0, name
         assert times_s.max() <= lasted_s, name
         assert (np.diff(times_s) >= 0).all(), name
-    # The conditioning precedes the states, and the set-point of a state precedes its frames.
+    # The conditioning ends before the first state, and the current of a state is set before its frames are taken.
     assert columns["conditioning/time"].max() < columns["data/time"].min()
     with h5py.File(setup.path) as file:
         set_A = file["entry/data/set_current"][()]

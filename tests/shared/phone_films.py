@@ -239,7 +239,7 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the rows and columns of the strip; of the whole picture if the finger is seen."""
+        """Return the rows and the columns that show the strip, or all of them if the picture also shows the finger."""
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])
         faces = np.vstack([face for polygons in drawn for face in polygons[:2]])

@@ -61,7 +61,7 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 
 
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
-    """End all faults that last until they are ended; a supply that was exchanged stays exchanged."""
+    """End the lasting faults of the coil and of its line. A supply that replaced another one stays in its place."""
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False
     coil.drift(0.0, 0.0)

@@ -119,7 +119,7 @@ def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> Instrum
 
 
 class SerialTransport:
-    """Exchange bytes over a serial port with pyserial.
+    """A serial port, or a serial line over TCP, that pyserial opens.
 
     The port is locked, so that two programs cannot use one instrument at the same time.
 

@@ -50,7 +50,9 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> t
     rows = read_table(path, POINT_COLUMNS, TIME_COLUMNS)
     columns = rows[0].cells
     if "frame" not in columns and "time_s" not in columns:
-        raise InputError(f"{path}: row 1: a motion needs the column time_s, or the column frame and --rate")
+        raise InputError(
+            f"{path}: row 1: the columns time_s and frame are missing; add time_s, or add frame and give --rate"
+        )
     by_rate = facts.rate_Hz is not None
     if by_rate and "frame" not in columns:
         raise InputError(

@@ -141,5 +141,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Map places (n, 2) of the coarse working picture to the fine working picture."""
+    """Convert points (n, 2) from pixels of the coarse working picture to pixels of the fine one."""
     return fine.from_picture(coarse.to_picture(points))

@@ -119,7 +119,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """The elements of a batch at one displacement, with all quantities of a Newton step and of the stress prediction.
+    """The forces, stresses and strains of all elements at one displacement, for every candidate of a batch.
 
     force: (E, B, 2, 9) internal nodal forces; F: (i, I, E, B, q); energy: derivatives of psi; t: psi_J + p;
     S: (3, E, B, q) second Piola-Kirchhoff stress 11, 22, 12; J: (E, B, q); valid: (B,) every element unfolded.

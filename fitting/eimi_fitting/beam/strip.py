@@ -177,7 +177,11 @@ class Strip:
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Map distances (n,) from the centre piecewise linearly, so that the lines ``before`` (2, n) move to ``after``."""
+    """Return the distances (n,) from the centre line after two lines beside it have moved.
+
+    The two lines (2, n) are at the distances ``before`` and move to the distances ``after``. Places between the lines,
+    and between the centre and the inner line, move in proportion.
+    """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
     beyond = new_inner + (size - inner) * (new_outer - new_inner) / (outer - inner)

@@ -154,9 +154,10 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return, for each part of each stated source, the change of each experiment's residuals (K, G, m) in mm.
+    """Return the effects of the stated sources of uncertainty on the residuals.
 
-    The change belongs to one standard uncertainty; it is None for an experiment without this source.
+    The list has an entry for each part of a source. An entry has, for each experiment, the change (K, G, m) of the
+    residuals in mm if the source deviates by one standard uncertainty, or None if the experiment has no such source.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))

@@ -1,0 +1,176 @@
+"""The command that measures a calibration from pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eimi_lab.commands.result import Result
+from eimi_lab.commands.shared_options import Force
+from eimi_lab.process.errors import InputError
+
+if TYPE_CHECKING:  # OpenCV is slow to import, and most commands do not need it
+    from eimi_lab.vision.calibration.board import Board
+
+
+def calibrate(
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="images of a board, or one image of the beam or of a ruler")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="file to write",
+            show_default="calibration.toml; board.pdf with --print-board",
+        ),
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(metavar="charuco|checkerboard|circles", help="pattern of the board")
+    ] = None,
+    columns: Annotated[int, typer.Option(help="number of squares (or circles) in a row of the board")] = 20,
+    rows: Annotated[int, typer.Option(help="number of rows of the board")] = 16,
+    square_mm: Annotated[
+        float, typer.Option(help="side of a square, or distance between neighbouring circle centres")
+    ] = 2.0,
+    board_error_percent: Annotated[
+        float, typer.Option(help="uncertainty of the scale of the printed board", min=0)
+    ] = 0.1,
+    print_board: Annotated[
+        bool, typer.Option("--print-board", help="write the board as a PDF in true size, and stop")
+    ] = False,
+    mid_plane: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="image of the board in the middle plane of the beam",
+            show_default="first of IMAGES",
+        ),
+    ] = None,
+    specimen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="specimen.toml of the beam in the image, whose width gives the scale; or of the beam in --beam",
+        ),
+    ] = None,
+    width_tolerance_mm: Annotated[float, typer.Option(help="uncertainty of the width of the beam", min=0)] = 0.05,
+    ruler_px: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="X Y X Y", help="both ends of a known length in the image, in px"),
+    ] = None,
+    ruler_mm: Annotated[float, typer.Option(help="known length between the ends in --ruler-px")] = 0.0,
+    coil_constant: Annotated[
+        float | None, typer.Option(help="field per current at the specimen, in mT/A", show_default="no coil")
+    ] = None,
+    clamp_midpoint_px: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="middle of the line where the beam leaves its clamp, in px"),
+    ] = None,
+    beam: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="image of the beam at rest, in which the clamp is measured; --clamp-midpoint-px is then an estimate",
+        ),
+    ] = None,
+    plumb_line: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="image of a dark thread with a weight, from which gravity is measured"),
+    ] = None,
+    axis_angle: Annotated[
+        float,
+        typer.Option(metavar="DEG", help="direction of the straight beam, clockwise from the +x of the image"),
+    ] = 90.0,
+    gravity_angle: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="direction of gravity, clockwise from the +x of the image; an estimate if --plumb-line is given",
+            show_default="--axis-angle; 90 with --plumb-line",
+        ),
+    ] = None,
+    field_angle: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="direction of the field of a positive current, clockwise from the +x of the image",
+            show_default="--axis-angle minus 90",
+        ),
+    ] = None,
+    telecentric: Annotated[bool, typer.Option("--telecentric", help="the lens is telecentric")] = False,
+    force: Force = False,
+) -> Result:
+    """Measure scale, distortion and orientation from images.
+
+    The images show a board (--board), the beam itself (--specimen) or a ruler (--ruler-px).
+    """
+    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.vision.calibration import calibration_file
+
+    output = output or Path("board.pdf" if print_board else "calibration.toml")
+    inputs = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
+    check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
+    refuse_existing(output, force)
+    if print_board:
+        _write_board(_board(board or "charuco", columns, rows, square_mm), output, force)
+        return Result([output], {"board": output})
+    if beam is not None and (specimen is None or (board is None and ruler_px is None)):
+        raise InputError("--beam: needs --specimen, and one of --board and --ruler-px for the scale")
+    if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
+        raise InputError("give exactly one of --board, --specimen and --ruler-px")
+    pattern = _board(board, columns, rows, square_mm) if board else None
+    if not images or (pattern is None and len(images) > 1):
+        raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")
+    if clamp_midpoint_px is None:
+        raise InputError("--clamp-midpoint-px: give the middle of the clamp line, because no image shows it")
+    if coil_constant is not None and coil_constant <= 0:
+        raise InputError(f"--coil-constant {coil_constant:g}: should be greater than 0; leave it out without a coil")
+    gravity = axis_angle if gravity_angle is None else gravity_angle
+    field = axis_angle - 90.0 if field_angle is None else field_angle
+    setup = calibration_file.BenchSetup(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)
+    if pattern:
+        share = board_error_percent / 100.0
+        calibration, remarks = calibration_file.from_board(images, mid_plane or images[0], pattern, setup, share)
+    elif specimen and not beam:
+        calibration, remarks = calibration_file.from_beam(images[0], load_specimen(specimen), setup, width_tolerance_mm)
+    else:
+        calibration, remarks = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
+    if beam and specimen:
+        calibration = calibration_file.with_measured_clamp(calibration, beam, load_specimen(specimen))
+        x, y = calibration.clamp_midpoint_px
+        remarks.append(f"clamp at {x:.2f}, {y:.2f} px")
+    if plumb_line:
+        estimate = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
+        calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, estimate)
+        remarks += more
+    calibration_file.write_calibration(calibration, output, force)
+    if calibration.uncertainty:
+        remarks.append(f"{calibration.pixels_per_mm:.4f} ± {calibration.uncertainty['pixels_per_mm']:.2g} px/mm")
+        remarks.append(
+            f"axis at {calibration.axis_angle_deg:.3f} ± {calibration.uncertainty['axis_angle_deg']:.2g} degrees"
+        )
+    content = {"calibration": output, "told": remarks, "values": calibration.model_dump(mode="json")}
+    return Result([*remarks, output], content)
+
+
+def _board(kind: str, columns: int, rows: int, square_mm: float) -> Board:
+    from eimi_lab.vision.calibration.board import Board
+
+    try:
+        return Board(kind, columns, rows, square_mm)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise InputError(f"--board, --columns, --rows, --square-mm: {error}") from None
+
+
+def _write_board(board: Board, output: Path, force: bool) -> None:
+    from eimi_lab.process.outputs import whole_file
+    from eimi_lab.vision.calibration.board import print_board
+
+    with whole_file(output, force) as temporary:
+        print_board(board, temporary)
