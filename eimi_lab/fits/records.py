@@ -51,7 +51,7 @@ class StateError(Record):
         The set current; None if the dataset states no current.
     field_mT : float
     error_mm : float
-        The mean distance, see `error` in the glossary.
+        The root mean square of the distances between the measured points and the simulated edges.
     deviation_mm : float
         The standard deviation of the distances.
     """

@@ -67,7 +67,7 @@ class Prediction(Generic[Law]):
         Signed distances of the measured edge points, or components of the distances of tracked points; NaN where
         nothing was measured.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Mean distance and its standard deviation in each state.
+        Root mean square and standard deviation of the distances in each state.
     """
 
     fitted_law: Law

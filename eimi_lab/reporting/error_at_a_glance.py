@@ -48,8 +48,8 @@ def error_at_a_glance(report: ReportContents) -> Picture | None:
         return None
     laws = list(dict.fromkeys(prediction.fitted_law.label for _, prediction in leading))
     caption = (
-        f"Error of {', '.join(laws)} in each state: the mean distance between simulated and measured beam. Band: one "
-        "standard deviation of the distances to each side."
+        f"Error of {', '.join(laws)} in each state: the root-mean-square distance between simulated and measured "
+        "beam. Band: one standard deviation of the distances to each side."
     )
     scales = {round(c.dataset.calibration.pixels_per_mm, 6) for c, _ in leading if c.dataset.calibration is not None}
     if len(scales) == 1:

@@ -164,7 +164,9 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: Report
     calibration = fitted_to[0].dataset.calibration if fitted_to else None
     if calibration is not None:
         error += f" ({fit.mean_error_mm * calibration.pixels_per_mm:.2g} pixel)"
-    words = f"The mean distance between the simulated and the measured beam is {error}"
+    words = (
+        f"The simulated beam is {error} from the measured beam (root mean square in each state, mean over the states)"
+    )
     if fit.held_out_error_mm is not None:
         words += f", and {1e3 * fit.held_out_error_mm:.2g} µm in states left out of the fit"
     words += "."

@@ -96,8 +96,8 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     if not contents.simulated:
         return None
     caption = (
-        "Error of each fit in each state: the mean distance between simulated and measured beam. Bars: the standard "
-        "deviation of the distances."
+        "Error of each fit in each state: the root-mean-square distance between simulated and measured beam. "
+        "Bars: the standard deviation of the distances."
     )
     if len(contents.simulated) > 1:
         first = contents.simulated[0].fitted_law.label
