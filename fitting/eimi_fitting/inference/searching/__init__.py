@@ -1,9 +1,9 @@
-"""Find the parameters that minimise the objective: global search, then local refinement.
+"""Find the parameters that minimise the objective of a fit: a global search, then a local improvement.
 
 modulus_range        the range of moduli that the data allow
-named_causes         mistakes in the loads that no material explains
+named_causes         mistakes in the loads that explain why no material fits
 measured_rest_shape  the stress-free shape of the specimen, from its states without load
 search               CMA-ES in the unit cube
-_cma                 import the package cma without its plotting parts
+_cma                 import of the package cma without its plotting parts
 polish               Gauss-Newton from the best candidate
 """

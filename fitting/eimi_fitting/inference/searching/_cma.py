@@ -1,9 +1,9 @@
 """Import the package cma without the packages that it uses for plots and surrogate models.
 
-On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither. Together they take
-1.5 s of the 1.8 s of the import, as long as a whole fit (medians of three fresh processes, with numpy and
-scipy.optimize loaded before). Both are therefore hidden from the thread that imports cma. Other threads can import them
-meanwhile.
+On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither. The two packages
+take 1.5 s of the 1.8 s of the import, which is the time of a whole fit (medians of three fresh processes, with numpy
+and scipy.optimize loaded before). Both packages are therefore hidden from the thread that imports cma. Other threads
+can import them meanwhile.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """A finder that hides the unused packages from the thread that created it."""
+    """A finder of modules that hides matplotlib and scipy.stats from the thread that created it."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for an unused package; leave other modules and threads to the next finders."""
+        """Raise ModuleNotFoundError for a hidden package; return None for other modules and threads."""
         if name in _UNUSED and threading.get_ident() == self._thread:
-            raise ModuleNotFoundError(f"{name} is not wanted here", name=name)
+            raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
 
 
 _absent = _Absent()

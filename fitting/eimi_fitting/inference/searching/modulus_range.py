@@ -1,11 +1,11 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-The displacement u of a stiff beam is proportional to the loads over the modulus mu, so that c = mu max|u| / length is
-constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length. At mu = c /
-1e-7 it would bend too little to be measured. The objective is evaluated at moduli between these two moduli, with the
-other coordinates of the law in the middle of their ranges. The search covers three decades about the best modulus, or
-all moduli that are equally good. Tensile curves are not used here, because a curve in a wrong unit would give a range
-without the modulus of the beam.
+The largest displacement u of a stiff beam of length L is proportional to the loads over the modulus mu. The number
+c = mu u / L in Pa is therefore constant, and one stiff candidate gives c. At mu = c / 3 a linear beam would bend by
+three times its length. At mu = c / 1e-7 the displacement would be too small to be measured. The objective is evaluated
+at moduli between these two limits, with the other coordinates of the law in the middle of their ranges. The search
+covers at least three decades, and all moduli whose objectives are within 2 % of the smallest objective. Tensile curves
+are not used here, because a curve in a wrong unit would give a range without the modulus of the beam.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ _FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, a
 
 
 class NothingConverged(Exception):
-    """No candidate could be simulated: loads, geometry or observations contradict each other."""
+    """The exception if no candidate can be simulated, because loads, geometry or measurements contradict each other."""
 
 
 class NothingActs(Exception):
-    """No load bends the specimen in any state, whatever its material."""
+    """The exception if no load bends the specimen in any state, so that the modulus has no effect."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The objective of a series of moduli.
+    """The objectives of candidates with S different moduli.
 
     Parameters
     ----------
     moduli_Pa : ndarray, shape (S,)
         The moduli in Pa, in ascending order.
     objective_mm : ndarray, shape (S,)
-        Their objectives in mm; `DISCARDED_MM` for a candidate that is not valid.
+        The objective of each modulus in mm; `DISCARDED_MM` for an unconverged or unstable candidate.
     """
 
     moduli_Pa: Array
@@ -56,7 +56,7 @@ class Scan:
 
     @property
     def best_mm(self) -> float:
-        """The smallest objective."""
+        """The smallest objective in mm."""
         return float(self.objective_mm.min())
 
     @property
@@ -66,11 +66,11 @@ class Scan:
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective of the stiffest candidate, which the loads bend by less than can be measured."""
+        """The objective in mm of the stiffest candidate, whose displacement is too small to be measured."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
-        """Return the smallest and the largest modulus of the search in Pa."""
+        """Return the bounds of the modulus for the search, smallest and largest, in Pa."""
         if self.best_mm >= DISCARDED_MM:  # no candidate is valid; the search reports it
             return float(self.moduli_Pa[0]), float(self.moduli_Pa[-1])
         good = np.log10(self.moduli_Pa[self.objective_mm <= (1 + _AS_GOOD) * self.best_mm])
@@ -80,7 +80,7 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective at all moduli at which the loads bend the beam measurably.
+    """Evaluate the objective at moduli from c / 3 to c / 1e-7, two for each decade (see the module for c).
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with more candidates about its best modulus, in two rounds."""
+    """Return the scan with 18 more moduli about its best modulus, in two rounds of decreasing range."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -119,7 +119,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the problem with these bounds of the modulus, its first coordinate."""
+    """Return the problem with the lower and the upper bound ``bounds_Pa`` of its modulus, in Pa."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -127,13 +127,13 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Evaluate candidates with these moduli (S,), and with the law's other coordinates in mid-range."""
+    """Evaluate candidates with S moduli in Pa; the other coordinates of the law are in the middle of their ranges."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return unknowns that span these moduli, and the unit coordinates (S, n) of the moduli."""
+    """Return unknowns whose bounds contain S moduli, and the unit coordinates (S, n) of these candidates."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -142,7 +142,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the constant c in Pa (see the docstring of the module) from a candidate in the linear range."""
+    """Return c = mu u / L in Pa (see the module), from a candidate with a displacement u of at most 0.001 L."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -159,7 +159,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement divided by the beam's length; infinite if a state does not converge.
+    """Return the largest displacement divided by the beam's length; infinite if a state has no equilibrium.
 
     All states are solved at once from the shape at rest, because the displacements of a stiff beam are small.
     """

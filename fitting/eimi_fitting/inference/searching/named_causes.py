@@ -1,9 +1,10 @@
-"""Name a mistake in the stated loads if no material explains the measurement but the corrected loads do.
+"""Name a mistake in the stated loads if no material explains the measurement but corrected loads do.
 
-The check runs before the search. If the best modulus of a scan does not explain the measured displacements, the scan is
-repeated for each dataset alone. Each repetition corrects one usual mistake in the loads, such as a reversed field or a
-current in milliampere. A mistake is named if the corrected loads explain far more than the stated loads. The fit is
-refused if the stated loads leave a large part of the displacements unexplained. Otherwise the mistake is a doubt.
+The check runs before the search. The smallest error of a scan over moduli is compared with the error of an unbent beam.
+If their ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in
+the loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the
+error to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds
+0.2. Otherwise the mistake becomes a doubt about the fit.
 """
 
 from __future__ import annotations
@@ -39,19 +40,19 @@ Slip = Literal[
     "force_too_large",
     "gravity_absent",
 ]
-"""The mistakes in stated loads that are recognised."""
+"""The keys of the mistakes in stated loads that are recognised."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the stated loads.
+    """A mistake in the stated loads that a scan can recognise.
 
     Parameters
     ----------
     slip : str
-        The key of the mistake.
+        Key of the mistake.
     words : str
-        The name of the mistake for people.
+        Name of the mistake for people.
     loads : callable
         Takes the stated loads and returns the loads without the mistake.
     """
@@ -67,18 +68,18 @@ class NamedCause(Exception):
     Parameters
     ----------
     experiment : int
-        The dataset, counted from 0.
+        Index of the dataset, counted from 0.
     slip : str
-        The mistake.
+        Key of the mistake.
     error_mm, error_without_mm : float
-        The smallest error of a scan over moduli, with the stated and with the corrected loads.
+        Smallest error of a scan over moduli in mm, with the stated loads and with the corrected loads.
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
         self.experiment, self.slip = experiment, slip
         self.error_mm, self.error_without_mm = error_mm, error_without_mm
         super().__init__(
-            f"no material explains this: the best is {error_mm:.2g} mm off, and without {self.words} "
+            f"no material explains this: the smallest error is {error_mm:.2g} mm, and without {self.words} "
             f"{error_without_mm:.2g} mm"
         )
 
@@ -88,12 +89,12 @@ class NamedCause(Exception):
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
-        """Return the arguments that rebuild the exception in another process; pickle would pass only the message."""
+        """Return the class and its arguments, which rebuild the exception in another process."""
         return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Reverse gravity, and the tip forces along gravity, whose direction is stated by the angle of gravity."""
+    """Return the loads with gravity reversed, and with those tip forces reversed that act along gravity."""
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -128,26 +129,26 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return the mistakes in the loads of single datasets that the scan of the problem suggests.
+    """Return the mistakes in the loads of single datasets, found by scans over the modulus.
 
     Parameters
     ----------
     problem : Problem
         The problem on the coarse mesh.
     scan : Scan
-        The narrowed scan of the problem over moduli.
+        The scan of the whole problem, with more moduli about its best modulus (`narrowed`).
     independent_points : float
         The number N of independent points.
 
     Returns
     -------
     tuple of NamedCause
-        At most one mistake for each dataset.
+        At most one mistake for each dataset; none if the stated loads explain the measurement.
 
     Raises
     ------
     NamedCause
-        If the stated loads leave a large part of the displacements unexplained.
+        If the error with the stated loads is more than 0.2 of the error of an unbent beam.
     """
     causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
@@ -168,7 +169,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error (mm) of a scan after a mistake is corrected; infinite if this changes no load."""
+    """Return the smallest error in mm of a scan without a mistake; infinite if the correction changes no load."""
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):

@@ -1,16 +1,17 @@
 """Improve the best candidate of a search by Gauss-Newton (iteratively reweighted least squares).
 
-State k has N_k residuals r_ki, and up to a constant factor the objective is
+State k has N_k residuals r_ki. Up to a constant factor, the objective is
 
     f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
 
-With the slopes J_k = dr_k/dx, its gradient is that of least squares with the weights w_k = 1 / (N_k e_k):
+The slopes J_k = dr_k/dx are derivatives in the unit coordinates x. The gradient of f is the gradient of least squares
+with the weights w_k = 1 / (N_k e_k):
 
     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
 
-(Holland and Welsch 1977, Commun. Statist. A 6:813). Each step minimises g' d + d' (H + damping I) d / 2 within the unit
-cube, with renewed weights. The damping is small; it prevents steps in directions that the data do not determine. A step
-is taken only if it lowers the objective.
+(Holland and Welsch 1977, Commun. Statist. A 6:813). Each step d minimises g' d + d' (H + lambda I) d / 2 within the
+unit cube. The weights are computed again at each step. The damping lambda is small and prevents steps in directions
+that the data do not determine. A step is accepted only if it lowers the objective.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Evaluation(Protocol):
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals, one element for each experiment."""
+        """The residuals of the candidates, one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -54,15 +55,15 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement by a polish.
+    """The improvement of a candidate by Gauss-Newton.
 
     Parameters
     ----------
     mean_error_before_mm, mean_error_after_mm : float
-        The objective before and after, on the same mesh, in mm. It is the mean error if the fit has no evidence besides
-        the edges.
+        Objective before and after the improvement, on the same mesh, in mm. The objective is the mean error if the
+        edges are the only evidence.
     steps : int
-        Number of steps.
+        Number of accepted Gauss-Newton steps.
     """
 
     mean_error_before_mm: float
@@ -72,18 +73,18 @@ class Polish:
 
 @dataclass(frozen=True)
 class Optimum(Generic[E]):
-    """The end of a polish.
+    """The optimum that Gauss-Newton reaches, with the evaluations for central differences about it.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
     evaluation : Evaluation
-        Evaluation of its `difference_batch`.
+        Evaluation of the 2 n + 1 candidates of `difference_batch` about the optimum.
     distance : ndarray, shape (n,)
-        Distances of that batch.
+        Distance in unit coordinates between the two candidates of each unknown.
     polish : Polish
-        The improvement.
+        The improvement from the start to the optimum.
     """
 
     unit: Array
@@ -93,7 +94,7 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the candidates of central differences about a point.
+    """Return the candidates that central differences about a point need.
 
     Parameters
     ----------
@@ -103,7 +104,8 @@ def difference_batch(unit: Array) -> tuple[Array, Array]:
     Returns
     -------
     batch : ndarray, shape (2 n + 1, n)
-        The point; then n candidates with one coordinate increased; then n candidates with one coordinate decreased.
+        The point, then n candidates with one coordinate increased, then n candidates with one coordinate decreased. No
+        coordinate leaves 0..1.
     distance : ndarray, shape (n,)
         Distance between the two candidates of each coordinate.
     """
@@ -123,29 +125,30 @@ def polish(
     start: tuple[E, Array] | None = None,
     enough: float = ENOUGH,
 ) -> Optimum[E]:
-    """Minimise the objective from a point near the optimum.
+    """Minimise the objective by Gauss-Newton from a point near the optimum.
 
     Parameters
     ----------
     evaluate : callable
-        Takes unit coordinates (P, n) and an evaluation of candidates near them or None, and returns their evaluation.
+        Takes P candidates in unit coordinates (P, n), and the evaluation of similar candidates or None. Returns the
+        evaluation of the P candidates.
     unit : ndarray, shape (n,)
         The start in unit coordinates.
     start : (Evaluation, ndarray), optional
         Evaluation and distances of `difference_batch` at the start, if they exist already.
     enough : float
-        Stop after a step that lowers the objective by less than this share.
+        Stop after a step that lowers the objective by less than this share of the objective.
 
     Returns
     -------
     Optimum
-        The end of the polish.
+        The optimum after at most `MOST_STEPS` steps.
 
     Notes
     -----
-    Each step is tried at full length, in one batch with the differences about its end that the next step needs. Most
-    steps succeed, and a batch costs little more than one candidate. A step that fails is tried again at shorter
-    lengths.
+    The full step is evaluated in one batch together with the central differences about its end, which the next step
+    needs. Most steps lower the objective, and a batch costs little more than one candidate. If the full step does not
+    lower the objective, 0.3 and 0.1 of the step are tried.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -173,14 +176,14 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return the damped Gauss-Newton step (n,) within the unit cube."""
+    """Return the damped Gauss-Newton step (n,) from ``unit`` (n,) to a point within the unit cube."""
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return g (n,) and H (n, n), which the docstring of the module defines."""
+    """Return the gradient g (n,) and the matrix H (n, n) of least squares, see the module."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

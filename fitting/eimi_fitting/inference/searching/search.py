@@ -1,21 +1,19 @@
 """Global search by CMA-ES in the unit cube.
 
-Each generation draws P candidates u = m + sigma N(0, C) in unit coordinates and adapts the mean m, the step size sigma
-and the covariance C to their ranks (Hansen, arXiv:1604.00772; implementation: the package cma). The package keeps the
-candidates within the bounds 0 and 1 of each coordinate. A search may consist of several runs:
+Each generation draws P candidates u = m + sigma N(0, C) in unit coordinates. The ranks of their objectives adapt the
+mean m, the step size sigma and the covariance C (Hansen, arXiv:1604.00772; implementation: the package cma). The
+package keeps each coordinate of the candidates within 0..1. A search may consist of several runs:
 
 - IPOP: the population doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
-- BIPOP: between the runs of IPOP, runs with a small population and a small first step, which together cost as many
-evaluations as the large runs (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed",
-GECCO, section
-  2).
+- BIPOP: additional runs with a small population and a small first step follow each run of IPOP. All additional runs
+  cost as many evaluations as the runs of IPOP (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009
+  function testbed", GECCO, section 2).
 
 Population sizes and stopping rules were chosen for this project. A run stops if the objectives of a whole generation
 lie within ``enough_mm`` of each other, or by a criterion of the package.
 
-The seed and the objectives alone determine the candidates. With the same objectives the search draws the same
-candidates, bit for bit. `search` can therefore replay the first generations of an interrupted search from their
-objectives.
+The seed and the objectives alone determine the candidates: the same objectives give the same candidates, bit for bit.
+`search` can therefore replay the first generations of an interrupted search from their objectives.
 """
 
 from __future__ import annotations
@@ -40,31 +38,31 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P candidates, and whether each candidate is valid."""
+    """The objectives of P candidates, and the reasons why candidates are not valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
+        """The objectives in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each candidate fails to converge, (P,)."""
+        """Whether the solver finds no equilibrium of a candidate in at least one state, shape (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each converged candidate is unstable, (P,)."""
+        """Whether a candidate has equilibria in all states but its law is unstable in at least one state, (P,)."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of one generation.
+    """The objectives of the P candidates of one generation.
 
     Parameters
     ----------
     objective_mm : tuple of float
-        The objectives of its P candidates in mm.
+        The P objectives in mm.
     unconverged, unstable : int
-        Number of candidates discarded for each reason.
+        Number of candidates without an equilibrium, and number of candidates with an unstable law.
     """
 
     objective_mm: tuple[float, ...]
@@ -74,22 +72,22 @@ class Objectives:
 
 @dataclass(frozen=True)
 class Generation:
-    """The state of the search after one generation.
+    """The progress of the search after one generation.
 
     Parameters
     ----------
     run : int
-        The run, counted from 1.
+        Number of the run, counted from 1.
     best_mm : float
-        Smallest objective of all generations so far.
+        Smallest objective of all generations so far, in mm.
     mean_mm : float
-        Mean objective of the valid candidates of this generation.
+        Mean objective of the valid candidates of this generation, in mm.
     step_size : float
         Step size sigma in unit coordinates.
     axis_ratio : float
-        Longest over shortest axis of the distribution.
+        Longest over shortest axis of the distribution from which candidates are drawn.
     discarded : int
-        Number of candidates that are not valid.
+        Number of unconverged or unstable candidates in this generation.
     """
 
     run: int
@@ -102,20 +100,20 @@ class Generation:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of CMA-ES.
+    """One run of CMA-ES, a part of a search.
 
     Parameters
     ----------
     population : int
         Number of candidates in a generation.
     step_size : float
-        First step size in unit coordinates.
+        First step size sigma in unit coordinates.
     generations : int
         Number of generations.
     best_mm : float
-        Smallest objective of the run.
+        Smallest objective of the run, in mm.
     stop : str
-        Why the run stopped.
+        Reason why the run stopped: "population" if the objectives were close, or the names of criteria of cma.
     """
 
     population: int
@@ -127,7 +125,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """The numbers of discarded candidates: those that do not converge, and those that are unstable."""
+    """The numbers of discarded candidates: those without an equilibrium, and those with an unstable law."""
 
     unconverged: int
     unstable: int
@@ -140,17 +138,17 @@ class SearchResult:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The best candidate in unit coordinates.
+        The n coordinates of the best candidate, from 0 to 1.
     objective_mm : float
-        Its objective in mm.
+        Objective of the best candidate in mm.
     history : tuple of Generation
         All generations.
     runs : tuple of Run
         All runs.
     evaluations : int
-        Number of candidates.
+        Number of candidates in all generations.
     discarded : Discards
-        Numbers of discarded candidates.
+        Numbers of discarded candidates in all generations.
     """
 
     unit: Array
@@ -167,7 +165,7 @@ class SearchResult:
 
 
 class OtherSearch(Exception):
-    """The generations to replay belong to another search."""
+    """The exception if the generations to replay belong to another search."""
 
 
 def search(
@@ -183,41 +181,41 @@ def search(
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> SearchResult:
-    """Minimise an objective over the unit cube.
+    """Minimise an objective over the unit cube by CMA-ES.
 
     Parameters
     ----------
     objective : callable
-        Takes the candidates (P, n) of a generation and returns their objectives.
+        Takes the P candidates (P, n) of a generation and returns their objectives.
     n : int
-        Number of coordinates.
+        Number of coordinates of a candidate.
     seed : int
         Seed of the random numbers.
     population : int, optional
-        Candidates in a generation of the first run; 8 + 2 n by default, and 8 for one coordinate.
+        Number of candidates in a generation of the first run; by default 8 for n = 1, else 8 + 2 n.
     most_generations : int
         Largest number of generations of one run.
     restarts : int
-        Number of further runs, each from a random point with twice the population of the one before.
+        Number of further runs. Each starts from a random point with twice the population of the previous one.
     bipop : bool
-        Add runs with small populations between the restarts.
+        Add runs with small populations after each further run.
     enough_mm : float
-        A run stops if the objectives of a whole generation differ by less, in mm.
+        A run stops if the objectives of a whole generation differ by less than this length in mm.
     replay : sequence of Objectives
-        Objectives of the first generations of an earlier search with the same arguments; these generations are not
+        Objectives of the first generations of an earlier search with the same arguments. These generations are not
         evaluated again.
     progress : callable, optional
-        Called with each generation and its objectives, replayed generations included.
+        Called with each generation and its objectives, also for replayed generations.
 
     Returns
     -------
     SearchResult
-        The best candidate and the history.
+        The best candidate and the history of the search.
 
     Raises
     ------
     OtherSearch
-        If a generation of ``replay`` has another number of candidates.
+        If a generation of ``replay`` has another number of candidates than the generation of this search.
     """
     rng = np.random.default_rng(seed)
     log = _Log(n, replay, progress)
@@ -245,13 +243,13 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return the reason to stop if the objectives of a whole generation differ by less than ``enough_mm``."""
+    """Return ["population"] if all candidates are valid and their objectives differ by less than ``enough_mm``."""
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
 
 class _Log:
-    """The generations of a search so far, and the generations to replay."""
+    """The generations of a search so far, and the objectives of the generations to replay."""
 
     def __init__(
         self,
@@ -266,7 +264,13 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the next generation to replay; None after the last. Raises OtherSearch if its size differs."""
+        """Return the objectives of the next generation to replay; None if all were replayed.
+
+        Raises
+        ------
+        OtherSearch
+            If that generation does not have ``candidates`` objectives.
+        """
         if len(self.history) >= len(self._replay):
             return None
         objectives = self._replay[len(self.history)]
@@ -278,7 +282,7 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation to the history."""
+        """Add one generation to the history and report it to ``progress``."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -339,7 +343,10 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield first step, population and number of generations of each run; the caller appends each to ``done``."""
+    """Yield first step size, population and largest number of generations of each run.
+
+    The caller appends each finished run to ``done``.
+    """
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
     large = 0  # evaluations of runs with a large population; the first run counts as a small one
