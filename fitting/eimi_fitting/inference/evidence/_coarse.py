@@ -1,7 +1,7 @@
-"""Coarse experiments for the search: a coarse mesh and few points of each edge.
+"""Experiments for the search, with a coarse mesh and few points of each edge.
 
-The search has to come only near the optimum, because the polish follows. The error of the coarse mesh is a few
-thousandths of a millimetre. It is larger than the error that the omitted points cause.
+The search has to come only near the optimum, because Gauss-Newton follows. The coarse mesh changes the edges by a few
+thousandths of a millimetre, and the omitted points have a smaller effect.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ POINTS_OF_EDGE = 25  # about two for each element
 
 
 def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with the default mesh of `BeamModel`."""
+    """Return the experiments with the default mesh of `BeamModel`; measurements and loads are unchanged."""
     return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen, plane=e.model.plane)) for e in experiments)
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with the default mesh of `BeamModel` and about `POINTS_OF_EDGE` points of each edge."""
+    """Return the experiments with the default mesh of `BeamModel` and at least `POINTS_OF_EDGE` points of each edge.
+
+    Edges with fewer points keep all their points.
+    """
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 

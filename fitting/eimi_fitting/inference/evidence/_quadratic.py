@@ -9,24 +9,25 @@ Array = NDArray[np.float64]
 
 
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
-    """Return the step to the minimum of a quadratic within the unit cube.
+    """Return the step from a point to the minimum of a quadratic function within the unit cube.
 
-    The quadratic is g' d + d' H d / 2 with the gradient g and the Hessian H. The step d is computed by bounded-variable
-    least squares (Stark and Parker 1995, Comput. Statist. 10:129).
+    The step d minimises g' d + d' H d / 2 with the gradient g and the Hessian H, such that all coordinates of the point
+    plus d are within 0..1. It is computed by bounded-variable least squares (Stark and Parker 1995, Comput. Statist.
+    10:129).
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The start, in unit coordinates.
+        The point, in unit coordinates from 0 to 1.
     gradient : ndarray, shape (n,)
-        g at the start.
+        The gradient g at the point.
     hessian : ndarray, shape (n, n)
-        H, positive definite.
+        The Hessian H, positive definite.
 
     Returns
     -------
     ndarray, shape (n,)
-        The step d; the end of the step lies within 0..1.
+        The step d.
     """
     free = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
     if (unit + free >= 0.0).all() and (unit + free <= 1.0).all():

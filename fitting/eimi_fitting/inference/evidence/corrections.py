@@ -1,28 +1,30 @@
-"""Correct the residuals of a fit by a better model that is evaluated at the optimum only (deferred correction).
+"""Correct the residuals of a fit to those of a better model, which is solved at the optimum only.
 
-Let r(x) be the residuals of the model of the search, R(x) those of a better model, and x_0 the optimum of r. The fit is
-repeated with the residuals
+Let r(x) be the residuals of the model of the search for the unknowns x, R(x) the residuals of the better model, and x_0
+the optimum of r. The fit is repeated with the residuals
 
     r(x) + R(x_0) - r(x_0)
 
-(deferred correction; Stetter 1978, Numer. Math. 29:425). Its optimum is close to that of R, and costs little more than
-one candidate on the better model. The changes R - r of several better models add up. A share of the move of the optimum
-remains uncertain; it widens the interval as the 95 % bound of a normal error.
+(deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R. The computation
+costs little more than one candidate on the better model. The changes R - r of several better models are added. A share
+of the change of the optimum remains uncertain. This share widens the interval: it counts as the 95 % bound of a normal
+error.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
 the displacement at the distance r from the corner grows as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
 lambda solves sin^2(pi lambda / 2) = 1 - lambda^2). Quantities of the whole beam therefore converge as h^1.19 in the
-element size h, whatever the order of the elements. Halving h removes the share 1 - 2^-1.19 of the error. The remaining
-error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998, Verification and Validation in
-Computational Science and Engineering, section 5.5).
+element size h, for elements of any order; 1.19 is twice the exponent. Halving h removes the share 1 - 2^-1.19 of the
+error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,
+Verification and Validation in Computational Science and Engineering, section 5.5).
 
-The solid. The model of the search is in plane stress. In the solid, clamp and magnet restrain the cross-section, the
-cross-section bows, and the silicone in front of and behind a shallower magnet is soft. This changes the modulus by some
-per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
-noise. It is therefore computed again at each new optimum until the optimum stays. The residuals are those of the solid
-on its own mesh. The change by a finer planar mesh is not added: the cross-section at the clamp is free in plane stress
-and restrained in the solid, so that the corner singularities differ. A solid of 20 x 2 elements gives a modulus within
-0.1 % of that of 36 x 4 elements, with and without the planar change.
+The solid. The model of the search is in plane stress. In the solid, the clamp and the magnet restrain the
+cross-section, and the cross-section bows. If the magnet is shallower than the beam, the silicone in front of the magnet
+and behind the magnet is soft. These effects change the modulus by some per cent and the edges by tens of micrometres,
+which no planar model reproduces. The change is much larger than the noise. It is therefore computed again at each new
+optimum until the modulus hardly changes. The residuals are those of the solid on its own mesh. The change by a finer
+planar mesh is not added, because the corner singularities differ: the cross-section at the clamp is free in plane
+stress and restrained in the solid. A solid of 20 x 2 elements gives a modulus within 0.1 % of the modulus of 36 x 4
+elements, with the change by a finer planar mesh and without it.
 """
 
 from __future__ import annotations
@@ -48,18 +50,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A better model of the same specimen.
+    """A refinement: a finer mesh or a solid that replaces the model of an experiment.
 
     Parameters
     ----------
     name : str
-        Its name in a result.
+        Name of the refinement in a result.
     better : callable
-        Takes an experiment and returns it with the better model.
+        Takes an experiment and returns the experiment with the better model.
     remaining_share : float
-        Share of the move of the optimum that remains uncertain.
+        Share of the change of the optimum that remains uncertain.
     doubt : str
-        The doubt about a fit if the better model finds no equilibrium.
+        Text of the doubt about a fit for which the better model finds no equilibrium.
     """
 
     name: str
@@ -78,14 +80,14 @@ FINER_MESH = Refinement(
     name="mesh",
     better=_halved,
     remaining_share=1 / (2**MESH_ORDER - 1),
-    doubt="with these parameters a finer mesh finds no equilibrium: the error of the mesh (often some tenths of a "
-    "per cent of the modulus) is neither in the parameters nor in the intervals",
+    doubt="with these parameters no equilibrium was found on a finer mesh. Parameters and intervals do not contain the "
+    "error of the mesh, which is often some tenths of a per cent of the modulus",
 )
 
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the solid of a specimen and its planar model, on a mesh that is fine enough."""
+    """Return the solid of a specimen beside its planar model, with 20 elements along the beam and 2 to 4 across."""
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -96,7 +98,10 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the model of the polish: for a solid, the planar model on the mesh of the solid."""
+    """Return the experiment with the model that Gauss-Newton uses.
+
+    If the section is solid, this is the planar model on the mesh of the solid, else the model of the experiment.
+    """
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -113,33 +118,35 @@ SOLID = Refinement(
     name="section",
     better=_solid,
     remaining_share=0.05,
-    doubt="with these parameters the solid finds no equilibrium: the beam is assumed in plane stress, which makes the "
-    "modulus some per cent wrong, and this error is neither in the parameters nor in the intervals",
+    doubt="with these parameters no equilibrium of the solid was found. The beam is assumed in plane stress, which "
+    "makes the modulus wrong by some per cent. Parameters and intervals do not contain this error",
 )
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the refinements that apply to these experiments."""
+    """Return the refinements for experiments: the solid for solid sections, the finer mesh for other sections."""
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of one candidate by a refinement.
+    """The change of the residuals of one candidate by a refinement, for K states.
 
     Parameters
     ----------
     refinement : Refinement
-        The refinement.
+        The finer mesh or the solid.
     changes : tuple of ndarray, shape (K, G, m)
-        The change of the residuals of each experiment, in mm.
+        For each experiment, the residuals of the better model minus those of the earlier model in mm, in G groups of m
+        points.
     better : Comparison
         Comparison of the better model with the measurements.
     models : tuple of Model
         The better model of each experiment.
     effects : tuple of DepthEffect or None
-        The depth effect in each experiment; None unless the model of the experiment is a solid.
+        For each experiment, the displacements of the solid minus those of its planar model (the depth effect); None if
+        the better model is planar.
     """
 
     refinement: Refinement
@@ -149,11 +156,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return the correction without the shapes, which are large and follow from the effects."""
+        """Return the correction without the shapes of the beam, which need much memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with these changes added to their earlier changes."""
+        """Return the experiments with the changes of this correction added to the changes that they have already."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -168,11 +175,12 @@ def with_residuals_of(
     Parameters
     ----------
     better : Comparison
-        The candidate on the better model.
+        Comparison of the candidate on the better model.
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        The candidate on the models of the experiments, earlier changes included.
+        Comparison of the candidate on the models of the experiments, with the changes that the experiments have
+        already.
 
     Returns
     -------
@@ -198,22 +206,22 @@ def correction(
     Parameters
     ----------
     refinement : Refinement
-        The refinement.
+        The finer mesh or the solid.
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        Comparison with the experiments; its first candidate is this one.
+        Comparison of the candidate on the models of the experiments. Further candidates in it are ignored.
     compare : callable
-        Takes experiments and returns the comparison of the candidate with them.
+        Takes experiments and returns the comparison of the candidate with these experiments.
     near : sequence of Correction
-        Corrections of candidates near this one, from which a solid starts.
+        Corrections of similar candidates. The solver of a solid starts from their depth effects.
     options : SolidOptions, optional
         Options of the solver of a solid.
 
     Returns
     -------
     Correction or None
-        The correction; None if one of the models finds no equilibrium.
+        The correction; None if the model of an experiment or its better model finds no equilibrium.
     """
     options = options or SolidOptions()
     refined = [refinement.better(e) for e in experiments]
@@ -242,14 +250,17 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate a candidate by the better model that applies to an experiment; for the parameters see `correction`.
+    """Simulate a candidate by the better model of one experiment: a finer mesh or a solid.
+
+    The parameters are those of `correction`.
 
     Returns
     -------
     tuple or None
-        The misfit of the better model, the outline (K, 2, n, 2) in mm, and the correction. If the finer mesh finds no
-        equilibrium, misfit and outline are those of the coarse mesh and the correction is None. The result is None if
-        the planar model or the solid finds no equilibrium.
+        The misfit of the better model, the edges of the beam in K states, and the correction. The edges have the shape
+        (K, 2, S, 3, 2): S quadratic segments of three points in mm. If the finer mesh finds no equilibrium, misfit and
+        edges are those of the coarse mesh and the correction is None.
+        The result is None if the planar model or the solid finds no equilibrium.
     """
     if here.unconverged[0]:
         return None

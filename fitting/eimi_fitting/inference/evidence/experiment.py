@@ -1,4 +1,4 @@
-"""An experiment, its loads and measurements, and the comparison of candidates with it."""
+"""An experiment with its loads and measurements, and the comparison of candidates with these measurements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-# Objective of a candidate that is not valid. It is worse than that of any simulation, and finite, because CMA-ES would
+# Objective of a candidate that is not valid. It is larger than that of any simulation, and finite, because CMA-ES would
 # replace a NaN by the median of the generation.
 DISCARDED_MM = 1e6
 TOLERANCE_MM = (
@@ -31,7 +31,7 @@ TOLERANCE_MM = (
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen in K states.
+    """One specimen in K states, with its loads and measurements.
 
     Parameters
     ----------
@@ -40,17 +40,19 @@ class Experiment:
     loads : Loads
         The loads of the K states.
     observed : EdgeObservation or PointObservation
-        The measurement of the K states.
+        The measured edges or tracked points of the K states.
     change : ndarray, shape (K, G, m), optional
-        Added to the residuals, in mm (`inference.evidence.corrections`).
+        Correction by a better model in mm, which is added to the residuals in G groups of m points
+        (`inference.evidence.corrections`).
     solid : SolidBeside, optional
-        The solid to solve instead of ``model``.
+        The solid that is solved instead of ``model``.
     solid_options : SolidOptions, optional
         Options of the solver of the solid.
     stated : tuple of StatedSource
         The stated standard uncertainties of the inputs.
     measured : mapping of str to tuple of float
-        Deviations from the stated specimen that the model contains because they were measured, by source and part.
+        Deviations of the specimen in ``model`` from the stated specimen, because these deviations were measured. The
+        keys are those of `SOURCES`; each value has one number for each part of the source.
 
     Examples
     --------
@@ -77,11 +79,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The model that is solved: the solid if there is one, else the planar model."""
+        """The model that a simulation solves: the solid if there is one, else the planar model."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with the states of these indices; an index may occur more than once."""
+        """Return the experiment with the states of the indices ``states``; an index may occur more than once."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -90,9 +92,9 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return a misfit of ``before`` with the change of this experiment.
+        """Return a misfit of ``before`` with the change of this experiment, which is added to the residuals.
 
-        Both experiments may differ only in their change.
+        This experiment and ``before`` may differ only in their change (`inference.evidence.corrections`).
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -100,14 +102,16 @@ class Experiment:
         return self.observed.of_residuals(misfit.residuals + difference)
 
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
-        """Return the experiment with deviations of its inputs.
+        """Return the experiment with deviations of its inputs from their stated values.
 
-        Tracked points keep their positions relative to length and width, and their displacements.
+        The rest positions of tracked points are scaled with the length and the width of the specimen. The measured
+        displacements of these points stay the same.
 
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            Deviation of each source, by its key in `SOURCES`, in the unit of the source.
+            Deviation of each source, by its key in `SOURCES`, in the unit of the source. Sources that change only the
+            strength of the field or the map of the image are ignored; see `Setup`.
 
         Returns
         -------
@@ -149,15 +153,15 @@ class Comparison:
     Parameters
     ----------
     unconverged : ndarray of bool, shape (P,)
-        Whether a candidate does not converge in some state.
+        Whether the solver finds no equilibrium of a candidate in at least one state.
     unstable : ndarray of bool, shape (P,)
-        Whether a converged candidate is unstable in some state.
+        Whether a candidate has equilibria in all states but its law is unstable in at least one state.
     max_stretch : ndarray, shape (P,)
-        Largest stretch in all states.
+        Largest stretch of each candidate in all states.
     shapes : tuple of Shapes
-        Shapes in each experiment; empty if the candidates differ in more than the law.
+        Shapes of the candidates in each experiment; empty if the candidates differ in more than law, field and image.
     misfits : tuple of Misfit
-        Residuals in each experiment.
+        Residuals of the candidates in each experiment.
     """
 
     unconverged: NDArray[np.bool_]
@@ -168,21 +172,21 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Error of each state in mm, (P, K) with the K states of all experiments."""
+        """Error in mm, shape (P, K), of P candidates in the K states of all experiments."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Deviation of each state in mm, (P, K) with the K states of all experiments."""
+        """Deviation in mm, shape (P, K), of P candidates in the K states of all experiments."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean error over the states in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
+        """Mean error over the states in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the comparison of the candidates of these rows."""
+        """Return the comparison of the candidates with the indices ``rows``."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -193,17 +197,18 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Return groups of candidates as one comparison.
+    """Return one comparison of all candidates from the comparisons of groups of candidates.
 
     Parameters
     ----------
     parts : sequence of (ndarray, Comparison)
-        Rows of the candidates of each group, and their comparison.
+        For each group, the indices of its candidates among all candidates, and the comparison of the group.
 
     Returns
     -------
     Comparison
-        All candidates in the order of their rows, without shapes if there are several groups, whose meshes may differ.
+        All candidates in the order of their indices. Several groups may have different meshes, and the shapes are then
+        omitted.
     """
     if len(parts) == 1:
         return parts[0][1]
@@ -246,21 +251,24 @@ def compare(
     experiments : sequence of Experiment
         The experiments.
     bulk_modulus_Pa : ndarray, shape (P,), optional
-        Bulk moduli; the material is incompressible by default.
+        Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        Field factors and image maps of each experiment; the stated values by default.
+        For each experiment, the factors on the field and the maps of the image of the P candidates; the stated values
+        by default.
     near : sequence of Shapes
-        Shapes of other candidates in each experiment, made with ``keep``. The solver starts from the first of them.
+        For each experiment, shapes from an earlier call with ``keep``. The solver starts from the shape of the first
+        candidate of that call.
     keep : bool
-        Keep the shapes of the first candidate for later calls.
+        Keep the full solution of the first candidate as a start for later calls.
     seen : sequence of (ndarray, sequence of mapping), optional
-        Groups of candidates with the same lenses: their rows and, for each experiment, the deviations of the sources of
-        the lens. Every candidate belongs to one group. By default all candidates have the stated lenses.
+        Groups of candidates with the same lens. Each group has the indices of its candidates and, for each experiment,
+        the deviations of the sources of the lens. Every candidate belongs to one group. By default all candidates have
+        the stated lens.
 
     Returns
     -------
     Comparison
-        The comparison.
+        The comparison of the P candidates.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
@@ -290,7 +298,7 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the misfit of all candidates, each seen through its own lens."""
+    """Return the misfit of all candidates; the edges of each candidate are projected by the lens of its group."""
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:
         through = experiment.under(seen[0][1]) if seen else experiment
@@ -313,7 +321,7 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the shapes of all candidates; candidates that differ only in the image are solved once."""
+    """Return the shapes of all candidates. Candidates that differ only in the map of the image are solved once."""
     solved = row = np.arange(len(parameters))
     if setup is not None:
         bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa

@@ -1,7 +1,8 @@
 """The distance of measured edges and tracked points from simulated ones.
 
-Let d_ki be the distance of observed point i of state k from the simulated edge of the same side, and N_k the number of
-points. The metric is adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+Let d_ki be the distance in mm of the measured point i of state k from the simulated edge on the same side of the beam.
+For a tracked point, d_ki is its distance from its simulated position. Let N_k be the number of points of state k. Error
+and deviation of the state are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
     error_k     = sqrt(sum_i d_ki^2 / N_k)
     deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
@@ -24,9 +25,9 @@ from eimi_fitting.inference.evidence.unknowns import Setup
 
 Array = NDArray[np.float64]
 _STATES_AT_ONCE = 16
-"""States whose points are compared with their edges in one block. The arrays of more states exceed the cache."""
+"""Number of states that are compared in one block, because the arrays of more states exceed the processor's cache."""
 _PAIRS_AT_ONCE = 1 << 18
-"""Pairs of a point and a station on its curve in one block: 2 MB, which the allocator keeps and the cache holds."""
+"""Number of pairs of a measured point and a place on its curve in one block, which needs 2 MB of the cache."""
 
 __all__ = [
     "EdgeObservation",
@@ -42,15 +43,15 @@ __all__ = [
 def signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances of points from curves.
 
-    The nearest of four stations on each segment selects the segment. Newton's method then finds the foot of the
-    perpendicular on the parabola of that segment.
+    The nearest of four places on each segment selects the segment. Three steps of Newton's method then compute the foot
+    of the perpendicular on the parabola of that segment.
 
     Parameters
     ----------
     curves : ndarray, shape (..., S, 3, 2)
-        S parabolic segments from clamp to tip, each with three points, in mm.
+        Curves of S parabolic segments from clamp to tip. Each segment has three points in mm.
     points : ndarray, shape (..., n, 2)
-        The points in mm.
+        The n points beside each curve, in mm.
 
     Returns
     -------
@@ -70,7 +71,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the distances of `signed_distance`, with arrays for all pairs of a point and a station of its curve."""
+    """Return the distances of `signed_distance` for one block of curves (b, S, 3, 2) and points (b, n, 2)."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
@@ -84,7 +85,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y (..., n) of the nearest segment of each point.
+        """Return x and y (b, n) of the coefficients of the segment that is nearest to each point.
 
         Two arrays are faster than sums over an axis of length two.
         """
@@ -97,7 +98,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from the point to the curve at the coordinate xi, and the tangent of the curve."""
+        """Return the vector from each point to the place ``xi`` of its segment, and the tangent there, as x and y."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
@@ -120,12 +121,13 @@ class Misfit:
     Parameters
     ----------
     residuals : ndarray, shape (P, K, G, n)
-        Residuals in mm, in G groups: left and right edge, or x and y. Neighbours in a group may be correlated.
+        Residuals in mm of G groups of n points. The groups are left and right edge, or the components x and y of
+        tracked points. Neighbours in a group may be correlated.
     weights : ndarray, shape (K, G, n)
-        Zero for points that were not observed. Their sum over a state is its number of observed points, so that
-        sum(residuals^2) / sum(weights) is error_mm^2.
+        Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each component of a tracked
+        point. The error of a state satisfies error_mm^2 = sum(residuals^2) / sum(weights).
     error_mm, deviation_mm : ndarray, shape (P, K)
-        Error and deviation of each state.
+        Error and deviation of each candidate in each state, in mm.
     """
 
     residuals: Array
@@ -134,12 +136,12 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the misfit of some of the candidates."""
+        """Return the misfit of the candidates with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Return the misfits of several groups of candidates as one; the groups have the same measurements."""
+    """Return one misfit of all candidates from the misfits of several groups of candidates to the same measurements."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -150,18 +152,19 @@ def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
 
 @dataclass(frozen=True)
 class EdgeObservation:
-    """Measured edges of K states.
+    """Measured left and right edges of K states.
 
     Parameters
     ----------
     points_mm : ndarray, shape (K, 2, n, 2)
-        Points of the left and the right edge in mm.
+        Positions of n points of the left and of the right edge, in mm in the beam frame.
     sigma_mm : ndarray, shape (K, 2, n)
-        Standard uncertainties in mm, infinite for points that are not used.
+        Standard uncertainty of each point in mm; infinite for a point that is not used.
     view : View, optional
         Perspective of the lens; None if the lens is telecentric or its stand-off is not stated.
     noise_mm : ndarray, shape (K, 2, n), optional
-        The part of ``sigma_mm`` that is noise, if flags have widened ``sigma_mm``. Doubts compare residuals with it.
+        Standard deviation of the noise of each point in mm, if flags have increased ``sigma_mm``. The checks of a fit
+        compare the residuals with this noise.
 
     Examples
     --------
@@ -181,20 +184,20 @@ class EdgeObservation:
 
     @staticmethod
     def from_edges(edges: Sequence[tuple[Array, Array, Array, Array]], view: View | None = None) -> EdgeObservation:
-        """Return the observation of edges with different numbers of points.
+        """Return an observation from edges that may have different numbers of points.
 
         Parameters
         ----------
         edges : sequence of tuple of ndarray
-            For each state the left edge (n, 2), its uncertainties (n,), the right edge (m, 2) and its uncertainties
-            (m,), all in mm.
+            For each state, the points of the left edge (n, 2), their standard uncertainties (n,), the points of the
+            right edge (m, 2) and their standard uncertainties (m,), all in mm.
         view : View, optional
             Perspective of the lens.
 
         Returns
         -------
         EdgeObservation
-            The edges, padded to one length.
+            All edges, lengthened to the largest number of points by points that are not used.
         """
         most = max(len(points) for left, _, right, _ in edges for points in (left, right))
         points = np.zeros((len(edges), 2, most, 2))
@@ -206,28 +209,28 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """Return the observation of the states with these indices."""
+        """Return the observation with the states of the indices ``states``."""
         noise = None if self.noise_mm is None else self.noise_mm[states]
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Return the signed distances from the simulated edges, with their error and deviation by state.
+        """Return the signed distances of the measured points from the simulated edges, with the error of each state.
 
         Parameters
         ----------
         model : Model
-            The model that was solved.
+            The beam model that was solved.
         shapes : Shapes
-            Its shapes for P candidates.
+            Shapes of P candidates from this model.
         setup : Setup, optional
-            The image maps of the candidates; the stated image by default.
+            The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
-            Added to the residuals, in mm.
+            Correction by a better model in mm, which is added to the residuals.
 
         Returns
         -------
         Misfit
-            The residuals.
+            The distances as residuals, with error and deviation of each state.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -245,7 +248,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of residuals (P, K, 2, n) in mm."""
+        """Return the misfit of given residuals (P, K, 2, n) in mm, with error and deviation of each state."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -261,11 +264,11 @@ class PointObservation:
     Parameters
     ----------
     rest_mm, moved_mm : ndarray, shape (K, n, 2)
-        Positions at rest and under load, in mm.
+        Positions of n points at rest and under load, in mm in the beam frame.
     sigma_mm : ndarray, shape (K, n)
-        Standard uncertainties in mm, infinite for points that are not used.
+        Standard uncertainty of each point in mm; infinite for a point that is not used.
     depth_mm : ndarray, shape (K, n), optional
-        Distance from mid-depth in mm, which a planar model ignores; zero by default.
+        Distance of each point from the middle of the beam's depth in mm; zero by default. A planar model ignores it.
 
     Examples
     --------
@@ -285,28 +288,29 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """Return the observation of the states with these indices."""
+        """Return the observation with the states of the indices ``states``."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Return measured minus simulated positions; the distance d_ki is the length of this difference.
+        """Return the measured minus the simulated positions as residuals, with the error of each state.
 
         Parameters
         ----------
         model : Model
-            The model that was solved.
+            The beam model that was solved.
         shapes : Shapes
-            Its shapes for P candidates.
+            Shapes of P candidates from this model.
         setup : Setup, optional
-            The image maps of the candidates; the stated image by default.
+            The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
-            Added to the residuals, in mm.
+            Correction by a better model in mm, which is added to the residuals.
 
         Returns
         -------
         Misfit
-            The residuals, with the groups x and y.
+            The residuals in two groups, x and y. Error and deviation are computed from the distance of each point from
+            its simulated position.
         """
         k_states, n, _ = self.rest_mm.shape
         rest = self.rest_mm.reshape(-1, 2)
@@ -322,7 +326,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of residuals (P, K, 2, n) in mm, with the groups x and y."""
+        """Return the misfit of given residuals (P, K, 2, n) in mm in the groups x and y, with error and deviation."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

@@ -1,14 +1,16 @@
-"""The objective of a fit: all the evidence as one number for each candidate.
+"""The objective of a fit: one number for each candidate, computed from all the evidence.
 
-State k has the error e_k (`inference.evidence.measurements`), and e is the mean error of all states. If the noise is
-normal and its level has its best value, the likelihood of N independent points is proportional to e^-N (Seber and Wild
-1989, Nonlinear Regression, section 2.2.1). Tensile curves and the priors on nuisances and on the law's parameters have
-standardised residuals z, with the likelihood exp(-sum z^2 / 2). The product of both is largest where
+State k has the error e_k in mm (`inference.evidence.measurements`), and e is the mean of e_k over all states. Let the
+noise of the edges be normal. The likelihood of N independent points, maximised over the noise level, is then
+proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). Tensile curves, freed nuisances and
+priors on the law's parameters have standardised residuals z_j, with the likelihood exp(-sum_j z_j^2 / 2). The product
+of both likelihoods is largest where
 
-    objective = e * exp(sum z^2 / (2 N))
+    objective = e * exp(sum_j z_j^2 / (2 N))
 
-is smallest. The objective is a length, and without further evidence it is the mean error. N is smaller than the number
-of points, because neighbours on an edge are correlated (`inference.interval.covariance`).
+is smallest. The objective has the unit mm. If edges or tracked points are the only evidence, the objective is the mean
+error. N is smaller than the number of points, because neighbours on an edge are correlated
+(`inference.interval.covariance`).
 """
 
 from __future__ import annotations
@@ -34,20 +36,20 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """P candidates compared with all the evidence.
+    """The comparison of P candidates with all the evidence.
 
     Parameters
     ----------
     comparison : Comparison
         Comparison with the measured edges and points.
     curves : ndarray, shape (P, m)
-        Standardised residuals of the tensile curves.
+        Standardised residuals of the m rows of the tensile curves.
     priors : ndarray, shape (P, f)
-        Standardised residuals of the freed nuisances.
+        Standardised deviations of the f freed nuisances from their stated values.
     law_priors : ndarray, shape (P, q)
-        Standardised residuals of the priors on the law's parameters.
+        Standardised residuals of the q priors on the law's parameters.
     independent_points : float
-        The number N of independent points.
+        Number N of independent points of the edges.
     """
 
     comparison: Comparison
@@ -58,22 +60,22 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each candidate fails to converge in some state, (P,)."""
+        """Whether the solver finds no equilibrium of a candidate in at least one state, shape (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each converged candidate is unstable in some state, (P,)."""
+        """Whether a candidate has equilibria in all states but its law is unstable in at least one state, (P,)."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """The standardised residuals z of all evidence besides the edges, (P, m + f + q)."""
+        """The standardised residuals of tensile curves (m), nuisances (f) and priors on the law (q), (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The objective in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
+        """The objective in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
         # Beyond x = 5 a straight line continues the exponential, which would overflow.
@@ -83,20 +85,21 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The evaluation without the priors on the law's parameters."""
+        """The same evaluation without the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether each candidate's objective is cut off because priors or tensile curves exclude it, (P,)."""
+        """Whether priors or tensile curves make the objective reach its limit, 0.99 `DISCARDED_MM`, shape (P,)."""
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
         """Residuals for least squares: those of each experiment, and the standardised residuals z as one more state.
 
-        With K states, their mean error e and N independent points, the residuals of the additional state are
-        e sqrt(K / N) z, and its error is e. Its weight in least squares then equals its weight in the objective.
+        With K states, the median e of the mean errors of the valid candidates, and N independent points, the residuals
+        of the additional state are e sqrt(K / N) z and its error is e. Near the optimum, z then has the same weight in
+        least squares and in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape
@@ -114,7 +117,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of a fit: a law, its unknowns and the evidence.
+    """The problem of a fit: a law, its unknowns and the evidence for them.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ class Problem:
     experiments : tuple of Experiment
         The experiments.
     curves : tuple of TensileEvidence
-        Tensile curves.
+        Tensile curves that are fitted together with the experiments.
     priors : tuple of Prior
         Priors on the law's parameters.
     """
@@ -138,13 +141,13 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether the problem has priors or tensile curves besides the edges."""
+        """Whether the problem has freed nuisances, tensile curves or priors on the law besides the edges."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an evaluation of ``before`` with the changes of this problem.
+        """Return an evaluation of the problem ``before`` with the changes of this problem.
 
-        Both problems may differ only in the changes of their experiments.
+        The changes are corrections that are added to the residuals. Both problems may differ in these changes only.
         """
         comparison = evaluation.comparison
         misfits = tuple(
@@ -156,7 +159,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function for `polish` that evaluates candidates from the shapes of an earlier evaluation."""
+        """Return a function for `polish` that evaluates candidates, starting the solver from an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )
@@ -169,26 +172,27 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Evaluate candidates against all the evidence.
+        """Compare candidates with all the evidence.
 
         Parameters
         ----------
         unit : ndarray, shape (P, searched) or (P, n)
-            Candidates in unit coordinates. Missing nuisances have their stated values.
+            P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either those that the search
+            varies (``Unknowns.searched``), or all n unknowns. By default nuisances have their stated values.
         independent_points : float
             The number N of independent points.
         experiments : sequence of Experiment, optional
-            Experiments in place of those of the problem.
+            Experiments that replace those of the problem.
         near : sequence of Shapes
             Shapes of an earlier evaluation on the same meshes that was made with ``keep``. The solver starts from the
-            shapes of its first candidate.
+            shapes of the first candidate of that evaluation.
         keep : bool
-            Keep the shapes of the first candidate for later evaluations.
+            Keep the full solution of the first candidate as a start for later evaluations.
 
         Returns
         -------
         Evaluation
-            The evaluation.
+            The comparison of the P candidates with all the evidence.
         """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)

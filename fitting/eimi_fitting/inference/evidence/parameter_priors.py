@@ -2,8 +2,9 @@
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
 Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
-noise of the edges. It does not weigh it against the uncertainty of a source that keeps its stated value, such as the
-width of the beam. If such a source is more uncertain than the prior, free the source: the prior then determines it too.
+noise of the edges. The fit does not weigh the prior against the uncertainty of a source that keeps its stated value,
+such as the width of the beam. If the modulus is more uncertain because of such a source than because of the prior, free
+the source. The prior then also determines the source.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from eimi_fitting.suggestion import suggestion
 Array = NDArray[np.float64]
 
 INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
-"""The name of the initial shear modulus, which every law has besides its parameters."""
+"""Name of the initial shear modulus in a prior; every law has this modulus besides its parameters."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Prior:
     mean : float
         Expected value of the parameter, in its unit: Pa for a modulus, 1 for an exponent.
     standard_deviation : float
-        The standard deviation of that value, in the same unit; above 0.
+        Standard deviation of the prior, in the same unit; above 0.
 
     Raises
     ------
@@ -65,7 +66,10 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the standardised residuals z, shape (P,), of P candidates with parameters (P, n)."""
+        """Return z = (p - mean) / standard_deviation for P candidates, shape (P,).
+
+        p is the parameter of this prior, computed from the parameters (P, n) of the law.
+        """
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)
         else:
@@ -73,17 +77,17 @@ class Prior:
         return np.asarray((values - self.mean) / self.standard_deviation)
 
     def unit(self, law: Law) -> str:
-        """Return the unit of the parameter: "Pa", or "1" for a plain number."""
+        """Return the unit of the prior's parameter: "Pa", or "1" for a plain number."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             return "Pa"
         return law.units[law.parameter_names.index(self.parameter)]
 
 
 def check_priors(priors: Sequence[Prior], law: Law) -> None:
-    """Raise ValueError for a prior on a parameter that the law does not have, and for two priors on one parameter."""
+    """Raise ValueError for a prior on a parameter that the law does not have, or if a parameter has two priors."""
     names = (*law.parameter_names, INITIAL_SHEAR_MODULUS)
     for index, prior in enumerate(priors):
         if prior.parameter not in names:
             raise ValueError(f"{law.name} has no parameter {prior.parameter!r}; {suggestion(prior.parameter, names)}")
         if any(prior.parameter == other.parameter for other in priors[:index]):
-            raise ValueError(f"two priors on {prior.parameter}: give one")
+            raise ValueError(f"two priors on {prior.parameter}: give only one")

@@ -1,9 +1,9 @@
-"""The field in both polarities, which separates the stiffness from a tilted moment and from a background field.
+"""The field in both polarities, which separates the modulus from a tilted magnetisation and from a background field.
 
-A reversed current reverses the deflection by the coil's field (its odd part). The part that does not depend on the
-current, or depends on its square, is unchanged (the even part). The modulus follows from the odd part. The direction of
-magnetisation and a background field follow from the even part, so that a fit frees them where both polarities were
-measured.
+If the current is reversed, the odd part of the deflection is reversed; it is caused by the field of the coil. The even
+part of the deflection is unchanged; it does not depend on the current, or depends on its square. The modulus follows
+from the odd part. The direction of magnetisation and the background field follow from the even part. A fit therefore
+frees both sources if both polarities were measured.
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether the loads have fields in opposite directions."""
+    """Return whether a state has a field opposite to the strongest field, with at least 0.2 times its strength."""
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 
 
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
-    """Return the sources to free: every experiment states them and has both polarities of the field.
+    """Return the sources that a fit frees because the field was measured in both polarities.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments of a fit.
     free : sequence of NuisancePrior
-        The sources that the user frees.
+        The sources that the user frees; they are not returned.
 
     Returns
     -------
     tuple of NuisancePrior
-        The further sources, each with its stated standard uncertainty as prior.
+        The sources with an even effect (``Source.is_even``) for which every experiment states an uncertainty above 0.
+        The stated standard uncertainty is the prior. Empty unless every experiment has both polarities.
     """
     if not all(has_both_polarities(experiment.loads) for experiment in experiments):
         return ()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from scipy import special
 
 NORMAL_95 = float(special.ndtri(0.975))
-"""Half-width of a 95 % interval in standard deviations of a normal distribution."""
+"""Half-width of the 95 % interval of a normal distribution, in standard deviations (1.96)."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,11 @@ class Quantity:
     value : float
         The value.
     unit : str
-        Its unit, ``"1"`` for a plain number.
+        Unit of the value, ``"1"`` for a plain number.
     interval_95 : tuple of float
-        Lower and upper end of the interval from all stated uncertainties, in the same unit.
+        Lower and upper end of the 95 % interval from noise, mesh and all stated uncertainties, in the same unit.
     interval_95_fit : tuple of float, optional
-        The interval from noise and mesh alone; None if it was not computed.
+        Lower and upper end of the 95 % interval from noise and mesh alone; None if it was not computed.
 
     Examples
     --------

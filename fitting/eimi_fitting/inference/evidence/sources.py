@@ -2,8 +2,7 @@
 
 A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
 intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit
-(`inference.evidence.unknowns`). The keys of files, the options of commands and the words of reports are all made from
-the entries of this registry, so that each source is defined here only.
+(`inference.evidence.unknowns`). The entries define the keys of files, the options of commands and the words of reports.
 """
 
 from __future__ import annotations
@@ -32,38 +31,42 @@ File = Literal["specimen", "calibration", "rig"]
 class Source:
     """A quantity that may be uncertain, and its effect on an experiment.
 
+    A source has one or more numbers, its parts: the background field has the parts x and y. P is the number of
+    candidates.
+
     Parameters
     ----------
     words : str
         Name of the source for people.
     parts : tuple of str
-        Names of its numbers in a result.
+        Names of the parts in a result.
     unit : str
-        Unit of all its numbers; ``"1"`` for a share of the stated value.
+        Unit of all parts; ``"1"`` for a share of the stated value.
     largest : float
-        Largest standard deviation that is accepted.
+        Largest standard deviation that is accepted, in this unit.
     usual : float
-        A standard deviation that is usual in a laboratory.
+        Standard deviation that is usual in a laboratory, in this unit.
     is_decisive : bool
-        Whether a fit states what the usual standard deviation would change if no file states one.
+        Whether a fit reports the effect of the usual standard deviation if no file states the uncertainty.
     is_even : bool
-        Whether its effect stays if the field is reversed, so that both polarities separate it from the stiffness.
+        Whether the effect of the source is the same in a reversed field, so that both polarities separate the effect
+        from that of the modulus.
     common : bool
-        Whether all datasets share one error if no file states which datasets share it. If False, each dataset has a
-        separate error.
+        Whether all datasets share one error of the source if no file states which datasets share the error. If False,
+        each dataset then has a separate error.
     covers : tuple of str
-        Other sources with the same effect, which do not count if this one is freed.
+        Other sources with the same effect, which are ignored if this source is freed.
     stated_in : str or None
-        The file that states it.
+        The file that states the uncertainty: "specimen", "calibration" or "rig"; None if no file states it.
     key : str
-        Its key in that file, with the unit.
+        Key of the quantity in that file, with the unit.
     field : callable, optional
         Takes deviations (P, parts) and returns the factor (P,) on the magnetic loads.
     image : callable, optional
         Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
         to its position in the picture.
     specimen, loads, lens : callable, optional
-        Take the stated specimen, loads or view of the lens and the deviations (parts,) of one candidate, and return
+        Take the stated specimen, loads or view of the lens and the deviations (parts,) of one candidate. They return
         another specimen, other loads or another view.
     """
 
@@ -86,12 +89,12 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether candidates that differ in this source need another specimen, other loads or another lens."""
+        """Whether a deviation of this source changes the specimen, the directions of the loads, or the lens."""
         return any((self.specimen, self.loads, self.lens))
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether the source changes the shapes of the beam, and not only how the camera sees these shapes."""
+        """Whether the source changes the shapes of the beam, and not only the picture of these shapes."""
         return any((self.specimen, self.loads, self.field))
 
 
@@ -104,10 +107,10 @@ class StatedSource:
     source : str
         A key of `SOURCES`.
     standard_uncertainty : float
-        In the unit of the source; 0 for an exact value.
+        Standard uncertainty in the unit of the source; 0 for an exact value.
     of : str
-        The object that the number belongs to, such as a calibration, a coil or a specimen. Datasets with the same
-        object share one error.
+        The object to which the quantity belongs, such as a calibration, a coil or a specimen. Datasets with the same
+        object share one error of the source.
     """
 
     source: str
@@ -137,7 +140,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Rotate gravity and the tip forces, which are weights that hang from the tip."""
+    """Return the loads with gravity and the tip forces rotated; tip forces are weights that hang from the tip."""
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -147,24 +150,27 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Rotate field and gravity relative to the beam; their directions in the picture stay the same."""
+    """Return the loads with field and gravity rotated by minus the deviation of the beam's direction.
+
+    The directions of field and gravity in the picture stay the same.
+    """
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Add the field of one constant current to every state, along the strongest field."""
+    """Return the loads with an additional field in mT, equal in all states, along the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
 def _background_field(loads: Loads, deviation: Array) -> Loads:
-    """Add a uniform field (2,) in mT that does not depend on the current."""
+    """Return the loads with an additional uniform field (2,) in mT that does not depend on the current."""
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
 def _field_graded(loads: Loads, deviation: Array) -> Loads:
-    """Change the strength of the coil's field along and across the beam, in shares per metre."""
+    """Return the loads with another gradient of the coil's field along and across the beam, as shares per metre."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:
@@ -387,7 +393,7 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with deviations (parts,) of its sources.
+    """Return the specimen with deviations of its dimensions and materials, each of shape (parts,).
 
     The point of a tip force keeps its position relative to length and width, so that it stays on the specimen.
     """
@@ -403,7 +409,7 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with deviations (parts,) of their sources."""
+    """Return the loads with deviations of gravity and field, each of shape (parts,)."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -411,7 +417,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with deviations (parts,) of its sources."""
+    """Return the view of the lens with deviations of stand-off and tilt, each of shape (parts,)."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             view = change(view, deviation)

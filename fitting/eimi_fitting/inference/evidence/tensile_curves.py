@@ -1,12 +1,13 @@
-"""A tensile curve as evidence besides the edges.
+"""Tensile curves as evidence besides the edges.
 
-The law is first fitted to the curve alone. This gives the root mean square s of the residuals and the number tau of
-neighbouring rows whose residuals are correlated (`eimi_fitting.laws.tensile`). In a joint fit, row i with the residual
+The law with n parameters is first fitted to the curve of m rows alone. The sum Q of the squared residuals of this fit
+gives the noise s = sqrt(Q / (m - n)). The noise is at least 1e-4 of the largest stress. tau neighbouring rows with
+correlated residuals count as one independent row (`eimi_fitting.correlation`). In a joint fit, row i with the residual
 r_i in Pa has the standardised residual
 
     z_i = sqrt(w / tau) r_i / s
 
-with the weight w of the curve, 1 by default. The m rows then count as m / tau independent rows. A curve that the law
+with the weight w of the curve, 1 by default. The m rows then count as w m / tau independent rows. A curve that the law
 cannot follow has a large s and counts little.
 """
 
@@ -33,11 +34,11 @@ class TensileCurve:
     Parameters
     ----------
     strain : ndarray, shape (m,)
-        Engineering strain.
+        Engineering strain, as a ratio.
     stress_Pa : ndarray, shape (m,)
         Engineering stress in Pa.
     weight : float
-        Weight of the curve in a joint fit, relative to the weight that its noise gives it.
+        Weight w of the curve in a joint fit; with 1, the noise of the curve alone determines its weight.
 
     Examples
     --------
@@ -56,16 +57,16 @@ class TensileCurve:
 
 @dataclass(frozen=True)
 class TensileEvidence:
-    """A tensile curve and its noise.
+    """A tensile curve with the noise of its stress.
 
     Parameters
     ----------
     curve : TensileCurve
         The curve.
     noise_Pa : float
-        Root mean square s of the residuals of the fit to the curve alone.
+        Standard deviation s of the residuals of the fit to this curve alone, in Pa.
     correlation_rows : float
-        Number tau of correlated neighbouring rows.
+        Number tau of neighbouring rows that count as one independent row.
     """
 
     curve: TensileCurve
@@ -74,14 +75,14 @@ class TensileEvidence:
 
     @staticmethod
     def of(curve: TensileCurve, model: str) -> TensileEvidence:
-        """Fit a law to the curve alone.
+        """Estimate the noise of a tensile curve from the fit of a law to this curve alone.
 
         Parameters
         ----------
         curve : TensileCurve
             The curve.
         model : str
-            A key of `LAWS`.
+            Name of the law, a key of `LAWS`.
 
         Returns
         -------
@@ -91,7 +92,7 @@ class TensileEvidence:
         Raises
         ------
         CannotFit
-            For too few rows, and if all stresses are zero.
+            If the curve has too few rows, or if all stresses are zero.
         """
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
         if largest == 0.0:
@@ -102,10 +103,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return the residuals (P, m) in Pa of P candidates with parameters (P, n)."""
+        """Return simulated minus measured stresses in Pa, shape (P, m), of P candidates with parameters (P, n)."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the standardised residuals z, (P, m), of P candidates with parameters (P, n)."""
+        """Return the standardised residuals z, shape (P, m), of P candidates with parameters (P, n)."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

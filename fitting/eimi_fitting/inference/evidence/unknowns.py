@@ -1,9 +1,9 @@
 """The unknowns of a fit: the coordinates of the law, the bulk modulus and the freed nuisances.
 
-A nuisance is a number of specimen or calibration that is uncertain (`inference.evidence.sources`). It either keeps its
-stated value or is freed. A freed nuisance has a normal prior about the stated value, which enters the fit as one more
-observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). All unknowns are unit coordinates from 0 to 1: with the
-standard deviation s of its prior, a nuisance deviates by 2 RANGE s (u - 1/2) at the coordinate u.
+A nuisance is an uncertain number of specimen, calibration or rig (`inference.evidence.sources`). A nuisance either
+keeps its stated value or is freed. A freed nuisance has a normal prior about the stated value, which enters the fit as
+one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown has a unit coordinate u from 0 to
+1. The deviation of a nuisance from its stated value is 2 RANGE s (u - 1/2), with the standard deviation s of its prior.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class NuisancePrior:
     kind : str
         A key of `SOURCES`.
     spread : float, optional
-        Standard deviation in the unit of the source; by default the one that the experiments state.
+        Standard deviation in the unit of the source; the stated standard uncertainty by default.
 
     Raises
     ------
     ValueError
-        For an unknown key, and for a standard deviation that is not above 0 or exceeds the largest of the source.
+        For an unknown key, and for a standard deviation that is not above 0 or is above ``Source.largest``.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class NuisancePrior:
     NuisancePrior(kind='moment', spread=0.02)
     >>> NuisancePrior("roll", 90.0)
     Traceback (most recent call last):
-    ValueError: roll: a standard deviation of 90 should be in 0..45
+    ValueError: roll: a standard deviation of 90 should be above 0 and at most 45
     """
 
     kind: str
@@ -54,15 +54,17 @@ class NuisancePrior:
 
     def __post_init__(self) -> None:
         if self.kind not in SOURCES:
-            raise ValueError(f"{self.kind}: should be one of {', '.join(SOURCES)}")
+            raise ValueError(f"{self.kind}: an uncertain quantity should be one of {', '.join(SOURCES)}")
         largest = SOURCES[self.kind].largest
         if self.spread is not None and not 0 < self.spread <= largest:
-            raise ValueError(f"{self.kind}: a standard deviation of {self.spread:g} should be in 0..{largest:g}")
+            raise ValueError(
+                f"{self.kind}: a standard deviation of {self.spread:g} should be above 0 and at most {largest:g}"
+            )
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One freed number: a deviation from its stated value.
+    """One freed number: the deviation of an input from its stated value.
 
     Parameters
     ----------
@@ -73,9 +75,9 @@ class Nuisance:
     part : int
         Index of the number among the parts of its source.
     datasets : tuple of int
-        The datasets that share it, counted from 0.
+        Indices of the datasets that share the number, counted from 0.
     spread : float
-        Standard deviation of its prior, in the unit of the source.
+        Standard deviation of the prior of the number, in the unit of the source.
     """
 
     name: str
@@ -90,13 +92,13 @@ class Nuisance:
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Return the deviation for a unit coordinate from 0 to 1."""
+        """Return the deviation in the unit of the source for a unit coordinate from 0 to 1."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """The field and the image of one dataset under the assumptions of P candidates.
+    """The strength of the field and the map of the image of one dataset, for P candidates.
 
     Parameters
     ----------
@@ -112,19 +114,20 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the setup of deviations.
+        """Return the strength of the field and the map of the image for deviations of the inputs.
 
         Parameters
         ----------
         deviations : iterable of (str, int, ndarray or float)
-            Source, part and deviation; the deviation has shape (P,) or is one number for all candidates.
+            For each number, the key of its source, its index among the parts of the source, and its deviation. A
+            deviation has shape (P,) or is one number for all candidates.
         candidates : int
             The number P of candidates.
 
         Returns
         -------
         Setup
-            The setup.
+            Field factor and image map; deviations that change neither of them are ignored.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -142,38 +145,44 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the setup of the candidates of these rows."""
+        """Return the setup of the candidates with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return the true positions (P, ..., 2) of measured positions (..., 2), in mm."""
+        """Return true positions (P, ..., 2) in mm from positions (..., 2) in the picture, for P candidates."""
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return the positions (..., 2) in the picture, in mm, of true positions (..., 2), for the first candidate."""
+        """Return positions (..., 2) in the picture from true positions (..., 2) in mm, for the first candidate."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return source and part of a freed number from its name in a result; raise KeyError for an unknown name."""
+    """Return the key of the source and the index of the part of a freed number from its name in a result.
+
+    Raises
+    ------
+    KeyError
+        For an unknown name.
+    """
     part_name = name.partition(" of dataset")[0]
     return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
 
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """A source, and the datasets that share one error of this source.
+    """A source, and a group of datasets that share one error of this source.
 
     Parameters
     ----------
     source : str
         A key of `SOURCES`.
     datasets : tuple of int
-        The datasets, counted from 0.
+        Indices of the datasets, counted from 0.
     standard_uncertainty : float or None
-        In the unit of the source; None if no experiment states it.
+        Standard uncertainty in the unit of the source; None if no experiment states it.
     """
 
     source: str
@@ -181,9 +190,9 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one number of the source in a fit to ``datasets`` datasets.
+        """Return the name of one part of the source in a fit to ``datasets`` datasets.
 
-        The name states the datasets that share the number, unless all of them do.
+        The name contains the datasets that share the error, unless all datasets of the fit share it.
         """
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -205,8 +214,8 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     Returns
     -------
     tuple of SharedUnknowns
-        One for each group. Datasets that state the source of the same object share its error. Datasets that do not
-        state the source share its error if the source is common to all datasets.
+        One for each group. Datasets that state the same object for the source form a group. The datasets that do not
+        state the source form a group if ``Source.common`` is true, else each of them is a group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -231,25 +240,27 @@ def nuisances(
     datasets : int
         Number of datasets.
     stated : sequence of sequence of StatedSource, optional
-        The stated sources of each dataset.
+        The stated sources of each dataset; none by default.
 
     Returns
     -------
     tuple of Nuisance
-        One for each part and each group of datasets that share an error.
+        One number for each part of a source and each group of datasets that share an error of the source.
 
     Raises
     ------
     ValueError
-        If neither the prior nor the dataset states a standard deviation above 0.
+        If the prior has no standard deviation, and a dataset states none or states 0.
     """
     freed: list[Nuisance] = []
     for prior in priors:
         for group in shared(prior.kind, stated or [()] * datasets):
             spread = group.standard_uncertainty if prior.spread is None else prior.spread
             if not spread:
-                reason = "is exact" if spread == 0 else "states no standard uncertainty"
-                raise ValueError(f"{prior.kind}: dataset {group.datasets[0]} {reason}, and none is given")
+                reason = "states an uncertainty of 0" if spread == 0 else "states no standard uncertainty"
+                raise ValueError(
+                    f"{prior.kind}: dataset {group.datasets[0]} {reason}; give a standard deviation above 0 to free it"
+                )
             freed += [
                 Nuisance(group.part_name(part, datasets), prior.kind, part, group.datasets, spread)
                 for part in range(len(SOURCES[prior.kind].parts))
@@ -259,7 +270,9 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit as unit coordinates (P, n): first those of the law, then bulk modulus and freed nuisances.
+    """The unknowns of a fit: those of the law, then the bulk modulus if it is searched, then the freed nuisances.
+
+    Each of the n unknowns has a unit coordinate from 0 to 1. P candidates have the shape (P, n).
 
     Parameters
     ----------
@@ -274,38 +287,48 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of coordinates that the search varies; nuisances keep their stated values until the polish."""
+        """Number of coordinates that CMA-ES varies; nuisances keep their stated values until Gauss-Newton."""
         return len(self.space.names)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all coordinates."""
+        """The names of all unknowns, in the order of their coordinates."""
         return (*self.space.names, *(nuisance.name for nuisance in self.freed))
 
     def modulus_percent(self, moved: float) -> float:
-        """Return the change of the modulus in per cent for a move of the first coordinate, which is its logarithm."""
+        """Return the change of the modulus in per cent if its unit coordinate, the first one, changes by ``moved``.
+
+        The coordinate is proportional to the logarithm of the modulus.
+        """
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """The nuisances that scale the magnetic load; the data determine only the ratio of magnetic load to modulus."""
+        """Names of the freed nuisances that scale the magnetic load.
+
+        Without priors the data determine only the ratio of magnetic load to modulus.
+        """
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """The inverse prior variances, (n,): from the bounds of the search, or from the prior of a nuisance."""
+        """The inverse of the prior variance of each unit coordinate, shape (n,).
+
+        It is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance it is
+        (2 RANGE)^2.
+        """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values."""
+        """Return candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values, u = 1/2."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the parameters of the law, (P, n_p), for unit coordinates (P, n)."""
+        """Return the parameters of the law for unit coordinates (P, n), shape (P, number of parameters)."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
@@ -313,11 +336,11 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the standardised deviations (P, f) of the nuisances for unit coordinates (P, n)."""
+        """Return the deviations of the f freed nuisances, divided by their standard deviations, (P, f)."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return field and image of each dataset for candidates (P, n); None if no nuisance is freed."""
+        """Return field strength and image map of each dataset for candidates (P, n); None if no nuisance is freed."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -327,7 +350,7 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group candidates that have the same specimens and loads.
+        """Return groups of candidates that have the same specimens and loads.
 
         Parameters
         ----------
@@ -339,12 +362,12 @@ class Unknowns:
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group the rows of its candidates and, for each dataset, the deviations (parts,) by source.
+            For each group, the indices of its candidates and, for each dataset, the deviations (parts,) by source.
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group candidates that have the same lenses; parameters and result as those of `bent`."""
+        """Return groups of candidates that have the same lenses; parameters and result are those of `bent`."""
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
     def _grouped(
