@@ -1,17 +1,17 @@
 """Identify hyperelastic laws from the bending of soft beams: laws, finite elements and inference.
 
 laws          hyperelastic laws: energy, stability, tensile fits, material cards
-beam          the finite-element models: a specimen and its loads in, the bent shape out
-inference     from measured edges to a law with its uncertainty
-time          the law of time from ring-downs, creep and static states
-discovery     which terms a strain energy contains
+beam          finite-element models that compute the bent shape of a specimen from its loads
+inference     the fit of a law to measured edges, with its uncertainty
+time          the fit of a viscoelastic (Prony) law to ring-downs, creep and static states
+discovery     the choice of the terms of a strain energy
 units         conversion between Pa and MPa
-correlation   the number of independent points among correlated residuals
+correlation   the number of correlated residuals that count as one independent residual
 randomness    tests of residuals for randomness along an edge
 suggestion    the existing name that is nearest to a misspelt name
 
-The names below are public, and each is loaded when it is first used. This package reads no files and knows no
-instruments; it imports numpy, scipy and cma alone.
+The names in ``__all__`` are public. Each of them is loaded when it is first used. This package reads no files and
+knows no instruments. It imports numpy, scipy and cma alone.
 """
 
 from __future__ import annotations

@@ -9,24 +9,25 @@ Array = NDArray[np.float64]
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """Return the integrated autocorrelation length tau of residuals, in points.
+    """Return the integrated autocorrelation length tau of residuals, in points: tau points count as one.
 
     Parameters
     ----------
     residuals : array, shape (..., n)
-        Residuals in groups of n neighbouring points; zero where a point is not used.
+        Residuals in groups of n neighbouring points; zero for a point that is not used.
     weights : array, shape (..., n)
-        A positive weight marks a point that is used.
+        Above zero for a point that is used, else zero.
 
     Returns
     -------
     float
-        tau = 1 + 2 sum_k rho_k >= 1, with rho_k the autocorrelation at a distance of k points.
+        tau = 1 + 2 sum_k rho_k >= 1. The autocorrelation rho_k is the mean of r_i r_(i+k) over all pairs of used points
+        in a group, divided by the mean of r_i^2, with the residuals r_i. tau is 1 if all residuals are zero.
 
     References
     ----------
-    The sum ends at the first rho_k that is not positive, after the initial positive sequence of C. J. Geyer (1992),
-    Statist. Sci. 7:473.
+    The sum ends before the first rho_k that is zero or negative. This rule is similar to the initial positive sequence
+    of C. J. Geyer (1992), Statist. Sci. 7:473.
     """
     r = residuals.reshape(-1, residuals.shape[-1])
     w = (weights > 0).astype(float).reshape(r.shape)

@@ -1,7 +1,7 @@
 """Test whether residuals along edges look like independent noise about zero.
 
-Under that hypothesis a residual has either sign with a probability of one half, and no correlation with the next
-residual.
+For such noise, a residual is positive with a probability of one half and is not correlated with the next residual.
+
 
 References
 ----------
@@ -26,24 +26,25 @@ _FEWEST = 10  # smallest number of pairs of neighbours for a verdict
 
 @dataclass(frozen=True)
 class Randomness:
-    """The tests of residuals for randomness along their edges.
+    """The results of two tests for randomness of residuals along edges: sign changes and serial correlation.
 
     Attributes
     ----------
     pairs : int
-        Pairs of neighbouring points.
+        Number n of pairs of neighbouring points.
     sign_changes : int
-        Pairs whose two residuals have different signs; noise has half of the pairs.
+        Number of pairs whose two residuals have different signs; n / 2 is expected for noise.
     runs_probability : float
-        Probability of at most this many sign changes if the residuals are noise.
+        Probability that noise has at most this number of sign changes.
     autocorrelation : float
-        Correlation of neighbouring residuals about zero; 0 for noise.
+        Mean product of two neighbouring residuals over the mean square of all residuals; 0 is expected for noise.
     autocorrelation_probability : float
-        Probability of at least this correlation if the residuals are noise.
+        Probability that noise has at least this autocorrelation.
     noise : float
-        Standard deviation of the part that is independent from point to point, in the unit of the residuals.
+        Standard deviation s of the part of the residuals that is independent from point to point, in the unit of the
+        residuals. s^2 is half of the mean square difference of neighbouring residuals.
     systematic : float
-        Root mean square of the part that neighbouring points share, in the unit of the residuals.
+        Root mean square of the remaining part, which neighbouring points share, in the unit of the residuals.
     """
 
     pairs: int
@@ -56,26 +57,28 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Return whether there are enough points for a verdict."""
+        """Return whether there are enough pairs of points (at least 10) to judge the tests."""
         return self.pairs >= _FEWEST
 
     @property
     def is_noise(self) -> bool:
-        """Return whether neither test rejects noise at the level of 1 %."""
+        """Return whether both probabilities are at least 1 %, so that the residuals may be noise."""
         return min(self.runs_probability, self.autocorrelation_probability) >= _SIGNIFICANT
 
 
 def randomness_of(residuals: Array) -> Randomness:
-    """Test residuals for randomness.
+    """Test whether residuals are independent noise about zero, by sign changes and by serial correlation.
 
     Parameters
     ----------
     residuals : ndarray, shape (..., m)
-        Groups of m neighbouring points; NaN where nothing was measured. Points of different groups are not neighbours.
+        Residuals in groups of m neighbouring points; NaN for a point that was not measured. Points of different groups
+        are not neighbours.
 
     Returns
     -------
     Randomness
+        The results of both tests. Both probabilities are 1 if there is no pair of points or if all residuals are zero.
 
     Examples
     --------

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def suggestion(name: object, names: Iterable[str]) -> str:
-    """Return the end of an error message about an unknown name: the closest name, or the list of all names.
+    """Return the end of an error message about an unknown name: the closest existing name, or all existing names.
 
     Parameters
     ----------
@@ -19,7 +19,8 @@ def suggestion(name: object, names: Iterable[str]) -> str:
     Returns
     -------
     str
-        ``"did you mean 'yeoh'?"`` if one name is close, else ``"there are neo-hookean, yeoh"``.
+        ``"did you mean 'yeoh'?"`` if an existing name is close to the unknown name, else a list of all existing names
+        such as ``"there are neo-hookean, yeoh"``.
 
     Examples
     --------

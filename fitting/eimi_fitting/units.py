@@ -1,4 +1,4 @@
-"""Convert moduli between Pa, used in files and messages, and MPa = N/mm², used in elements and most material cards."""
+"""Convert moduli between Pa (in files and messages) and MPa = N/mm² (in elements and in most material cards)."""
 
 from __future__ import annotations
 
@@ -31,16 +31,24 @@ def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDAr
 
 
 def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 5) -> str:
-    """Return a modulus and its interval as text, in Pa below 10 MPa, in MPa below 1 GPa, and in GPa above.
+    """Return a modulus and its interval as text.
+
+    The unit is Pa below 10 MPa, MPa from 10 MPa to 1 GPa, and GPa above. The modulus determines the unit and the number
+    of decimals of all three numbers.
 
     Parameters
     ----------
     modulus_Pa : float
-        The modulus, Pa.
+        The modulus in Pa.
     interval_Pa : (float, float)
-        Ends of its interval, Pa.
+        Lower and upper end of the interval of the modulus, in Pa.
     digits : int
-        Significant digits of the modulus. Digits before the decimal point are always printed.
+        Significant digits of the modulus. All digits before the decimal point are always printed.
+
+    Returns
+    -------
+    str
+        The text, such as ``"46380 Pa [46359, 46401]"``.
 
     Examples
     --------

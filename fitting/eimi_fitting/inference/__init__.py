@@ -1,11 +1,11 @@
 """Identify a hyperelastic law from measured edges, and compute the uncertainty of the result.
 
 evidence           measurements, unknowns and uncertain inputs; the distance from a candidate to the data
-searching          the range of moduli, CMA-ES, and Gauss-Newton from its best candidate
-interval           covariance, stated uncertainties, intervals and what the data do not determine
-doubts             checks of the residuals that a good fit passes
+searching          the range of moduli, the search by CMA-ES, and its improvement by Gauss-Newton
+interval           covariance, stated uncertainties, intervals, and the parameters that the data do not determine
+doubts             checks of the residuals and their possible causes
 planning           the next measurements, the choice between laws, the modulus during a run
-corrected_optimum  from the best candidate of a search to the corrected optimum with its intervals
+corrected_optimum  the optimum with the corrections by better models, and its intervals
 fit                the result of a fit
 identification     the whole fit in order, from experiments to a `Fit`
 """

@@ -1,7 +1,9 @@
-"""Compute the optimum of a fit from the best candidate of its search: polish, corrections by better models, intervals.
+"""Compute the optimum of a fit from the best candidate of its search.
 
-The weight of tensile curves and priors depends on the noise of the edges. A polish is therefore repeated once the noise
-is known better. `inference.evidence.corrections` computes the corrections.
+The steps are: improve the candidate by Gauss-Newton (`inference.searching.polish`), correct the residuals by better
+models (`inference.evidence.corrections`), and compute the intervals (`inference.interval`). The weight of tensile
+curves and priors depends on the noise of the edges. Gauss-Newton is therefore repeated if the estimate of the noise has
+changed.
 """
 
 from __future__ import annotations
@@ -47,26 +49,26 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The results of the steps that follow a search.
+    """The optimum of a fit with its corrections and intervals.
 
     Parameters
     ----------
     problem : Problem
-        The problem with its corrections.
+        The problem with the corrections of its residuals.
     optimum : Optimum
-        Optimum of the corrected problem.
+        The optimum of this corrected problem.
     effects : tuple of Effect
-        The moves of the optimum by the corrections.
+        The change of the optimum by each correction.
     max_stretch : float
-        Largest stretch on the meshes of the experiments.
+        Largest stretch of the optimum, computed on the planar meshes of the experiments.
     polish : Polish
-        Improvement by the first polish.
+        Improvement of the best candidate by the first run of Gauss-Newton.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        Distances of the priors on the law's parameters, see `Linearisation.prior_distances`.
+        Distance of each prior on a parameter of the law from the other evidence, see `Linearisation.prior_distances`.
     not_considered : tuple of str
-        One sentence for each source that is not in the intervals.
+        One sentence for each source of uncertainty that the intervals do not contain.
     """
 
     problem: Problem
@@ -80,19 +82,20 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute optimum, corrections and intervals from a candidate near the optimum.
+    """Compute the optimum, its corrections and its intervals from a candidate near the optimum.
 
-    A polish varies the parameters on a planar model with the mesh of the search, or for a solid with the mesh of the
-    solid. Its residuals are corrected to those of the finer meshes or of the solid.
+    Gauss-Newton varies the unknowns on a planar model. In plane stress or plane strain, this model has the coarse mesh
+    of the search, and its residuals are corrected to those of finer meshes. For a solid, this model has the mesh of the
+    solid, and its residuals are corrected to those of the solid.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     unit : ndarray, shape (n,)
-        The candidate in unit coordinates.
+        The candidate: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
     seed : int
-        Seed of the draws.
+        Seed of the random draws for the intervals.
 
     Returns
     -------
@@ -124,10 +127,10 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Minimise over all unknowns by Gauss-Newton.
+    """Return the optimum of a problem, computed by Gauss-Newton from the candidate ``unit`` (n,).
 
     The weight of tensile curves and priors depends on the number N of independent points. N is estimated from the
-    residuals, and the polish is repeated if N has changed.
+    residuals. Gauss-Newton is repeated if the new N differs from the earlier N by more than a factor of e^0.3.
     """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
@@ -147,13 +150,14 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the coarse problem to the problem's meshes and then to finer ones.
+    """Correct the residuals of the coarse problem, first to the meshes of ``problem`` and then to finer meshes.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the move of the optimum by the finer meshes, and the largest stretch (1,) on
-        the problem's meshes. If there is no equilibrium on a mesh, the results of the previous step are returned.
+        The corrected problem, its optimum, the change of the optimum by the finer meshes, and the largest stretch (1,)
+        on the meshes of ``problem``. If there is no equilibrium on one of these meshes, the results of the previous
+        step are returned.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -171,7 +175,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Correct the residuals of a problem to those of a better model, and return the problem with its new optimum."""
+    """Return the problem ``now`` with its residuals corrected to those of a better model, and its new optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -179,9 +183,15 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Return the problem corrected by solids and finer meshes, its optimum, and the moves of the optimum."""
-    # The solid comes first. The optimum of the planar model alone compensates for depth by the law, and the finer mesh
-    # may find no equilibrium for such a law.
+    """Correct the residuals to those of solids and, for specimens without a solid, to those of finer meshes.
+
+    Returns
+    -------
+    tuple
+        The corrected problem, its optimum, and the change of the optimum by each correction.
+    """
+    # The solid comes first. The optimum of the planar model alone compensates for the depth by a wrong law, and the
+    # finer mesh may find no equilibrium for such a law.
     plain = problem.experiments
     problem, optimum, effects = _with_depth(problem, optimum)
     unit = optimum.unit
@@ -193,10 +203,17 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the problem by the solid, and repeat the correction at each new optimum until the modulus is constant.
+    """Correct the residuals to those of the solid, and repeat the correction at each new optimum.
 
-    A further pass is accepted only if it does not raise the error. The move of a pass that is not accepted remains
-    uncertain.
+    The passes end when a pass changes the modulus by less than 0.05 %, and at the latest after the third pass. The
+    second and the third pass are rejected if they raise the objective by more than 1 %. The change of the modulus by
+    the last pass remains uncertain.
+
+    Returns
+    -------
+    tuple
+        The corrected problem, its optimum, and the change of the optimum by the solid. The problem is unchanged and the
+        list is empty if the solid finds no equilibrium.
     """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
@@ -221,7 +238,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return ``changed``, which is ``now`` with other corrections of the residuals, and the optimum of ``changed``."""
+    """Return ``changed`` and its optimum. ``changed`` and ``now`` differ only in the corrections of their residuals."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -241,5 +258,8 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Compare one candidate in a separate batch, because rounding depends on the batch and corrections are small."""
+    """Return the comparison of one candidate ``unit`` (n,) with experiments, without other candidates in the batch.
+
+    Rounding depends on the batch, and corrections are small.
+    """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -1,4 +1,4 @@
-"""The result of a fit: the part for a result file, and the residuals at the optimum."""
+"""The result of a fit: `IdentifiedLaw` is written to a result file, and `Fit` adds the residuals at the optimum."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedLaw(Estimate):
-    """An identified law for a result file: an `Estimate` with its errors, its doubts and its search.
+    """An identified law as a result file contains it: an `Estimate` with its errors, its doubts and its search.
 
     Parameters
     ----------
     mean_error_mm, mean_deviation_mm : float
-        Mean over the states of the error, and of its standard deviation along the edges.
+        Mean over the states of the error, and of the standard deviation of the distances along the edges, in mm.
     max_stretch : float
-        Largest stretch on the meshes of the experiments.
+        Largest stretch of the optimum, computed on the planar meshes of the experiments.
     priors : tuple of Prior
         Priors on the law's parameters.
     doubts : tuple of Doubt
@@ -40,11 +40,11 @@ class IdentifiedLaw(Estimate):
     generations : int
         Number of generations of the search.
     polish : Polish
-        Improvement by the first polish.
+        Improvement of the best candidate of the search by the first run of Gauss-Newton.
     seed : int
-        Seed of search and draws.
+        Seed of the search and of the random draws for the intervals.
     wall_s : float
-        Duration in seconds.
+        Duration of the fit in seconds.
     """
 
     mean_error_mm: float
@@ -66,26 +66,27 @@ class IdentifiedLaw(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
-    """An identified law with the residuals of the evidence.
+    """An identified law with the residuals of all evidence, for K states.
 
     Parameters
     ----------
     law : Law
-        The law.
+        The hyperelastic law.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Error and deviation of each state.
+        Error and deviation of each state in mm, see `inference.evidence.measurements`.
     residuals_mm : tuple of ndarray, shape (K, G, m)
-        Residuals of each experiment, see `Misfit`; NaN for points that were not measured.
+        Residuals of each experiment with K states and G groups of m neighbouring points, see `Misfit`; NaN for points
+        that were not measured.
     curves : tuple of TensileEvidence
         The tensile curves with their noise.
     curve_rmse_Pa : tuple of float
-        Root mean square residuals of the tensile curves in this fit.
+        Root mean square residual of each tensile curve for the law of this fit, in Pa.
     prior_distances : tuple of float
-        Distances of the priors from the other evidence, see `Linearisation.prior_distances`.
+        Distance of each prior on a parameter of the law from the other evidence, see `Linearisation.prior_distances`.
     stable_to : float or None
-        Largest stretch up to which the law is stable; None if it is stable up to ``stability_checked_to``.
+        Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float
-        Largest stretch that was checked.
+        Largest stretch for which stability was checked.
 
     Examples
     --------
@@ -113,5 +114,5 @@ class Fit(IdentifiedLaw):
 
     @property
     def values(self) -> Array:
-        """The parameters in the order and the units of the law, (n,)."""
+        """The parameters of the law, shape (n,), in the order and the units of the law."""
         return np.array([quantity.value for quantity in self.parameters.values()])

@@ -1,11 +1,11 @@
-"""Identify the parameters of a law, for which the simulated edges lie closest to the measured ones.
+"""Identify the parameters of a law: the parameters whose simulated edges lie closest to the measured edges.
 
 The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
 1. CMA-ES searches on a coarse mesh (`inference.searching`).
 2. Gauss-Newton improves the best candidate (`inference.searching.polish`).
-3. Better models correct the residuals, and Gauss-Newton is repeated (`inference.corrected_optimum`).
-4. The intervals follow from the evidence at the optimum (`inference.interval`).
+3. The residuals are corrected to those of better models, and Gauss-Newton is repeated (`inference.corrected_optimum`).
+4. The intervals are computed from the evidence at the optimum (`inference.interval`).
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def identify(
     """Identify one law from one or several experiments.
 
     The search runs on the default mesh of `BeamModel`, with nuisances at their stated values. A scan determines the
-    range of moduli (`inference.searching.modulus_range`). The errors and intervals are those of better models than the
-    models of the experiments (`inference.evidence.corrections`).
+    range of moduli (`inference.searching.modulus_range`). The errors and intervals of the result belong to a finer mesh
+    or to the solid (`inference.evidence.corrections`).
 
     Parameters
     ----------
@@ -89,16 +89,17 @@ def identify(
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances to free, with their priors. If the field was measured in both polarities, stated sources whose effect
-        is even in the field are freed, too (`inference.evidence.polarity`).
+        Nuisances to free, with their priors. If the field was measured in both polarities, the fit also frees stated
+        sources whose effect is even in the field (`inference.evidence.polarity`).
     free_bulk : bool
-        Search the bulk modulus too.
+        Whether the fit also determines the bulk modulus.
     tensile : sequence of TensileCurve
         Tensile curves to fit together with the experiments.
     priors : sequence of Prior
         Priors on the law's parameters.
     seed, population, most_generations, restarts, bipop, replay, progress
-        Options of the search, see `inference.searching.search.search`. The seed is also that of the draws.
+        Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
+        seed.
 
     Returns
     -------
@@ -108,21 +109,21 @@ def identify(
     Raises
     ------
     NamedCause
-        A mistake in the loads is the reason why no material explains the measurement.
+        If no material explains the measurement, and a mistake in the loads is the reason.
     NothingActs
-        No load bends the specimen in any state.
+        If no load bends the specimen in any state.
     NothingConverged
-        No candidate could be simulated.
+        If no candidate could be simulated.
     NotExplained
-        The simulated edges of a state are far from the measured ones.
+        If the simulated edges of a state are far from the measured ones.
     NotDetermined
-        There is one state only, and it does not determine the modulus.
+        If there is one state only and it does not determine the modulus.
     CannotFit
-        The law cannot be fitted to a tensile curve.
+        If the law cannot be fitted to a tensile curve.
     OtherSearch
-        ``replay`` belongs to another search.
+        If ``replay`` belongs to another search.
     ValueError
-        For a free bulk modulus unless the section is in plane strain, for a nuisance without a stated uncertainty, and
+        For a free bulk modulus if a section is not in plane strain, for a nuisance without a stated uncertainty, and
         for a prior on a parameter that the law does not have.
     KeyError
         For an unknown law.
@@ -229,8 +230,11 @@ def _problem(
     law, space = LAWS[model], search_space(LAWS[model])
     check_priors(priors, law)
     if free_bulk:
-        if any(experiment.model.specimen.section != "plane-strain" for experiment in experiments):
-            raise ValueError("the bulk modulus can be free in plane strain only: another section was stated")
+        sections = {experiment.model.specimen.section for experiment in experiments}
+        if others := sorted(sections - {"plane-strain"}):
+            raise ValueError(
+                f"the bulk modulus can be free only if the section is plane-strain; the section is {', '.join(others)}"
+            )
         space = space.with_bulk()
     freed = (*free, *freed_by_polarities(experiments, free))
     return Problem(
@@ -243,7 +247,7 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Run the search on the coarse mesh; raise NothingConverged if no candidate is valid."""
+    """Return the result of the search on the coarse mesh; raise NothingConverged if no candidate is valid."""
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,
@@ -251,7 +255,7 @@ def _search(coarse: Problem, independent_points: float, **options: Any) -> Searc
     )
     if result.objective_mm >= DISCARDED_MM:
         raise NothingConverged(
-            f"none of {result.evaluations} {coarse.law.name} candidates could be simulated: "
+            f"none of the {result.evaluations} candidates for the parameters of {coarse.law.name} could be simulated: "
             "check geometry, loads and units"
         )
     return result
