@@ -1,9 +1,9 @@
 """Draw the data of a bootstrap replicate: whole states, with replacement.
 
-The light, the blur and the rest position of clamp and beam are common to one frame. They move all points of its edges
-together, so that the points of a state are dependent and the states are independent. Whole states are therefore drawn
-(resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section 6.2.4). Drawing in blocks
-keeps the dependence within a block (Künsch 1989, Ann. Statist. 17:1217).
+The light, the blur and the rest position of clamp and beam are common to one frame. An error of these quantities moves
+all points of the edges together. The points of a state are therefore dependent, and the states are assumed independent.
+Whole states are drawn (resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section
+6.2.4). Drawing in blocks keeps the dependence within a block (Künsch 1989, Ann. Statist. 17:1217).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment with as many states as it has, drawn with replacement and kept in their order.
+    """Return each experiment with K states drawn at random from its K states, with replacement and in their order.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> l
     seed : int
         Seed of the random numbers.
     replicate : int
-        Number of the replicate. One seed and one replicate always draw the same states, whatever else is drawn.
+        Number of the replicate. The same seed and number always draw the same states.
 
     Returns
     -------
     list of Experiment
-        One for each experiment.
+        One replicate of each experiment.
     """
     replicates = []
     for index, experiment in enumerate(experiments):

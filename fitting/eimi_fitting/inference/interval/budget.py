@@ -1,10 +1,12 @@
 """The budget of an interval: the effect of each stated source on the initial shear modulus, and the next measurement.
 
-Source s with step d_s of the optimum x (`inference.interval.considered`) changes the modulus mu by
+Let x be the optimum, d_s the change of the optimum for one standard uncertainty of source s
+(`inference.interval.considered`), and mu(x) the initial shear modulus. The source has the effect
 
-    effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent
+    effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
 
-for one standard uncertainty. The effects of the parts of one source, such as x and y of the clamp, add as squares.
+A source may have several parts, such as x and y of the clamp. Its effect is then the root of the sum of the squared
+effects of its parts.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One source of the budget.
+    """The effect of one source of uncertainty on the initial shear modulus.
 
     Parameters
     ----------
@@ -37,9 +39,9 @@ class BudgetEntry:
     unit : str
         Unit of the source.
     datasets : tuple of int
-        The datasets that share this error, counted from 0.
+        Indices of the datasets that share the error of this source, counted from 0.
     effect_percent : float
-        Standard deviation that the source gives the initial shear modulus, in per cent of it.
+        Standard deviation of the initial shear modulus due to this source alone, in per cent of the modulus.
     """
 
     source: str
@@ -57,11 +59,11 @@ class MeasureNext:
     Parameters
     ----------
     source : str or None
-        A key of `SOURCES`; None for the edges themselves.
+        A key of `SOURCES`; None for the edges.
     words : str
-        Its name for people.
+        Name of the quantity for people.
     initial_shear_modulus_interval_95_Pa : tuple of float
-        The interval that half of this uncertainty would give, in Pa.
+        Lower and upper end of the 95 % interval in Pa if the uncertainty of this quantity were halved.
     """
 
     source: str | None
@@ -71,18 +73,18 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """The random moves of an optimum in D draws.
+    """The random changes of an optimum of n unknowns in D draws.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
     noise : ndarray, shape (D, n)
-        Moves by noise, priors and model errors.
+        Changes by noise, priors and model errors, in unit coordinates.
     deviations : ndarray, shape (D, S)
         Errors of the S sources, in standard uncertainties.
     steps : Steps
-        The moves for one standard uncertainty of each source.
+        The change of the optimum for one standard uncertainty of each source.
     """
 
     unit: Array
@@ -91,14 +93,14 @@ class Moves:
     steps: Steps
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return the unknowns of all draws, with noise and sources scaled.
+        """Return the unknowns in all D draws, with the noise and the errors of the sources multiplied by factors.
 
         Parameters
         ----------
         of_noise : float
-            Factor on the noise.
+            Factor on the changes by noise, priors and model errors.
         of_sources : float or ndarray, shape (S,)
-            Factor on each source.
+            Factor on the error of each source.
 
         Returns
         -------
@@ -112,23 +114,23 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the entries of the budget and the quantity to measure next.
+    """Return the effect of each source on the modulus, and the quantity to measure next.
 
     Parameters
     ----------
     sources : sequence of ConsideredSources
         The S uncertain numbers, in the order of ``moves``.
     moves : Moves
-        The random moves of the optimum.
+        The random changes of the optimum.
     modulus : callable
-        Takes unit coordinates (P, n) and returns the initial shear moduli (P,) in Pa.
+        Takes P candidates in unit coordinates (P, n) and returns their initial shear moduli (P,) in Pa.
 
     Returns
     -------
     entries : tuple of BudgetEntry
         One for each source, the largest effect first.
     measure_next : MeasureNext
-        The source with the largest effect, or the edges if their noise has a larger one.
+        The source with the largest effect, or the edges if their noise has a larger effect.
     """
     entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
     noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
@@ -152,9 +154,9 @@ def budget_entries(
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     sizes : ndarray, shape (S, n)
-        Move of the optimum for one standard uncertainty of each number.
+        Change of the optimum for one standard uncertainty of each number, in unit coordinates.
     modulus : callable
-        Takes unit coordinates (P, n) and returns the initial shear moduli (P,) in Pa.
+        Takes P candidates in unit coordinates (P, n) and returns their initial shear moduli (P,) in Pa.
 
     Returns
     -------

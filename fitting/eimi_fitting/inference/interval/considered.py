@@ -1,16 +1,18 @@
 """The effect of stated uncertainties on the residuals and on the estimate (consider covariance).
 
 A source is a quantity with a stated standard uncertainty. A source that is not freed keeps its stated value in the fit,
-and its error moves the optimum. Let c_s be the change of the residuals for one standard uncertainty of source s, J the
-slopes of the residuals, W their weights and H the Hessian (`inference.interval.covariance`). The optimum moves by
+and an error of this value changes the optimum. Let c_s be the change of the residuals for one standard uncertainty of
+source s, J the derivatives of the residuals in the unknowns, W the weights of the residuals, and H the Hessian
+(`inference.interval.covariance`). The optimum changes by
 
     d_s = -inv(H) J' W c_s
 
 and the covariance of the estimate grows by the sum of d_s d_s' over all sources (Schmidt 1966, Adv. Control Syst.
 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
 
-The changes c_s are finite differences of the planar model on the coarse mesh at the optimum. One standard uncertainty
-changes the shapes only a little. All states are therefore solved at once, starting from the shapes with stated values.
+The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh. One standard
+uncertainty changes the shapes only a little. The solver therefore starts in all states from the shapes with the stated
+values.
 """
 
 from __future__ import annotations
@@ -47,13 +49,14 @@ class ConsideredSources:
     Parameters
     ----------
     name : str
-        Its name in a result.
+        Name of the number in a result.
     shared : SharedUnknowns
-        The source and the datasets that share its error.
+        The source of the number, and the datasets that share its error.
     part : int
         Index of the number among the parts of its source.
     changes : tuple of ndarray or None
-        Change of the residuals of each experiment, (K, G, m) in mm; None if the source does not concern it.
+        For each experiment, the change of the residuals in mm, shape (K, G, m); None if the number does not belong to
+        the experiment or the model finds no equilibrium.
     """
 
     name: str
@@ -63,17 +66,17 @@ class ConsideredSources:
 
     @property
     def standard_uncertainty(self) -> float:
-        """The standard uncertainty, in the unit of the source; above zero."""
+        """The standard uncertainty of the number in the unit of its source; above zero."""
         return self.shared.standard_uncertainty or 0.0
 
     @property
     def freed(self) -> Nuisance:
-        """The same number as an unknown of a fit, with its standard uncertainty as prior."""
+        """The same number as an unknown of a fit; its standard uncertainty is the standard deviation of the prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the sources that the experiments state as uncertain, without sources that a freed source covers."""
+    """Return the uncertain sources of the experiments that are neither freed nor covered by a freed source."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
@@ -87,7 +90,10 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the decisive sources that no file states and that are not freed, with their usual uncertainty."""
+    """Return the decisive sources that no file states and that are not freed, with their usual uncertainty.
+
+    A source is returned only if it changes the specimen and if the specimen is in a field.
+    """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
     return tuple(
@@ -100,7 +106,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a source can change the shapes of an experiment; a source of the magnet needs a magnet."""
+    """Return whether a source changes the specimen of an experiment with a field; magnet sources need a magnet."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -123,8 +129,7 @@ def considered(
     Returns
     -------
     tuple of ConsideredSources
-        One for each uncertain number. A source is left out if the model finds no equilibrium for its deviations;
-        `sources_of` still lists it.
+        One for each uncertain number for which the model finds an equilibrium in at least one experiment.
     """
     chosen = sources_of(problem) if groups is None else groups
     numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
@@ -152,13 +157,13 @@ def changes_of(
     unit : ndarray, shape (n,)
         Unit coordinates at which the changes are computed. A freed source starts from its value at these coordinates.
     numbers : sequence of (SharedUnknowns, int)
-        Source and part of each number.
+        For each number, its source and its index among the parts of the source.
 
     Returns
     -------
     list of list
-        For each experiment and number, (K, G, m) in mm; None if the number does not concern the experiment or the
-        model finds no equilibrium.
+        For each experiment and each number, the change in mm, shape (K, G, m). None if the number does not belong to
+        the experiment or the model finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -166,7 +171,7 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the changes of the residuals of one experiment."""
+    """Return the change of the residuals of experiment ``index`` for one standard uncertainty of each number."""
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
@@ -188,18 +193,18 @@ def _changes(
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate of a fit.
+    """One candidate of a fit: a law with its parameters and the deviations of the freed nuisances.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (1, n)
-        Its parameters.
+        The n parameters of the law.
     bulk_modulus_Pa : ndarray, shape (1,), or None
-        The bulk modulus; None for an incompressible material.
+        The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        Source, part and deviation of each freed number.
+        For each freed number, its source, its index among the parts of the source, and its deviation.
     """
 
     law: Law
@@ -210,7 +215,7 @@ class Candidate:
 
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model on the coarse mesh, on which differences between candidates are computed."""
+    """Return the planar model of a specimen on the coarse mesh, which finite differences use."""
     return BeamModel(specimen, plane=specimen.planar_section)
 
 
@@ -227,16 +232,16 @@ def changes_by(
     candidate : Candidate
         The candidate.
     experiment : Experiment
-        The experiment; its model is replaced by the planar one on the coarse mesh.
+        The experiment. Its model is replaced by the planar model on the coarse mesh.
     numbers : sequence of (str, int, float)
-        Source, part and size of each deviation, the size in the unit of the source.
+        For each deviation, its source, its index among the parts of the source, and its size in the unit of the source.
     near : Configuration, optional
-        Shapes near the solution, one row for each state, from which the solver starts.
+        Shapes near the solution, one for each state. The solver starts from them.
 
     Returns
     -------
     list of ndarray or None
-        Change for the full size of each deviation, (K, G, m) in mm; None if the model finds no equilibrium.
+        For each deviation of full size, the change in mm, shape (K, G, m). None if the model finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
@@ -279,32 +284,33 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The moves of an optimum by its sources.
+    """The changes of an optimum of n unknowns by its S sources.
 
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Move for one standard uncertainty of each source, in unit coordinates.
+        Change for one standard uncertainty of each source, in unit coordinates.
     held : ndarray, shape (n,)
-        Vector from an optimum on a bound to the optimum without this bound; zero if no bound is active.
+        Vector from an optimum on a bound to the optimum without this bound, at most two standard deviations long. Zero
+        if no bound is active or if there is no source.
     """
 
     sizes: Array
     held: Array
 
 
-# Largest distance of the unbounded optimum beyond a bound, in standard deviations of noise and sources. A longer
-# distance is due to the law and not to noise or sources; it is shortened to this.
+# Largest distance of the optimum without bounds from a bound, in standard deviations of noise and sources. A longer
+# distance is due to the law and not to noise or sources, and is reduced to this distance.
 _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the moves of the optimum by each source, as if the parameters had no bounds.
+    """Return the changes of the optimum by each source, as if the parameters had no bounds.
 
     Parameters
     ----------
     about : Linearisation
-        The evidence about the optimum.
+        The evidence linearised about the optimum.
     sources : sequence of ConsideredSources
         The S uncertain numbers.
     covariance : ndarray, shape (n, n)
@@ -313,13 +319,13 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
     Returns
     -------
     Steps
-        The moves of the optimum.
+        The changes d_s = -inv(H) J' W c_s of the optimum (see the module).
 
     Notes
     -----
-    If the optimum lies on a bound, the sources may have moved it there from inside, and the bound cuts off part of
-    these moves. The least-squares optimum without bounds is unbiased and normally distributed. The intervals are
-    therefore centred on the unbounded optimum, at most `_FARTHEST` standard deviations beyond the bound.
+    If the optimum lies on a bound, errors of the sources may be the reason, and the bound limits the change of the
+    optimum. The least-squares optimum without bounds is unbiased and normally distributed. The intervals are therefore
+    centred on the optimum without bounds, at most two standard deviations beyond the bound.
     """
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):

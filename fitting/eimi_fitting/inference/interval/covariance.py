@@ -1,19 +1,23 @@
 """The evidence linearised about an optimum, and the covariance of the optimum.
 
-State k has N_k points, residuals r_k with the root mean square e_k, and slopes J_k = dr_k/dx in the unknowns x. With K
-states, their mean error e, and N independent points (`inference.evidence.objective`), the weight of the state is
+State k has N_k points and residuals r_k with the root mean square e_k. J_k = dr_k/dx are the slopes of the residuals in
+the unknowns x. With K states, the mean e of the errors e_k, and N independent points
+(`inference.evidence.objective`), the weight of the state is
 
-    w_k = N / (K e N_k e_k)
+    w_k = N / (K e N_k e_k).
 
-and with P, the inverse variance of the priors,
+The data have the information A and the variance B of the score:
 
-    information              A = sum_k w_k J_k' J_k
-    variance of the score    B = sum_k tau w_k^2 e_k^2 J_k' J_k
-    covariance               C = inv(A + P) (B + P) inv(A + P)
+    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k.
 
-Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). C is the
-sandwich covariance of an estimator whose weights differ from the inverse variance of the noise (Huber 1967, Proc. 5th
-Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all states are equally noisy, A equals B.
+With the inverse variance P of the priors, the covariance of the optimum is
+
+    C = inv(A + P) (B + P) inv(A + P).
+
+Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). Tensile curves
+with the standardised residuals z add dz/dx' dz/dx to A. C is the sandwich covariance of an estimator whose weights
+differ from the inverse variance of the noise (Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica
+50:1). If all states are equally noisy, A equals B.
 """
 
 from __future__ import annotations
@@ -33,22 +37,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearStates:
-    """The K states of one experiment, linearised about an optimum.
+    """The K states of one experiment, linearised in n unknowns about an optimum.
 
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals in mm.
+        Residuals in mm, in G groups of m neighbouring points.
     slopes : ndarray, shape (n, K, G, m)
-        Derivatives of the residuals in the unit coordinates, in mm.
+        Derivatives of the residuals in the unit coordinates of the unknowns, in mm.
     used : ndarray, shape (K, G, m)
-        Above zero for points that count.
+        Above zero for points that are used, see ``Misfit.weights``.
     weights : ndarray, shape (K,)
-        The weights w_k.
+        The weights w_k of the states.
     counts : ndarray, shape (K,)
-        Number of points N_k.
+        Number of points N_k of each state.
     error_mm : ndarray, shape (K,)
-        Root mean square e_k of the residuals.
+        Error e_k of each state in mm, the root mean square of its residuals.
     """
 
     residuals: Array
@@ -60,18 +64,19 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The contribution of this experiment to A, the information, (n, n)."""
+        """The contribution of this experiment to the information A = sum_k w_k J_k' J_k, shape (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return sum_k w_k J_k' r_k, shape (n,), for residuals r_k (K, G, m)."""
+        """Return the score sum_k w_k J_k' r_k, shape (n,), for residuals r_k of shape (K, G, m) in mm."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the contribution of this experiment to B, the variance of the score, (n, n).
+        """Return the contribution of this experiment to the variance B of the score, shape (n, n).
 
-        The correlation of edge points is computed from their residuals. Tracked points share the stated uncertainty of
-        their state.
+        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k. Tracked points are assumed to have one common error in x and one
+        in y in each state: B = sum_k w_k^2 v_k S_k' S_k. S_k are the slopes summed over the points, for x and for y.
+        The variance v_k is the mean square of the stated uncertainties or e_k^2 / 2, whichever is larger.
         """
         if isinstance(observed, EdgeObservation):
             tau = point_correlation(self.residuals, self.used, observed)
@@ -91,34 +96,34 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence linearised about an optimum.
+    """The evidence linearised about an optimum of n unknowns.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
     objective_mm : float
-        The objective at the optimum, without the priors on the law's parameters.
+        The objective at the optimum in mm, without the priors on the law's parameters.
     states : tuple of LinearStates
-        One for each experiment.
+        The linearised states of each experiment.
     points : int
         Number of points.
     independent_points : float
-        Number N of independent points.
+        Number N of independent points, estimated from the residuals.
     likelihood_points : float
-        The N that the likelihood uses.
+        Number of independent points in the likelihood, which determines the weights w_k.
     noise_points, noise_mm : float
-        N and mean error of the noise alone, in mm (`inference.interval.noise`).
+        Number of independent points, and mean error in mm, of the noise alone (`inference.interval.noise`).
     residual_mm : float
-        Standard deviation of the residuals, in mm.
+        Root mean square of all residuals, in mm.
     curves, curve_slopes : ndarray, shape (m,) and (n, m)
-        Standardised residuals of the tensile curves, and their slopes.
+        Standardised residuals of the m rows of the tensile curves, and their derivatives.
     priors : ndarray, shape (f,)
-        Standardised residuals of the freed nuisances.
+        Deviations of the f freed nuisances over their prior standard deviations.
     law_priors, law_prior_slopes : ndarray, shape (q,) and (n, q)
-        Standardised residuals of the priors on the law's parameters, and their slopes.
+        Standardised residuals of the q priors on the law's parameters, and their derivatives.
     information, score_variance, prior : ndarray, shape (n, n)
-        A, B and P; P without the priors on the law's parameters.
+        The matrices A, B and P of the module. ``prior`` does not contain the priors on the law's parameters.
     """
 
     unit: Array
@@ -141,26 +146,27 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The inverse variance (n, n) of the priors on the law's parameters, which is a part of P (see the module)."""
+        """The inverse variance (n, n) of the priors on the law's parameters, a part of P (see the module)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian A + P, (n, n)."""
+        """The Hessian A + P of minus the log-likelihood, shape (n, n), with all priors."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the log-likelihood, (n,); zero at an optimum inside the bounds."""
+        """The gradient of minus the log-likelihood, shape (n,); zero at an optimum inside the bounds."""
         total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
         for states in self.states:
             total = total + states.score(states.residuals)
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the scores of other candidates, (P, n), without the priors on the law's parameters.
+        """Return the scores of P candidates, shape (P, n), without the priors on the law's parameters.
 
-        The slopes are those at the optimum; the weights follow from the errors of the candidates.
+        The score is the gradient of minus the log-likelihood. The slopes of the residuals are those at the optimum; the
+        weights are computed from the errors of the candidates.
         """
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
@@ -175,19 +181,19 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return the distance between each prior on the law's parameters and the optimum that the other evidence gives.
+        """Return the distance of each prior on a parameter of the law from the other evidence.
 
         Returns
         -------
         tuple of float
-            The distances, in standard deviations of the difference between prior and data.
+            The distances, in standard deviations of the difference between prior and other evidence.
 
         Notes
         -----
-        Let z be the standardised residual of a prior at the optimum, s its slope, and H the Hessian without this prior.
-        At the optimum without it, the residual is z (1 + s' inv(H) s). The variance of that residual is
-        1 + s' inv(H) s if prior and data agree. The distance is the residual over the root of its variance,
-        z sqrt(1 + s' inv(H) s).
+        Let z be the standardised residual of a prior at the optimum, s its derivative in the unknowns, and H the
+        Hessian without this prior. At the optimum without this prior, the residual is z (1 + s' inv(H) s). If prior and
+        data agree, the variance of this residual is 1 + s' inv(H) s. The distance is the residual over its standard
+        deviation, z sqrt(1 + s' inv(H) s).
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
@@ -196,7 +202,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance C of the optimum, (n, n); ``widened`` scales the standard deviation of the noise."""
+        """Return the covariance C of the optimum, shape (n, n), for noise with ``widened`` times its level."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -207,17 +213,18 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
     """Return the number tau of points that count as one independent point.
 
     Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
-    product of the correlation lengths along the edge and over the states. The uncertainty of tracked points is assumed
-    common to all points of a state, so that each state has two independent numbers, x and y.
+    product of two correlation lengths, along the edge and over the states (`eimi_fitting.correlation`). For tracked
+    points, one error is assumed common to all points of a state, so that each state has two independent numbers, x
+    and y.
 
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals in mm.
+        Residuals of K states in mm, in G groups of m neighbouring points.
     weights : ndarray, shape (K, G, m)
-        Zero for points that do not count.
+        Zero for points that are not used.
     observed : EdgeObservation or PointObservation
-        The measurement.
+        The measurement, whose kind decides how tau is computed.
 
     Returns
     -------
@@ -231,7 +238,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return the number N of independent points, from the residuals of the first candidate."""
+    """Return the number N of independent points of all experiments, from the residuals of the first candidate."""
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
         for m, e in zip(misfits, problem.experiments, strict=True)
@@ -239,16 +246,16 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """Linearise the evidence about an optimum.
+    """Linearise the evidence about an optimum, by central differences.
 
     Parameters
     ----------
     problem : Problem
         The problem of the fit.
     optimum : Optimum
-        Its optimum, with the evaluation of the differences about it.
+        The optimum of the problem, with the evaluations for the differences.
     likelihood_points : float, optional
-        Number of independent points in the likelihood; computed from the residuals by default.
+        Number of independent points in the likelihood; estimated from the residuals by default.
 
     Returns
     -------
@@ -306,9 +313,10 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the contribution of the tensile curves to B, (n, n), with their noise at the optimum of the joint fit.
+    """Return the contribution of the tensile curves to the variance B of the score, shape (n, n).
 
-    That noise is at least the noise of a fit of the law to the curve alone.
+    The noise of each curve is that of its residuals ``z`` at the optimum of the joint fit, but at least the noise of a
+    fit of the law to this curve alone.
     """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0

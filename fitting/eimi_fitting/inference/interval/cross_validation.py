@@ -1,4 +1,4 @@
-"""The error of states that were left out of a fit."""
+"""The error of states that were omitted from a fit (cross-validation)."""
 
 from __future__ import annotations
 
@@ -13,25 +13,29 @@ Array = NDArray[np.float64]
 
 
 def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Return the mean error of states that were left out of the fit, by cross-validation.
+    """Return the mean error of states that were omitted from the fit, by cross-validation.
 
-    Fold f holds the states f, f + folds, f + 2 folds and so on. Each fold is left out in turn (Hastie, Tibshirani and
-    Friedman 2009, The Elements of Statistical Learning, section 7.10). One Gauss-Newton step fits the other states, and
-    the errors of the fold follow from the same linearisation.
+    Fold f contains the states f, f + folds, f + 2 folds and so on. Each fold is omitted in turn (Hastie, Tibshirani and
+    Friedman 2009, The Elements of Statistical Learning, section 7.10). Let J_k be the slopes, r_k the residuals and w_k
+    the weights of the states k of a fold, and H the Hessian of all states. One Gauss-Newton step for the other states,
+
+        dx = inv(H - sum_k w_k J_k' J_k) sum_k w_k J_k' r_k,
+
+    gives the residuals r_k + J_k dx of the fold.
 
     Parameters
     ----------
     experiments : sequence of LinearStates
-        The states of each experiment about the optimum.
+        The states of each experiment, linearised about the optimum.
     hessian : ndarray, shape (n, n)
-        Hessian of all states and priors.
+        Hessian H of all states and priors.
     folds : int
-        Number of folds, at most the number of states.
+        Number of folds; reduced to the number of states if there are fewer states.
 
     Returns
     -------
     float or None
-        The mean error in mm; None if there is only one state.
+        The mean error of the omitted states in mm; None if there is only one state.
     """
     states = [(experiment, k) for experiment in experiments for k in range(len(experiment.weights))]
     if len(states) < 2:

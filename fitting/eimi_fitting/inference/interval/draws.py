@@ -28,9 +28,10 @@ class Draws:
     seed : int
         Seed of the random numbers.
     names : tuple of str
-        Names of the law's parameters, then of the other uncertain numbers.
+        Names of the law's parameters, then names of the other uncertain numbers.
     values : tuple of tuple of float
-        One row for each draw: parameters in their units, the other numbers as deviations in the units of their sources.
+        One row for each draw: the parameters in their units, then the deviations of the other numbers from their stated
+        values, in the units of their sources.
     """
 
     seed: int
@@ -38,14 +39,15 @@ class Draws:
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """Return all draws of one name, shape (D,); raise ValueError for an unknown name."""
+        """Return all D draws of the parameter or number ``name``, shape (D,); raise ValueError for an unknown name."""
         return np.array(self.values)[:, self.names.index(name)]
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
-    """Return standard normal numbers (D, n), stratified by column.
+    """Return D = 4000 draws of n independent standard normal numbers, shape (D, n).
 
-    The sample is a Latin hypercube (McKay, Beckman and Conover 1979, Technometrics 21:239).
+    The draws are a Latin hypercube: each of the D equally probable intervals of a number is drawn once (McKay, Beckman
+    and Conover 1979, Technometrics 21:239).
     """
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
     return np.asarray(special.ndtri((ranks + 0.5) / _DRAWN))
@@ -54,27 +56,27 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw moves of the optimum by noise, priors and remaining model errors.
+    """Draw changes of the optimum by noise, priors and remaining errors of the beam models.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the random numbers.
+        Generator of the random numbers.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     covariance : ndarray, shape (n, n)
-        Its covariance due to noise and priors.
+        Covariance of the optimum due to noise and priors.
     ends : Ends
-        Ends of the intervals; the draws of a profiled coordinate are scaled to its ends.
+        Ends of the intervals. If the profile likelihood gives the ends of a coordinate, its draws are scaled to them.
     model_errors : ndarray, shape (C, n)
-        Standard deviations of C model errors; each moves all unknowns along one direction.
+        Standard deviations of C errors of the beam models. Each error changes all unknowns in proportion.
     modulus_errors : ndarray, shape (C,)
-        Standard deviations of C model errors that move the first unknown only.
+        Standard deviations of C errors of the beam models that change the first unknown only.
 
     Returns
     -------
     ndarray, shape (D, n)
-        The moves in unit coordinates.
+        The changes in unit coordinates.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -91,10 +93,10 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the rows of the draws that are stored.
+    """Return the indices of the 400 of 4000 draws that are stored, from the modulus (D,) of each draw.
 
-    The draws are sorted by the modulus (D,), and one row of every `_DRAWN` / `_KEPT` rows is stored. The quantiles of
-    the modulus therefore stay the same.
+    The draws are sorted by the modulus, and every tenth draw is stored. The quantiles of the modulus therefore hardly
+    change.
     """
     stride = _DRAWN // _KEPT
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
@@ -115,9 +117,9 @@ def draw_parameters(
     names : sequence of str
         Names of the parameters.
     values : ndarray, shape (n,)
-        Best values.
+        Best values of the n parameters.
     intervals : ndarray, shape (n, 2)
-        Ends of the intervals. An asymmetric interval gives two half-normal distributions.
+        Lower and upper ends of the 95 % intervals. An asymmetric interval gives two half-normal distributions.
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
@@ -128,7 +130,7 @@ def draw_parameters(
     Returns
     -------
     Draws
-        The draws.
+        400 draws of the parameters.
     """
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
@@ -139,18 +141,18 @@ def draw_parameters(
 
 
 def rounded(values: Array) -> Array:
-    """Return numbers rounded to the seven significant digits that a file holds."""
+    """Return numbers rounded to the seven significant digits that a result file stores."""
     with np.errstate(divide="ignore"):
         size = np.where(values == 0, 1.0, 10.0 ** (_DIGITS - 1 - np.floor(np.log10(np.abs(values)))))
     return np.asarray(np.round(values * size) / size)
 
 
 def interval_95(values: Array) -> tuple[float, float]:
-    """Return the 2.5 % and 97.5 % quantiles of draws (D,)."""
+    """Return the lower and the upper end of the 95 % interval of D draws: their 2.5 % and 97.5 % quantiles."""
     low, high = np.quantile(values, [0.025, 0.975]).tolist()
     return low, high
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two intervals: from draws (D,) of all uncertainties, and from draws of the fit alone."""
+    """Return a value with two 95 % intervals: from D draws of all uncertainties, and from draws of the fit alone."""
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

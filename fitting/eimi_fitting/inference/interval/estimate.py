@@ -1,13 +1,13 @@
-"""Estimate the unknowns with their intervals, and name the combinations that the data determine.
+"""Estimate the unknowns with their 95 % intervals, and name the combinations that the data determine.
 
-- The covariance of the optimum comes from the linearised evidence (`inference.interval.covariance`). The residuals give
-the noise level.
+- The covariance of the optimum is computed from the linearised evidence (`inference.interval.covariance`). The noise
+  level is that of the residuals.
 - If the objective is not quadratic, the profile likelihood gives the ends (`inference.interval.profile_likelihood`).
-- The remaining error of the model widens the intervals (`inference.evidence.corrections`).
-- Uncertainties that specimen and calibration state widen the intervals too (`inference.interval.considered`). Inputs
+- The remaining error of the beam model widens the intervals (`inference.evidence.corrections`).
+- The uncertainties of specimen, calibration and rig also widen the intervals (`inference.interval.considered`). Inputs
   without a stated uncertainty are assumed exact.
 
-The bounds of the search enter as a normal prior with the variance of a uniform distribution between them. A direction
+The bounds of the search are a normal prior, with the variance of a uniform distribution between the bounds. An unknown
 that the data do not determine keeps this variance and is reported as not fixed.
 """
 
@@ -63,9 +63,9 @@ class FreedNuisance:
     Parameters
     ----------
     name : str
-        Its name in a result.
+        Name of the nuisance in a result.
     datasets : tuple of int
-        The datasets that share it, counted from 0 in the order of the experiments.
+        Indices of the datasets that share the nuisance, counted from 0 in the order of the experiments.
     deviation : Quantity
         Estimated minus stated value.
     prior_standard_deviation : float
@@ -80,14 +80,15 @@ class FreedNuisance:
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """The effect of a correction on the initial shear modulus.
+    """The effect of a correction by a better beam model on the initial shear modulus.
 
     Parameters
     ----------
     change_percent : float or None
-        Change by the correction, in per cent; None if the better model found no solution.
+        Change of the modulus in per cent; None if the better model finds no equilibrium.
     left_percent : float or None
-        Half-width in the interval for the remaining error, in per cent; None as above.
+        95 % bound of the remaining error of the modulus in per cent, which the interval contains; None if the better
+        model finds no equilibrium.
     """
 
     change_percent: float | None
@@ -101,7 +102,7 @@ class Estimate:
     Parameters
     ----------
     parameters : dict of str to Quantity
-        The parameters of the law, in its order.
+        The parameters of the law by name, in the order of the law.
     initial_shear_modulus : Quantity
         The initial shear modulus in Pa.
     bulk_modulus : Quantity or None
@@ -111,19 +112,20 @@ class Estimate:
     identifiability : Identifiability
         The combinations of unknowns that the data determine.
     mesh, section_change : CorrectionEffect or None
-        Effects of a mesh twice as fine and of the solid section; None where the model is refined in another way.
+        Effect of a mesh twice as fine, and effect of the solid section; None for a correction that does not apply.
     held_out_error_mm : float or None
-        Mean error of states that were left out of the fit; None if there is only one state. The sources have the
-        deviations that explain the residuals best.
+        Mean error in mm of states that were omitted from the fit, by cross-validation; None if there is only one state.
+        The sources have the deviations that explain the residuals best.
     budget : tuple of BudgetEntry
-        The share of each source in the interval of the modulus, the largest first.
+        The effect of each source on the modulus, the largest first.
     measure_next : MeasureNext
-        The quantity to measure better next.
+        The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Decisive sources that no file states, with the effect of their usual uncertainty. It is not in the intervals.
+        Decisive sources that no file states, with the effect of their usual uncertainty. The intervals do not contain
+        this effect.
     draws : Draws or None
-        Draws from the joint distribution, of which the intervals are quantiles; None in result files of earlier
-        releases.
+        Draws from the joint distribution of all uncertain quantities. The intervals are quantiles of these draws. None
+        in result files of earlier releases.
     """
 
     parameters: dict[str, Quantity]
@@ -150,25 +152,27 @@ def estimate(
 ) -> Estimate:
     """Estimate the unknowns of a problem and their intervals at its optimum.
 
+    Candidates are simulated only for the ends of the intervals and for the effects of sources that no file states.
+
     Parameters
     ----------
     problem : Problem
-        The problem, corrections included.
+        The problem with the corrections of its residuals.
     optimum : Optimum
-        Its optimum.
+        The optimum of the problem.
     effects : sequence of Effect
-        The moves of the optimum by the corrections in the problem.
+        The changes of the optimum by these corrections.
     noise : Noise
-        The evidence linearised at the optimum with these effects.
+        The evidence linearised at the optimum, with the noise separated from the errors of the sources.
     refinements : sequence of str
-        Names of all refinements that were tried.
+        Names of all corrections that were tried.
     seed : int
-        Seed of the draws.
+        Seed of the random draws.
 
     Returns
     -------
     Estimate
-        The estimate. Candidates are evaluated only for the ends of the intervals.
+        The unknowns with their intervals.
     """
     unknowns, unit = problem.unknowns, optimum.unit
     about, explained, sources = noise.about, noise.explained, noise.sources
@@ -205,18 +209,18 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effects on the modulus of decisive sources that no file states, at their usual uncertainty."""
+    """Return the effects on the modulus of decisive sources that no file states, for their usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the remaining model errors: of the unknowns (C, n), and of the modulus alone (C,).
+    """Return 95 % bounds of the remaining errors of C beam models: of all unknowns (C, n), and of the modulus (C,).
 
-    The error of a model moves the optimum along one direction, by at most the first bound. Part of the error may move
-    the higher coefficients instead of the modulus. The second bound adds the move of the modulus that would follow if
-    the other unknowns were fixed.
+    The first bound is the share of the optimum's change by a correction that remains uncertain. Part of the error of a
+    beam model may change the other unknowns instead of the modulus. The squares of the two bounds of the modulus
+    therefore add to the square of its change for fixed other unknowns, which is at least ``Effect.least_percent``.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -232,7 +236,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return the logarithm of the ratio of upper to lower bound of the modulus; the first coordinate is logarithmic."""
+    """Return ln(upper bound / lower bound) of the modulus, whose logarithm is proportional to the first coordinate."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -254,11 +258,12 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the ratio of the 97.5 % quantile of Student's t to that of the normal distribution.
+    """Return the factor by which the estimated noise level widens the intervals.
 
-    The level and the correlation of the noise of edges are estimated from the residuals. Each edge is one cluster of
-    correlated residuals, so that E edges give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J.
-    Econometrics 165:137). The factor is 1 for tracked points, whose uncertainty is stated.
+    It is the 97.5 % quantile of Student's t over that of the normal distribution. Level and correlation of the noise of
+    edges are estimated from the residuals. Each edge is one cluster of correlated residuals, so that E edges give at
+    most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics 165:137). The factor is 1 for tracked
+    points, because their uncertainty is stated.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         return 1.0
@@ -274,7 +279,7 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the intervals; the profile likelihood gives them where the objective is not quadratic."""
+    """Return the ends of the intervals, from the profile likelihood for unknowns whose objective is not quadratic."""
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
@@ -283,8 +288,8 @@ def _ends(
         objective = candidates.without_law_priors.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit
-        # The rise of the sum of squares in units of the noise variance: the statistic that Student's t is for if the
-        # noise level is estimated (Seber and Wild 1989, Nonlinear Regression, section 5.3).
+        # The rise of the sum of squares in units of the noise variance has the distribution of t^2 with Student's t if
+        # the noise level is estimated (Seber and Wild 1989, Nonlinear Regression, section 5.3).
         ratio = np.where(valid, objective, np.inf) / about.objective_mm
         # The standard deviation of a prior is stated, so that its part of the deviance is its sum of squares.
         prior_part = (bounds_prior * moved**2).sum(axis=1) + (candidates.law_priors**2).sum(axis=1) - law_prior_squares
@@ -317,7 +322,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return the values of those fields of `Estimate` that are quantities, and the draws that give their intervals."""
+    """Return the quantities of `Estimate` by the names of its fields, and the draws that give their intervals."""
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
@@ -345,7 +350,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return the value of each unknown by its name, shape (P,), for unit coordinates (P, n)."""
+    """Return the values of each unknown by its name, shape (P,), for P candidates in unit coordinates (P, n)."""
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
@@ -403,7 +408,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """Return the derivatives (m, n) of the law's parameters with respect to the unit coordinates."""
+    """Return the derivatives (m, n) of the m parameters of the law in the n unit coordinates."""
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

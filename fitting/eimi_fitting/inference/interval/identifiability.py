@@ -1,8 +1,9 @@
 """The combinations of the unknowns that the data determine, in numbers and in words.
 
-With the information A of the data and the diagonal inverse variance P of the priors (`inference.interval.covariance`),
-the eigenvectors of P^(-1/2) A P^(-1/2) are combinations of unknowns with independent errors. An eigenvalue v leaves the
-share 1 / sqrt(1 + v) of the prior standard deviation of its combination.
+Let A be the information of the data and P the diagonal inverse variance of the priors
+(`inference.interval.covariance`). The eigenvectors of P^(-1/2) A P^(-1/2) are combinations of unknowns with independent
+errors. A combination with the eigenvalue v has the prior standard deviation s_0 before the fit and s_0 / sqrt(1 + v)
+after the fit.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ _CORRELATED = 0.9  # two unknowns are described as one combination above this co
 
 @dataclass(frozen=True)
 class Direction:
-    """An eigenvector of the Fisher information, in units of the prior standard deviations.
+    """A combination of unknowns with an independent error: an eigenvector of the information of the data.
 
     Parameters
     ----------
     words : str
-        The coordinates that the eigenvector consists of.
+        Names of the unknowns that the combination contains.
     remaining : float
-        Share of the prior standard deviation that remains, between 0 and 1.
+        Standard deviation of the combination after the fit over its prior standard deviation, between 0 and 1.
     """
 
     words: str
@@ -43,41 +44,43 @@ class Direction:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The quantities that the data determine, and the quantities that they leave open.
+    """The quantities that the data determine, and the quantities that the data do not determine.
 
     Parameters
     ----------
     statement : str
         A summary in a few sentences.
     not_fixed : tuple of str
-        Coordinates of the law that the data do not determine.
+        Names of the law's coordinates that the data do not determine.
     held_by_bounds : tuple of str
-        Parameters whose interval is mainly set by the bounds of the search.
+        Names of the parameters whose interval is mainly determined by the bounds of the search.
     at_bound : tuple of str
-        Coordinates whose optimum lies on a bound.
+        Names of the coordinates whose optimum lies on a bound.
     residual_mm : float
-        Standard deviation of the residuals.
+        Root mean square of all residuals in mm.
     correlation_points : float
-        Number of points that count as one independent point, on average.
+        Mean number of points that count as one independent point.
     points : int
         Number of points.
     independent_points : float
         Number of independent points.
     names : tuple of str
-        All unknowns.
+        Names of all unknowns.
     correlation : tuple of tuple of float
-        Correlation matrix of their errors, one row for each unknown.
+        Correlation matrix of the errors of the unknowns, one row for each unknown.
     directions : tuple of Direction
-        Eigenvectors of the information, the best determined first.
+        The combinations of unknowns with independent errors, the best determined first.
     profiled : tuple of str
-        Coordinates whose interval is that of the profile likelihood.
+        Names of the unknowns whose interval is that of the profile likelihood.
     noise_mm, noise_points : float or None
-        Mean error and number of independent points of the residuals that the stated sources do not explain; None in
-        files of earlier releases.
+        Mean error in mm and number of independent points of the residuals that the stated sources do not explain; None
+        in files of earlier releases.
     stated_squares : float
-        Sum of the squared deviations of sources and priors that explain the residuals best, in standard uncertainties.
+        Sum of the squared deviations of freed nuisances and sources, in standard uncertainties, at the values that
+        explain the residuals best.
     model_mm : float
-        Mean standard deviation of the remaining model error; 0 if no source is stated.
+        Mean over the states of the standard deviation of the remaining error of the beam model, in mm; 0 if no source
+        is stated.
     """
 
     statement: str
@@ -99,22 +102,22 @@ class Identifiability:
 
 
 def is_open(modulus: Quantity) -> bool:
-    """Return whether the interval of a modulus is so wide that its order of magnitude is open."""
+    """Return whether the interval of a modulus is wide: its upper end above four times the lower, or an end at most 0."""
     low, high = modulus.interval_95
     return not 0 < high <= _OPEN_FACTOR * low
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which parameters owe more than half of their variance to coordinates that only the bounds limit.
+    """Return which parameters have more than half of their variance from coordinates that only the bounds limit.
 
     Parameters
     ----------
     slopes : ndarray, shape (m, n)
-        Derivatives of the parameters in the coordinates.
+        Derivatives of the m parameters in the n coordinates.
     covariance : ndarray, shape (n, n)
         Covariance of the coordinates.
     open_coordinates : ndarray of bool, shape (n,)
-        Coordinates that the data do not determine.
+        True for coordinates that the data do not determine.
 
     Returns
     -------
@@ -127,21 +130,21 @@ def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[n
 
 
 def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[Direction, ...]:
-    """Return the eigenvectors of the information relative to the prior, the best determined first.
+    """Return the combinations of unknowns with independent errors, the best determined first.
 
     Parameters
     ----------
     names : sequence of str
-        Names of the n coordinates.
+        Names of the n unknowns.
     information : ndarray, shape (n, n)
-        Information of the data.
+        Information A of the data.
     prior : ndarray, shape (n, n)
-        Diagonal inverse variance of the priors.
+        Diagonal inverse variance P of the priors.
 
     Returns
     -------
     tuple of Direction
-        n directions.
+        The n eigenvectors of P^(-1/2) A P^(-1/2).
     """
     scale = 1 / np.sqrt(np.diag(prior))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
@@ -171,22 +174,23 @@ def statement(
     modulus: Quantity,
     priors: bool = False,
 ) -> str:
-    """Return a summary of what the data determine, in a few sentences.
+    """Return a summary in a few sentences of the unknowns that the data determine.
 
     Parameters
     ----------
     names : sequence of str
-        All unknowns, the coordinates of the law first.
+        Names of all unknowns, first those of the law's coordinates.
     law_coordinates : int
         Number of coordinates of the law.
     not_fixed : sequence of str
-        Coordinates of the law that the data do not determine.
+        Names of the law's coordinates that the data do not determine.
     correlation : ndarray, shape (n, n)
-        Correlation matrix of all unknowns.
+        Correlation matrix of all n unknowns.
     eigen : sequence of Direction
-        Eigenvectors of the information.
+        Combinations of unknowns with independent errors, the best determined first.
     ratios : sequence of str
-        Nuisances that scale the load as the modulus scales the stiffness, so that the data determine their ratio.
+        Names of the nuisances that scale the magnetic load. The data determine the ratio of such a nuisance to the
+        modulus.
     remaining : sequence of float
         For each unknown, its standard deviation after the fit over its prior standard deviation.
     modulus : Quantity
@@ -235,7 +239,7 @@ def statement(
 
 
 def _percent(modulus: Quantity) -> str:
-    """Return the ends of an interval relative to its value: ``±0.4 %``, or ``-20 % to +35 %`` if they differ."""
+    """Return the interval relative to its value as ``±0.4 %``, or as ``-20 % to +35 %`` if it is asymmetric."""
     below, above = (100 * (end / modulus.value - 1) for end in modulus.interval_95)
     half = 0.5 * (above - below)
     return f"±{half:.2g} %" if abs(above + below) < 0.2 * half else f"{below:+.2g} % to {above:+.2g} %"

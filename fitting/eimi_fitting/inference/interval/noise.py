@@ -1,17 +1,18 @@
-"""Separate the noise from the stated sources: level and correlation of residuals that no source explains.
+"""Separate the noise from the errors of stated sources: noise is the part of the residuals that no source explains.
 
-An error of a source, such as a wrong width, leaves residuals along both edges. The intervals already contain its effect
-on the estimate (`inference.interval.considered`). If these residuals counted as noise too, the error would count twice.
+An error of a source, such as a wrong width, causes residuals along both edges. The intervals already contain the effect
+of this error on the estimate (`inference.interval.considered`). If these residuals also counted as noise, the error
+would count twice.
 
 The unknowns x and the deviations s of the sources, in standard uncertainties, are therefore fitted together:
 
     minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
 
-with the residuals r_k, slopes J_k, changes C_k for one standard uncertainty, and the weights w_k of
-`inference.interval.covariance`. Level and correlation of the remaining residuals are those of the noise; they determine
-w_k, and the fit is repeated until they stay the same. The effect of a source on the residuals is only approximately
-linear: the error of a few per cent of the effect may exceed the noise. Residuals and slopes are therefore evaluated
-again at the minimum (Gauss-Newton). Laws are compared by the noise that remains.
+for the residuals r_k of state k in mm, their slopes J_k in x, their changes C_k for one standard uncertainty of each
+source, and the weights w_k of `inference.interval.covariance`. The remaining residuals are the noise. Their level and
+correlation determine w_k, and the fit is repeated until the level stays the same. The effect of a source on the
+residuals is only approximately linear, and an error of a few per cent of this effect may exceed the noise. Residuals
+and slopes are therefore evaluated again at the minimum (Gauss-Newton). Laws are compared by the noise.
 """
 
 from __future__ import annotations
@@ -42,17 +43,17 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence, linearised over the unknowns and the sources at the values that explain it best.
+    """The evidence, linearised at the values of the n unknowns and S sources that explain it best.
 
     Parameters
     ----------
     states : tuple of LinearStates
-        One for each experiment, with slopes (n + S, K, G, m) in the n unknowns and the S sources, and with weights from
-        the noise.
+        The states of each experiment, with slopes (n + S, K, G, m) in the unknowns and the sources. The weights are
+        computed from the noise.
     hessian : ndarray, shape (n + S, n + S)
         Hessian of unknowns and sources.
     squares : float
-        Sum of the squared deviations of priors and sources, in standard uncertainties.
+        Sum of the squared deviations of freed nuisances and sources, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -62,16 +63,16 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The move of the optimum by a correction.
+    """The change of the optimum by a correction of the residuals.
 
     Parameters
     ----------
     correction : Correction
-        The correction.
+        The change of the residuals by a finer mesh or a solid.
     moved : ndarray, shape (n,)
-        The move in unit coordinates.
+        Change of the optimum in unit coordinates.
     share : float, optional
-        Share of the move that remains uncertain; that of the refinement by default.
+        Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
     least_percent : float
         Smallest remaining uncertainty, in per cent of the modulus.
     """
@@ -83,24 +84,25 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the move that remains uncertain."""
+        """Share of the change of the optimum that remains uncertain."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The evidence linearised at the optimum with the noise alone, and at the point where the sources explain it best.
+    """The evidence linearised at the optimum, with the noise separated from the errors of the sources.
 
     Parameters
     ----------
     about : Linearisation
-        The evidence at the optimum; its score variance is that of the noise alone.
+        The evidence at the optimum. The variance of its score is that of the noise alone.
     explained : Explained
-        The evidence at the unknowns and deviations of sources that explain it best.
+        The evidence at the values of unknowns and sources that explain it best.
     sources : tuple of ConsideredSources
-        The S uncertain numbers that are not fitted.
+        The S uncertain numbers that keep their stated values in the fit.
     mean_model_mm : float
-        Mean over the states of the remaining error of the model in the residuals, in mm; 0 without sources.
+        Mean over the states of the standard deviation of the remaining error of the beam model, in mm; 0 without
+        sources.
     """
 
     about: Linearisation
@@ -109,10 +111,10 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one sentence for each stated source of the problem that is not in the intervals."""
+        """Return one sentence for each uncertain source of the problem that the intervals do not contain."""
         return tuple(
-            f"the model finds no equilibrium if the {SOURCES[group.source].words} deviates by its stated uncertainty: "
-            "that uncertainty is not in the intervals"
+            f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: "
+            "no equilibrium was found for a deviation from its stated value"
             for group in sources_of(problem)
             if group not in {source.shared for source in self.sources}
         )
@@ -126,20 +128,20 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     problem : Problem
         The problem of the fit.
     optimum : Optimum
-        Its optimum.
+        The optimum of the problem.
     effects : sequence of Effect
-        The moves of the optimum by corrections. The remaining error of the model adds to the noise, so that the sources
-        do not explain residuals smaller than it.
+        The changes of the optimum by corrections. The remaining error of the beam model adds to the noise, so that the
+        sources do not explain residuals smaller than this error.
 
     Returns
     -------
     Noise
-        The linearised evidence.
+        The linearised evidence, with the noise separated from the errors of the sources.
 
     Notes
     -----
-    With the N independent points and the mean error e of the noise, and the mean error E of all residuals, the
-    likelihood takes N (E / e)^2 points. The weights are then those of the noise.
+    Let the noise have N independent points and the mean error e, and let E be the mean error of all residuals. The
+    likelihood uses N (E / e)^2 points, so that its weights are those of the noise.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -158,7 +160,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the remaining model error in the residuals, (K,) in mm for each experiment."""
+    """Return the standard deviation in mm of the remaining model error in each state, (K,) for each experiment."""
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -178,7 +180,7 @@ def _mean_mm(states: Sequence[LinearStates]) -> float:
 
 
 def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
-    """Return the number N of independent points."""
+    """Return the number N of independent points of all experiments, from the residuals of ``states``."""
     return sum(
         float(linear.used.sum()) / point_correlation(linear.residuals, linear.used, experiment.observed)
         for linear, experiment in zip(states, problem.experiments, strict=True)
@@ -188,7 +190,7 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
 def _explained(
     problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
 ) -> Explained:
-    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the iterate with the best objective."""
+    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the step with the least objective."""
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -238,21 +240,25 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective in mm, whose logarithm is minus the log-likelihood over N."""
+    """Return e exp(q / (2 N)) in mm for N = ``points``, the mean error e of all states, and the squared deviations q.
+
+    e contains the error of the beam model. q is the sum over nuisances and sources, in standard uncertainties. The
+    logarithm of the result is minus the log-likelihood over N.
+    """
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
     )
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """Return the slopes of the residuals, (n, K, G, m), from the candidates of `difference_batch`."""
+    """Return the slopes of the residuals (n, K, G, m) in mm by central differences, see `difference_batch`."""
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
     return np.asarray((ahead - behind) / distance[:, None, None, None])
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Return the slopes in the unit coordinates of unknowns and sources, (n + S, K, G, m)."""
+    """Return the slopes of the residuals in the unit coordinates of unknowns and sources, shape (n + S, K, G, m)."""
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
 
@@ -269,7 +275,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Minimise the linearised residuals and the priors; the weights are computed from the remaining noise.
+    """Minimise the linearised residuals and the priors, with weights from the noise that remains.
 
     Parameters
     ----------
@@ -278,18 +284,18 @@ def _least(
     states : sequence of LinearStates
         The states, linearised at ``at``.
     at : ndarray, shape (n + S,)
-        Unit coordinates of unknowns and sources.
+        Unit coordinates of n unknowns and S sources.
     unit : ndarray, shape (n + S,)
         Centre of the priors.
     prior : ndarray, shape (n + S, n + S)
         Inverse variance of the priors.
     model_mm : sequence of ndarray, shape (K,)
-        Standard deviation of the model error of each experiment.
+        Standard deviation of the error of the beam model in each state, in mm, for each experiment.
 
     Returns
     -------
     ndarray, shape (n + S,)
-        The minimum.
+        The minimum in unit coordinates.
     list of LinearStates
         The states with their residuals and weights at the minimum.
     """
@@ -311,7 +317,7 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with the weights w_k that follow from level and correlation of their residuals."""
+    """Return the states with the weights w_k (see the module) from level and correlation of their residuals."""
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
@@ -321,11 +327,11 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the error of each state with the model error added in quadrature, (K,) in mm for each experiment."""
+    """Return sqrt(error^2 + model error^2) of each state in mm, shape (K,) for each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals, and with the errors that follow from these residuals."""
+    """Return the states with other residuals (K, G, m) in mm, and with the errors of these residuals."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

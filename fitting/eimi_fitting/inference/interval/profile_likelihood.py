@@ -1,13 +1,14 @@
 """The ends of an interval by the profile likelihood, for objectives that are not quadratic.
 
-With the deviance D(x), the rise of -2 log L above its value at the optimum x*, the profile of coordinate i is
+The deviance D(x) is the rise of -2 log L, with the likelihood L, above its value at the optimum x*. The profile of
+coordinate i is
 
     D_i(t) = min of D(x) over all x with x_i = t
 
-(Raue et al. 2009, Bioinformatics 25:1923). If the covariance gives the half-width h, and H is the Hessian of D / 2, a
-quadratic has the profile D_i(x*_i +- h) = h^2 / inv(H)_ii at its ends. The interval ends where the actual profile
-reaches this target. The minimum over the other coordinates is found by Gauss-Newton steps with the Hessian of the
-optimum. Both ends of all coordinates are evaluated in one batch.
+(Raue et al. 2009, Bioinformatics 25:1923). Let h be the half-width of the interval from the covariance, and H the
+Hessian of D / 2. For a quadratic D, the profile at both ends is D_i(x*_i +- h) = h^2 / inv(H)_ii. In general, the
+interval ends where D_i has this value, the target. The minimum over the other coordinates is computed by Gauss-Newton
+steps with the Hessian of the optimum. Both ends of all coordinates are evaluated in one batch.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ Deviance = Callable[[Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Ends:
-    """The ends of the intervals of all coordinates.
+    """The ends of the intervals of all n coordinates.
 
     Parameters
     ----------
     low, high : ndarray, shape (n,)
-        The ends in unit coordinates.
+        Lower and upper ends in unit coordinates.
     profiled : tuple of int
-        The coordinates whose ends are those of the profile likelihood.
+        Indices of the coordinates whose ends are those of the profile likelihood.
     """
 
     low: Array
@@ -53,7 +54,7 @@ class Ends:
 
 @dataclass
 class _End:
-    """One end of the interval of one coordinate during the iteration.
+    """One end of the interval of one coordinate, during the iteration that computes it.
 
     Parameters
     ----------
@@ -64,11 +65,11 @@ class _End:
     target : float
         The deviance that the end must have.
     point : ndarray, shape (n,)
-        The present candidate.
+        The present candidate for the end, in unit coordinates.
     deviance, score : float and ndarray, shape (n,)
-        Deviance and score of the candidate.
+        Deviance of the candidate, and gradient of half the deviance.
     inside, outside : float
-        The largest known offset from the optimum inside the interval, and the smallest known offset outside.
+        Largest known distance from the optimum that is inside the interval, and smallest known distance outside.
     """
 
     coordinate: int
@@ -87,12 +88,12 @@ class _End:
 
     @property
     def has_converged(self) -> bool:
-        """Whether the deviance has reached its target, or a bound of the coordinate is the end."""
+        """Whether the deviance agrees with its target within 3 %, or a bound of the coordinate is the end."""
         on_bound = not 0 < self.point[self.coordinate] < 1
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the end to where a quadratic reaches the target, with the other coordinates at their minimum."""
+        """Move the candidate to the place where a quadratic deviance, minimised over the others, reaches the target."""
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf
@@ -116,28 +117,30 @@ class _End:
 def interval_ends(
     deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, checked: tuple[int, ...]
 ) -> Ends:
-    """Return the ends of the intervals about an optimum.
+    """Return the ends of the intervals about an optimum of n unknowns.
 
     Parameters
     ----------
     deviance : callable
-        Takes candidates (P, n) and returns their deviances (P,) and scores (P, n).
+        Takes P candidates (P, n) and returns their deviances (P,) and scores (P, n), the gradients of half the
+        deviance.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
     score : ndarray, shape (n,)
-        Gradient of half the deviance at the optimum; zero except for coordinates on a bound.
+        Score at the optimum; zero except for coordinates on a bound.
     hessian : ndarray, shape (n, n)
         Hessian of half the deviance at the optimum.
     half_width : ndarray, shape (n,)
-        Half-widths of the intervals of a quadratic deviance.
+        Half-widths of the intervals for a quadratic deviance.
     checked : tuple of int
-        Coordinates whose ends are checked against the profile. The others keep the quadratic ends.
+        Indices of the coordinates whose ends are compared with the profile. The other coordinates keep the quadratic
+        ends.
 
     Returns
     -------
     Ends
-        The ends. All candidates and all converged ends lie within 0..1. An end that does not converge is the quadratic
-        end or lies farther out.
+        The ends. All converged ends lie within 0..1. If an end does not converge, it is the quadratic end or lies
+        farther out.
     """
     low, high = unit - half_width, unit + half_width
     if not checked:
@@ -175,23 +178,23 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the point with coordinate i moved and all others at the minimum of the quadratic within 0..1.
+    """Return the minimum of a quadratic within the unit cube for a given value of coordinate i.
 
     Parameters
     ----------
     point : ndarray, shape (n,)
         The centre of the quadratic, in unit coordinates.
     score, hessian : ndarray, shape (n,) and (n, n)
-        Gradient and Hessian of the quadratic at the point.
+        Gradient and Hessian of the quadratic at the centre.
     i : int
-        The coordinate to move.
+        Index of the coordinate that has a given value.
     to : float
-        Its new value; it is clipped to 0..1.
+        The value of this coordinate; clipped to 0..1.
 
     Returns
     -------
     ndarray, shape (n,)
-        The new point.
+        The minimum over the other coordinates.
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
