@@ -102,7 +102,7 @@ class Identifiability:
 
 
 def is_open(modulus: Quantity) -> bool:
-    """Return whether the interval of a modulus is wide: its upper end above four times the lower, or an end at most 0."""
+    """Return whether the upper end of the modulus's interval is above four times the lower, or an end is at most 0."""
     low, high = modulus.interval_95
     return not 0 < high <= _OPEN_FACTOR * low
 

@@ -1,19 +1,24 @@
 """Compare how well the same data support several laws, by AICc and BIC.
 
-With N independent points and normal noise of unknown level, the deviance is
+With N independent points of the edges and normal noise of unknown level, the deviance is
 
-    -2 log L = 2 N log(error) + constant,
+    -2 log L = 2 N log(error) + constant.
 
-where the constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference,
-section 2.2; Eq. 2.4 for the correction for small samples; Schwarz 1978, Ann. Statist. 6:461, for BIC). A tensile curve
-in the fit adds 2 n log(RMSE) for its n independent rows. Each quantity that is stated with an uncertainty adds the
-square of its deviation in standard uncertainties. A law is therefore compared at the optimum over its parameters and
-the stated quantities; otherwise a wrong width would favour the law that imitates it.
+The constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section
+2.2). A tensile curve in the fit adds 2 n log(RMSE) for its n independent rows and its root mean square residual RMSE.
+Each quantity that is stated with an uncertainty adds the square of its deviation in standard uncertainties. A law is
+therefore compared at the optimum over its parameters and these quantities. If the quantities were fixed, a wrong width
+would favour a law that imitates its effect.
 
-For all laws, N and n are the numbers of the law that fits best: the residuals of a law that does not fit are correlated
-because the law is wrong (ibid., section 2.5, on taking the variance from the global model). In both criteria N stands
-for the sum of N and all n. AICc divides by N - k - 1. Below 1 this difference is less than the error with which N is
-estimated, and AICc would depend on that error alone: the law then has no AICc.
+Let k be the number of unknowns, one noise level for the edges and one for each curve included, and M the sum of N and
+all n. The criteria are
+
+    AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
+
+(ibid., Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461). For all laws, N and n are the numbers of the law with the smallest
+error of the edges. The residuals of a law that does not fit are correlated because the law is wrong (ibid., section
+2.5, on taking the variance from the global model). If M - k - 1 is below 1, it is smaller than the error of the
+estimate of M. The law then has no AICc.
 """
 
 from __future__ import annotations
@@ -37,11 +42,11 @@ class Candidate:
     unknowns : int
         Number of fitted unknowns.
     errors : tuple of tuple
-        Number of independent points and error, of the edges (mm) and then of each tensile curve.
+        Number of independent points and error: first of the edges (mm), then of each tensile curve (Pa).
     held_out_error_mm : float or None
-        Mean error of the states left out of the fit; None if no state was left out.
+        Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     stated_squares : float
-        Sum of the squared deviations of priors and stated sources, in standard uncertainties, at the optimum.
+        Sum of the squared deviations of priors and stated sources at the optimum, in standard uncertainties.
     """
 
     model: str
@@ -62,16 +67,16 @@ class Choice:
     unknowns : int
         Number of fitted unknowns.
     independent_points : float
-        Number of independent points of the edges and all curves.
+        Number M of independent points of the edges and all curves.
     aicc : float or None
-        AICc minus the smallest AICc; None if the data are too few for the law: N < k + 2.
+        AICc minus the smallest AICc; None if the data are too few for the law (see the module).
     bic : float
         BIC minus the smallest BIC.
     weight : float or None
         Akaike weight among the laws that have an AICc (Burnham and Anderson 2002, Eq. 2.9); None if there are fewer
         than two such laws.
     held_out_error_mm : float or None
-        Mean error of the states left out of the fit; None if no state was left out.
+        Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     """
 
     model: str
@@ -84,7 +89,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return AICc and BIC of each candidate relative to the smallest value, in the order given."""
+    """Return the criteria of each candidate relative to their smallest values, in the order of the candidates."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

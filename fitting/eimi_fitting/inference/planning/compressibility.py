@@ -1,9 +1,10 @@
-"""Estimate the error of a modulus that is identified as incompressible although Poisson's ratio is below one half.
+"""Estimate the error of a modulus if an incompressible law is fitted to a compressible material.
 
-A fit assumes K = 10^4 mu, which is a Poisson's ratio of 0.49995, unless the bulk modulus is searched. A material with
-the ratio nu has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a solid with this K is fitted by an incompressible
-model, as in `inference.planning.section_bias`. In plane stress a slender beam bends by Young's modulus E = 2 mu (1 +
-nu) alone, so that the error is 2 (1 + nu) / 3 - 1.
+A fit assumes the bulk modulus K = 10^4 mu, with the shear modulus mu, unless K is an unknown of the fit. This is
+Poisson's ratio 0.49995. A material with Poisson's ratio nu < 1/2 has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of
+a beam with this K is simulated, and an incompressible model is fitted to this outline, as in
+`inference.planning.section_bias`. In plane stress the bending of a slender beam depends on Young's modulus
+E = 2 mu (1 + nu) alone, so that the relative error is 2 (1 + nu) / 3 - 1.
 """
 
 from __future__ import annotations
@@ -23,23 +24,24 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
 def bulk_ratio(poisson_ratio: float) -> float:
-    """Return the ratio of bulk modulus to shear modulus for a Poisson's ratio below 0.5."""
+    """Return bulk modulus over shear modulus, 2 (1 + nu) / (3 (1 - 2 nu)), for Poisson's ratio nu < 0.5."""
     return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
 
 
 def compressibility_bias(specimen: Specimen, poisson_ratio: float) -> float:
-    """Return the relative error of a modulus that is identified as if the material were incompressible.
+    """Return the relative error of a modulus if an incompressible law is fitted to a compressible material.
 
     Parameters
     ----------
     specimen : Specimen
+        The specimen.
     poisson_ratio : float
         True Poisson's ratio at small strain, below 0.5.
 
     Returns
     -------
     float
-        Identified modulus divided by the true one, minus one.
+        Identified modulus divided by the true modulus, minus one.
     """
     if specimen.section == "plane-stress":
         return 2 * (1 + poisson_ratio) / 3 - 1

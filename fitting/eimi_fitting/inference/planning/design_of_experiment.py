@@ -1,20 +1,21 @@
 """Choose the states to measure next: for the narrowest interval, or to distinguish two laws.
 
 Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of its edges in
-the unknowns, and C their change for one standard uncertainty of each stated source. w is the inverse variance of an
-independent point, the same in all states; P holds the inverse variances known before the measurement. With t the factor
-of Student's distribution and sums over the chosen states, a choice has
+the unknowns, and C the change of its edges for one standard uncertainty of each stated source. w is the inverse
+variance of an independent point in 1/mm^2, the same in all states. P is the inverse variance of the unknowns before the
+measurement. t is the quantile of Student's distribution over that of the normal distribution. With sums over the points
+of the chosen states, a choice of states has
 
-    information         A = w sum J'J,  H = A + P
-    steps of sources    S = inv(H) w sum J'C
-    covariance          inv(H) (t^2 A + P) inv(H) + S S'
+    information                         A = w sum J'J,  H = A + P
+    change of the optimum by sources    S = inv(H) w sum J'C
+    covariance                          inv(H) (t^2 A + P) inv(H) + S S'
 
-`inference.interval.covariance` and `inference.interval.considered` compute the same matrices from the measurement
-itself. `inference.planning.exchange` chooses the states.
+`inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
+`inference.planning.exchange` chooses the states.
 
-To distinguish two laws, the rival law is refitted to the edges of the first law. The criterion is the sum of squares
-that remains, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57).
-It is the expected difference in AIC.
+To distinguish two laws, the second law (the rival) is fitted to the edges of the first law. The criterion is the sum of
+squares that remains, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika
+62:57). This sum is the expected difference in AIC.
 """
 
 from __future__ import annotations
@@ -54,13 +55,21 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A law with the parameters (n,) of an earlier fit."""
+    """A law with its n parameters from an earlier fit, shape (n,), in the units of the law."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of the law, and the coordinates (n,) of the parameters among these unknowns."""
+        """Return the unknowns of a fit of this law, and the unit coordinates of the parameters among them.
+
+        Returns
+        -------
+        Unknowns
+            The unknowns, with bounds of the modulus 1.5 decades below and above the modulus of the earlier fit.
+        ndarray, shape (n,)
+            The parameters in unit coordinates, from 0 to 1 within the bounds.
+        """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         lower, upper = (modulus * 10.0**end for end in (-_DECADES, _DECADES))
@@ -79,18 +88,18 @@ class KnownLaw:
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """The noise of the measured edges.
+    """The noise of the measured edges, for the planning of a run.
 
     Attributes
     ----------
     residual_mm : float
-        Standard deviation of a point, mm.
+        Standard deviation of a point in mm.
     points : int
         Number of points on both edges of a state.
     alike : float
-        Number of neighbouring points that together count as one independent point.
+        Number of neighbouring points that count as one independent point.
     left_percent : float
-        Half-width of the error that the correction for the solid section leaves in the modulus, per cent.
+        95 % bound of the error of the modulus that remains after the correction for the solid section, in per cent.
     """
 
     residual_mm: float
@@ -100,9 +109,23 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise that an earlier fit to this number of states found.
+        """Return the noise of an earlier fit to a number of states.
 
-        If the earlier fit did not separate the noise from the misfit, all its residuals count as noise.
+        If the earlier fit did not separate the noise from the errors of its sources, all its residuals count as noise.
+
+        Parameters
+        ----------
+        earlier : Identifiability
+            The result of the earlier fit.
+        states : int
+            Number of states of the earlier fit.
+        left_percent : float
+            95 % bound of the remaining error of the modulus, in per cent.
+
+        Returns
+        -------
+        EdgeNoise
+            The noise of the edges.
         """
         independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
@@ -117,6 +140,9 @@ class EdgeNoise:
 class Candidates:
     """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
 
+    The goal is the quantity whose interval is to be narrow: the initial shear modulus or a parameter of the law. The
+    module defines w, J, C and P.
+
     Attributes
     ----------
     loads : Loads
@@ -124,19 +150,19 @@ class Candidates:
     states : ndarray of int, shape (S,)
         Index of each state among all loads that were considered.
     normal : ndarray, shape (S, n, n)
-        w sum J'J over the points of a state, with w, J and C as in the module's docstring.
+        w sum J'J over the points of each state.
     source_score : ndarray, shape (S, n, C)
-        w sum J'C over the points of a state.
+        w sum J'C over the points of each state.
     sources : tuple of str
         Names of the C sources.
     prior : ndarray, shape (n, n)
-        Inverse variances P known before the measurement.
+        Inverse variance P of the unknowns before the measurement.
     goal : ndarray, shape (n,)
         Derivative of the goal in the unknowns, divided by the value of the goal.
     points : float
         Number of independent points in a state.
     irreducible : float
-        Standard deviation of the goal that no choice of states reduces, as a share of the goal's value.
+        Standard deviation of the goal that is the same for all choices of states, as a share of the goal's value.
     """
 
     loads: Loads
@@ -153,7 +179,7 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance (D,) of the goal for D choices (D, K) of states."""
+        """Return the variance of the goal over the square of its value, (D,), for D choices of K states, (D, K)."""
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -163,32 +189,35 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the expected 95 % interval, in per cent of the value."""
+        """Return the half-width of the expected 95 % interval of the goal, in per cent of its value.
+
+        ``choice`` has the indices of the chosen states.
+        """
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal due to each source, in per cent, largest first."""
+        """Return the standard deviation of the goal due to each source by name, in per cent, the largest first."""
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal if each source deviates by its standard uncertainty, in per cent, by name."""
+        """Return the change of the goal by name of the source, in per cent, for one standard uncertainty of each."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return the ratio of Student's quantile to the normal quantile, as in `inference.interval.estimate`."""
+        """Return t for a number of states: the 97.5 % quantile of Student's t over that of the normal distribution."""
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of the half-width, in per cent, over all choices of this number of states.
+        """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
 
         For the noise, the bound assumes that every state gives as much information as the best state. For the sources,
-        the error of the estimate is a weighted mean of the errors that the single states would have, with weights that
-        sum to one. Non-negative least squares minimises the sum of squares over all such weights. The bound applies to
-        one unknown.
+        the error of the estimate is a weighted mean of the errors that the estimates from single states would have; the
+        weights are non-negative and their sum is one. Non-negative least squares gives the weights with the smallest
+        sum of squared errors. The bound applies to one unknown.
 
         Raises
         ------
@@ -196,7 +225,7 @@ class Candidates:
             If there is more than one unknown.
         """
         if len(self.goal) > 1:
-            raise ValueError(f"the law has {len(self.goal)} unknowns; the bound holds for one unknown only")
+            raise ValueError(f"the law has {len(self.goal)} unknowns; the lower bound needs a law with one unknown")
         information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
         most = states * float(information.max())
         noise = (self.goal[0] / (most + prior)) ** 2 * (self._widened(states) ** 2 * most + prior)
@@ -212,7 +241,11 @@ class Candidates:
 
 @dataclass(frozen=True)
 class Rivals:
-    """S states that could distinguish two laws, linearised in m quantities: unknowns of the rival, and stated sources.
+    """S states that could distinguish a first law from a second law, the rival.
+
+    The states are linearised in m quantities: the unknowns of the rival and the stated sources. J are the derivatives
+    of the edges in these quantities, r the distances in mm of the rival's edges from the edges of the first law, and w
+    the inverse variance of an independent point.
 
     Attributes
     ----------
@@ -221,13 +254,13 @@ class Rivals:
     states : ndarray of int, shape (S,)
         Index of each state among all loads that were considered.
     square : ndarray, shape (S,)
-        w times the sum of squared residuals r of the rival law against the edges of the first law.
+        w sum r^2 over the points of each state.
     score : ndarray, shape (S, m)
-        w sum J'r.
+        w sum J'r over the points of each state.
     normal : ndarray, shape (S, m, m)
-        w sum J'J.
+        w sum J'J over the points of each state.
     prior : ndarray, shape (m, m)
-        Inverse variances known before the measurement.
+        Inverse variance of the m quantities before the measurement.
     """
 
     loads: Loads
@@ -241,13 +274,16 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the inverse of `apart` (D,) for D choices (D, K) of states."""
+        """Return 1 / (expected difference in AIC) of the laws, shape (D,), for D choices of K states, (D, K)."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC in favour of the first law, if the first law is true."""
+        """Return the expected difference in AIC in favour of the first law, if the first law is true.
+
+        ``choice`` has the indices of the chosen states.
+        """
         return 1 / float(self.variance(choice[None])[0])
 
 
@@ -260,7 +296,7 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """Linearise the states in which the beam has an equilibrium.
+    """Linearise the states in which the beam has an equilibrium, to plan the narrowest interval.
 
     A planar section replaces the solid, because the depth changes the derivatives of the edges by only a few per cent.
 
@@ -277,9 +313,10 @@ def candidates(
     noise : EdgeNoise
         Noise of the edges.
     goal : str
-        The quantity whose interval is to be narrow: `MODULUS` or a parameter of the law.
+        The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the fit. The error of this mesh is an additional source.
+        Number of elements along the beam in the mesh of the later fit. The error of this mesh is one more source,
+        unless the section is solid.
 
     Returns
     -------
@@ -289,7 +326,7 @@ def candidates(
     Raises
     ------
     KeyError
-        If the law has no such parameter.
+        If the law does not have the parameter ``goal``.
     ValueError
         If no state has an equilibrium.
     """
@@ -325,7 +362,9 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Linearise the states in which the beam has an equilibrium with both laws; the first law counts as true.
+    """Linearise the states in which the beam has an equilibrium under two laws, to plan their distinction.
+
+    The first law is assumed true.
 
     Parameters
     ----------
@@ -372,22 +411,22 @@ def rivals(
 
 
 def _planar_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model that replaces the solid specimen, on the mesh of a search."""
+    """Return the planar model that replaces a solid specimen, on the coarse mesh of the search."""
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
 
 def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
-    """Return the indices of the states in which the beam has an equilibrium. Raises ValueError if there is none."""
+    """Return the indices of the states in which the beam has an equilibrium; raise ValueError if there is none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
-        raise ValueError("the beam has no equilibrium in any of the states")
+        raise ValueError(f"no equilibrium was found in any of the {len(loads)} states: check loads, specimen and law")
     return np.flatnonzero(converged)
 
 
 def _experiment(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return the experiment, without noise, that the known law predicts."""
+    """Return an experiment whose edges are those of the known law, without noise."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -395,7 +434,7 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives (n, K, 2, m) of the residuals (mm) in the unknowns."""
+    """Return the derivatives of the residuals in the n unit coordinates, shape (n, K, 2, m), in mm."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -403,7 +442,10 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return one standard deviation of the residuals' error that remains after the mesh correction of the fit."""
+    """Return the standard deviation of the residuals by the remaining error of the mesh, (K, 2, m) in mm, by name.
+
+    The result is empty if the finer mesh finds no equilibrium.
+    """
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -417,15 +459,15 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor that converts a sum over simulated points into w times the sum over measured points.
+    """Return the factor that converts a sum over simulated points into w times the sum over measured points, 1/mm^2.
 
-    w is the inverse variance of an independent point, see the docstring of the module.
+    w is the inverse variance of an independent point, see the module.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the relative derivative (n,) of the goal in the unknowns; raise KeyError for an unknown goal."""
+    """Return the derivative of the goal in the unknowns over its value, (n,); raise KeyError for an unknown goal."""
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

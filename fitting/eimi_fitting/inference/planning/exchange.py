@@ -1,9 +1,10 @@
-"""Choose the candidates with which a criterion, such as the variance of the modulus, is smallest.
+"""Choose the states for which a criterion, such as the variance of the modulus, is smallest.
 
-The chosen candidates are exchanged one at a time for the candidate that helps most, until no exchange helps (Fedorov
-1972, Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4).
-The exchange starts twice: from equally spaced candidates, and from the candidates that help most when chosen one by
-one.
+The states that could be measured are the candidates. The chosen candidates are exchanged one at a time for the
+candidate that lowers the criterion most, until no exchange lowers it (Fedorov 1972, Theory of Optimal Experiments,
+section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The exchange starts from two choices.
+The first is equally spaced. The second is built one by one, each time with the candidate that lowers the criterion
+most.
 """
 
 from __future__ import annotations
@@ -21,49 +22,49 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """The criterion that a choice of states minimises."""
+    """A criterion that the choice of states makes as small as possible."""
 
     def __len__(self) -> int:
-        """Return the number of candidate states."""
+        """Return the number of states that could be measured."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the value (D,) to be minimised, for D choices (D, K) of states."""
+        """Return the value of the criterion, shape (D,), for D choices of K states, shape (D, K)."""
 
 
 def equally_spaced(states: int, count: int) -> Choice:
-    """Return the indices (count,) of candidates that are equally spaced from the first to the last."""
+    """Return the indices of ``count`` candidates that are equally spaced from the first to the last of ``states``."""
     return np.unique(np.round(np.linspace(0, states - 1, count)).astype(int))
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Choose distinct candidates so that no exchange of a single candidate improves the criterion.
+    """Choose different states so that no exchange of a single state lowers the criterion.
 
     Parameters
     ----------
     criterion : Criterion
-        The candidates and the value to be minimised.
+        The states that could be measured, and the value to be minimised.
     count : int
         Number of states to choose.
 
     Returns
     -------
     ndarray of int, shape (count,)
-        Indices of the chosen candidates in ascending order.
+        Indices of the chosen states in ascending order.
 
     Raises
     ------
     ValueError
-        If there are fewer candidates than states to choose.
+        If fewer than ``count`` states could be measured.
     """
     if count > len(criterion):
-        raise ValueError(f"cannot choose {count} states of {len(criterion)} candidates")
+        raise ValueError(f"cannot choose {count} states: only {len(criterion)} states could be measured")
     starts = [equally_spaced(len(criterion), count), _filled(criterion, count)]
     ends = [_exchanged(criterion, choice) for choice in starts]
     return np.sort(min(ends, key=lambda choice: float(criterion.variance(choice[None])[0])))
 
 
 def _filled(criterion: Criterion, count: int) -> Choice:
-    """Choose candidates one by one, each time the one that lowers the criterion most."""
+    """Return the indices of ``count`` states, chosen one by one so that each state lowers the criterion most."""
     chosen: list[int] = []
     while len(chosen) < count:
         others = np.setdiff1d(np.arange(len(criterion)), chosen)
@@ -73,7 +74,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Exchange chosen states for other candidates until no single exchange lowers the criterion."""
+    """Return a choice in which no exchange of a single state lowers the criterion, after at most 20 sweeps."""
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

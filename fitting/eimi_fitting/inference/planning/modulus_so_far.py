@@ -1,19 +1,20 @@
 """Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
 
 The law is Neo-Hookean. The residuals of the planar model are corrected to those of the solid, as in a whole fit
-(`inference.evidence.corrections`). The depth effect is a smooth function of the bending and hardly depends on the
-modulus (`beam.depth_effect`). It is therefore carried from state to state: the solid is solved only in a state that is
-bent farther than all states before it. A fit that starts at the estimate after the previous state needs only a few
-steps. The complete fit follows after the run.
+(`inference.evidence.corrections`). The depth effect, the displacements of the solid minus those of the planar model, is
+a smooth function of the bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates therefore use
+it again. The solid is solved only in a state with more bending than all states before. A fit that starts at the
+estimate after the previous state needs only a few steps. The complete fit follows after the run.
 
-The remaining error of the solid is the same share of the depth effect as in a whole fit, but of the effect that is
-expected in the largest bending (`inference.planning.section_bias`), so that it does not grow during the run. If the
-solid cannot be interpolated, the expected bias of the planar section is divided out instead.
+The remaining error of the modulus due to the solid is 5 % of the expected bias of a planar section
+(`inference.planning.section_bias`), but at least 0.15 % of the modulus. This bias belongs to a large bending, so that
+the remaining error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the planar
+model is divided by 1 + bias instead.
 
-A further state can widen the interval: some stated uncertainties have a larger effect on the modulus in a larger
-bending. An estimate whose interval is narrower is kept as long as the residuals stay at the level of the noise and the
-estimate from all states lies in that interval. Which estimate is narrower follows from the loads, hardly from the data,
-so that its interval remains one of 95 %.
+A further state can widen the interval, because some stated uncertainties have a larger effect on the modulus in a
+larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the error has grown by
+at most a quarter, and the earlier interval contains the estimate from all states. The width of an interval depends on
+the loads and hardly on the data, so that the choice of the narrower interval keeps its probability of 95 %.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ _NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate i
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect that is used again from state to state, and the modulus in Pa for which it was first solved."""
+    """The depth effect that later estimates use again, and the modulus in Pa for which it was first solved."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -67,28 +68,29 @@ class _Depth:
 
 @dataclass(frozen=True)
 class ModulusSoFar:
-    """The initial shear modulus estimated from the states measured so far.
+    """The initial shear modulus, estimated from the states measured so far in a run.
 
     Attributes
     ----------
     value_Pa : float
-        The estimate, Pa.
+        The estimate in Pa.
     interval_95_Pa : tuple of float
-        Its 95 % interval from noise, stated uncertainties and the remaining error of the solid, Pa.
+        95 % interval in Pa, from noise, stated uncertainties and the remaining error of the solid.
     error_mm : float
-        Error of the fit over all states, mm.
+        Mean error of the fit over its states, in mm.
     states : int
         Number of states that the estimate uses.
     limited_by : str
         The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
     bounds_Pa : tuple of float
-        Range of moduli that was searched, Pa; the next estimate uses it again.
+        Bounds of the modulus in the search, in Pa. The next estimate uses the same bounds.
     unit : ndarray, shape (1,)
-        Place of the optimum in the range, from 0 to 1; the next estimate starts there.
+        Unit coordinate of the optimum between the bounds, from 0 to 1. The next estimate starts at this coordinate.
     narrowest_Pa : float
-        Width of the narrowest interval so far, Pa.
+        Width of the narrowest interval so far, in Pa.
     depth : object, optional
-        The depth effect, which the next estimate carries on; None in a planar section.
+        Displacements of the solid minus those of the planar model, which the next estimate uses again; None in a planar
+        section.
     """
 
     value_Pa: float
@@ -103,24 +105,25 @@ class ModulusSoFar:
 
     @property
     def width_Pa(self) -> float:
-        """The width of the interval, Pa."""
+        """Width of the 95 % interval in Pa."""
         return self.interval_95_Pa[1] - self.interval_95_Pa[0]
 
 
 def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -> ModulusSoFar:
-    """Fit a Neo-Hookean beam to the states measured so far.
+    """Fit a Neo-Hookean beam to the states measured so far in a run.
 
     Parameters
     ----------
     experiment : Experiment
         The states measured so far.
     before : ModulusSoFar, optional
-        The estimate after the previous state; the fit starts there.
+        The estimate after the previous state, at which the fit starts.
 
     Returns
     -------
     ModulusSoFar
-        The estimate with its interval.
+        The estimate from all states, or the earlier estimate if its interval is narrower and still valid (see the
+        module).
 
     Raises
     ------
@@ -139,7 +142,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate from all states."""
+    """Return the estimate from all states of the experiment."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -176,9 +179,13 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Return the problem corrected by the solid, its optimum, the remaining error of the solid, and the depth effect.
+    """Correct the residuals to those of the solid, and return the fit to the corrected residuals.
 
-    The result is None if the depth effect cannot be interpolated.
+    Returns
+    -------
+    tuple or None
+        The corrected problem, its optimum, the remaining error of the solid, and the displacements of the solid minus
+        those of the planar model. None if these displacements cannot be interpolated.
     """
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
@@ -209,7 +216,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the evidence at the optimum; all residuals count as noise, also residuals that a source could explain."""
+    """Return the evidence at the optimum with all residuals as noise, also those that a source could explain."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))
@@ -217,5 +224,5 @@ def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
 
 @lru_cache(maxsize=8)
 def _expected_bias(specimen: Specimen) -> float:
-    """Return the expected bias of the planar section; computed once for a run."""
+    """Return the expected relative error of the modulus in the planar section; computed once for a specimen."""
     return expected_bias(specimen)

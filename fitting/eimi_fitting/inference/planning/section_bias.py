@@ -1,8 +1,8 @@
 """Estimate the error of a modulus due to a planar section: fit a planar model to the outline of a solid.
 
-The error depends on the proportions of the specimen. It does not depend on noise, illumination or law. One rest state
-and two bent states of a Neo-Hookean solid are enough to compute it to one per cent of the modulus.
-`benchmarks.hidden_solids` compares this estimate with complete fits.
+The error depends on the proportions of the specimen. It does not depend on noise, illumination or law. Two bent states
+of a Neo-Hookean solid are enough to compute it to one per cent of the modulus. `benchmarks.hidden_solids` compares this
+estimate with complete fits.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
 def expected_bias(specimen: Specimen) -> float:
-    """Return the relative error of a modulus that is identified under the specimen's planar section.
+    """Return the relative error of a modulus that is identified with a planar section.
 
     Parameters
     ----------
     specimen : Specimen
-        The specimen; plane stress takes the place of a solid section.
+        The specimen. A solid section is replaced by plane stress.
 
     Returns
     -------
@@ -69,7 +69,10 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two states with half and with all of the largest load: fields across the beam, or tip forces."""
+    """Return two states with half and with all of a load that turns the tip by about 45 degrees.
+
+    The loads are fields across the beam if the specimen is magnetic, else tip forces. There is no gravity.
+    """
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
     stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2

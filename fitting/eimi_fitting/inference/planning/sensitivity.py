@@ -1,4 +1,4 @@
-"""Compute the change of the edges with each parameter of the law, by one batch of neighbouring candidates."""
+"""Compute the derivatives of the edges in the parameters of a law, by central differences."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ class Sensitivity:
     Attributes
     ----------
     edges : ndarray, shape (P, K, 2, m, 2)
-        Points of the left and the right edge, mm.
+        Positions of m points of the left and of the right edge, in mm.
     slope : ndarray, shape (P, n, K, 2, m, 2)
-        Derivatives of the points, mm per unit of the parameter.
+        Derivatives of these positions, in mm per unit of the parameter.
     converged : ndarray of bool, shape (P,)
-        Whether the candidate and all its neighbours have an equilibrium. Ignore the rows of the other candidates.
+        Whether an equilibrium was found for the candidate and for all 2 n neighbours of the differences. Edges and
+        derivatives of other candidates are invalid.
     """
 
     edges: Array
@@ -37,28 +38,28 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the edges of candidates and their derivatives in the parameters, by central differences.
+    """Return the edges of candidates and the derivatives of the edges in the parameters, by central differences.
 
     Parameters
     ----------
     model : BeamModel
-        The beam.
+        The beam model.
     law : Law
-        The material law.
+        The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        P candidates, in the order and units of the law.
+        The n parameters of P candidates, in the order and units of the law.
     loads : Loads
-        K states.
+        The loads of K states.
     relative_step : float
         Step of the difference as a share of the parameter. If the parameter is zero, the step is this share of the
         initial shear modulus, or of 1 for a parameter without unit.
     per_segment : int
-        Points of an edge in each element along it.
+        Number of points of an edge on each element.
 
     Returns
     -------
     Sensitivity
-        Edges in mm, and slopes in mm per unit of each parameter.
+        Edges in mm, and derivatives in mm per unit of each parameter.
 
     Examples
     --------
