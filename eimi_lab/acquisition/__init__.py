@@ -2,17 +2,17 @@
 
 run               the run itself
 stepping          one state after another
-coil              ramps, and a measured current that agrees with the set-point
+coil              change the current in ramps, and compare the measured current with the set-point
 settling          decide from consecutive frames whether the beam is at rest
 capture           the frames of one state and their flags
 transients        frames that are kept while the beam settles or creeps
 ring_downs        steps of the current to zero, of which every frame is recorded
-conditioning      load cycles before the run, and the change of the beam that they cause
+conditioning      load cycles before the run, and the change of the beam's shape that the cycles cause
 pausing           wait for a person
 polarity          swap the leads of a coil whose supply cannot reverse its current
 resuming          continue a run that ended early
 supply_trial      try a driver on a real supply without a coil
-trial_form        the form that reports such a trial
+trial_form        the form that reports the trial of a supply
 supply_lock       one run at a time for each supply
 open_coil         open the supply and the sensors that a rig names
 coil_calibration  measure the field of the coil against its current
@@ -28,8 +28,8 @@ heating           decide whether the coil withstands a protocol
 switching_off     end every run with the coil off
 doubt             say that the coil may still be on while switching off takes long
 interruption      react to signals during an operation
-guardian          the guardian, seen from the run
-guardian_process  the process that switches off if the run dies or stands still
+guardian          the connection of the run to its guardian process
+guardian_process  the process that switches the coil off if the run dies or stands still
 events            one dataclass for each thing that happens in a run
 event_words       events in English, for a person
 event_lines       events as lines of JSON, for a program

@@ -1,8 +1,9 @@
-"""Send a supply driver that this program added to the guardian process.
+"""Send a supply driver that the user's program added to the guardian process.
 
-The guardian process switches the coil off if the run dies. Its `SUPPLIES` contains only the drivers of this package and
-of installed packages. cloudpickle sends other drivers: a class from a module is imported again in the guardian, and
-the code of a class from a script or a notebook is sent.
+The guardian process switches the coil off if the run dies. In that process, `SUPPLIES` contains only the drivers of
+this package and of installed packages. A driver of the user's program is therefore sent with cloudpickle. If its class
+comes from a module, the guardian process imports the module. If its class comes from a script or a notebook, the code
+of the class is sent.
 """
 
 from __future__ import annotations
@@ -18,12 +19,16 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Return a text from which `unpack` adds the driver in another process; empty for an installed driver.
+    """Return a driver as a text from which `unpack` adds the driver in another process.
+
+    The text contains the class as base64 and the module search path. It is empty for the driver of an installed
+    package.
 
     Raises
     ------
     UnusableDriver
-        If the driver cannot be pickled, for example because it holds an open port.
+        If the driver cannot be pickled, for example because it holds an open port, or if the text is too long to be an
+        argument of a process.
     """
     if name not in SUPPLIES.added():
         return ""
@@ -34,19 +39,19 @@ def pack(name: str) -> str:
     except Exception as error:  # the driver's own code is called
         raise UnusableDriver(
             f"the supply driver {name!r} cannot be sent to the process that switches the coil off if the run dies: "
-            f"{error}; write it as a class in a module of its own"
+            f"{error}; write the driver as a class in a module of its own"
         ) from error
     packed = json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
     if LONGEST_ARGUMENT is not None and len(packed) > LONGEST_ARGUMENT:
         raise UnusableDriver(
-            f"the supply driver {name!r} is too large to be carried over to the process that switches the coil off if "
-            "the run dies; write it as a class in a module of its own"
+            f"the supply driver {name!r} is too large to be sent to the process that switches the coil off if the run "
+            "dies; write the driver as a class in a module of its own"
         )
     return packed
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add the driver in the text from `pack` to `SUPPLIES` of this process."""
+    """Add a driver to `SUPPLIES` of this process from a text that `pack` returned. An empty text adds nothing."""
     if packed:
         content = json.loads(packed)
         sys.path.extend(folder for folder in content["path"] if folder not in sys.path)

@@ -10,16 +10,16 @@ from eimi_lab.config.specimen import SpecimenFile
 
 
 def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> Camera:
-    """Open the camera of a rig and apply its settings.
+    """Return the open camera of a rig, with its settings applied.
 
     Parameters
     ----------
     rig : Rig
-        Names the camera and its settings.
+        Rig file, which gives the driver, the source and the settings of the camera.
     specimen : SpecimenFile
-        The specimen, for a virtual beam.
+        The specimen. Only a virtual beam uses it.
     clock : Clock
-        Clock of a virtual beam.
+        Clock of the run. Only a virtual beam uses it.
     cue : Cue
         Holds the present state of the run, for a recording with one picture for each state.
 
@@ -28,7 +28,7 @@ def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) ->
     InstrumentError
         If the camera cannot be opened or set up.
     InputError
-        If a virtual beam cannot represent the specimen.
+        If the virtual beam cannot represent the specimen.
     """
     chosen = rig.camera
     if rig.virtual:

@@ -14,7 +14,21 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """Frames with their measured currents (A), times (s) and sensor readings, and the flags of the whole set."""
+    """The frames of one state, the readings taken after each frame, and the flags of the state.
+
+    Attributes
+    ----------
+    frames : tuple of Frame
+        The frames, in the order of their exposure.
+    measured_A : tuple of float
+        Current measured after each frame, A.
+    time_s : tuple of float
+        Time at which each frame arrived, s on the clock of the run.
+    sensed : tuple of mapping
+        Readings of the sensors after each frame, by the name of the sensor.
+    flags : tuple of Flag
+        Defects of the frames, for the whole state.
+    """
 
     frames: tuple[Frame, ...]
     measured_A: tuple[float, ...]
@@ -50,14 +64,14 @@ def capture(
     noise : Noise
         Noise of the camera, for the flags.
     stop_if_asked : callable
-        Called before each frame; it may raise.
+        Called before each frame. It raises an exception if the run has to stop.
     see : callable
         Receives every frame and its time on the clock (s).
 
     Returns
     -------
     Capture
-        The frames with their currents, times and flags.
+        The frames with their currents, times, sensor readings and flags.
     """
     camera.flush()
     frames, currents, times, sensed = [], [], [], []

@@ -25,11 +25,11 @@ from eimi_lab.config.protocol import Ramp
 from eimi_lab.dataset.steps import SetPoint
 
 REACHED_WITHIN_S = 3.0
-"""Longest time until the measured current reaches its set-point: supplies measure a few times a second."""
+"""Longest allowed time until the measured current reaches its set-point; supplies measure a few times a second."""
 
 POLL_S = 0.1
 SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
-"""Interval between two checks of a simulated supply for faults: with current, and at zero current."""
+"""Intervals between two checks of a simulated supply for faults: at a set-point other than zero, and at zero."""
 
 WATCH_EVERY_S = 1.5
 """Interval at which the current is measured and the supply is checked for faults, during every operation of a run."""
@@ -38,28 +38,28 @@ FOLLOWS_WITHIN_S = 1.5
 """The measured current lags behind a ramp by less than this time."""
 
 EXCHANGES_REMEMBERED = 3
-"""A step of the ramp down is expected to take as long as the longest of the last exchanges; this is their number."""
+"""Number of exchanges with the supply whose longest duration is the expected duration of a step of the ramp down."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
 """A wrong current is measured again after this time; only a second wrong value ends the run."""
 
 
 def without_contact(supply: object) -> str:
-    """Return the driver's description of the output after the cable is pulled or the computer fails."""
+    """Return the driver's description of the output after its cable was pulled or its computer failed."""
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
 def no_sensors() -> dict[str, float]:
-    """Return no sensor readings: the `sense` of a bench without sensors."""
+    """Return an empty dictionary: the argument `sense` for a bench without sensors."""
     return {}
 
 
 def never() -> None:
-    """Do nothing: the `stop_if_asked` of a ramp that must not be interrupted."""
+    """Do nothing: the argument `stop_if_asked` for a ramp that must not be interrupted."""
 
 
 class Coil:
-    """A coil on a supply.
+    """A coil on a power supply, with its set-point and the checks of its current.
 
     Parameters
     ----------
@@ -72,33 +72,35 @@ class Coil:
     asked_A : float
         Present set-point of the supply, A.
     simulated : bool
-        Whether the supply is simulated in this process. Its current is then not measured between the operations: no
-        unit can fail, and a measurement would change the simulated time and the noise of every run.
+        Whether the supply is simulated in this process. `watch` then does not measure the current: no hardware can
+        fail, and a measurement would change the simulated time and the noise of every run.
     interlocks : Interlocks
-        Bounds of the readings. With any of them the current of a simulated supply is measured too.
+        Bounds of the readings. If there is at least one interlock, the current of a simulated supply is measured too.
     sense : callable
-        Reads the sensors and returns their values by name, without those that gave none. Called with each measurement
-        if there are interlocks.
+        Reads the sensors and returns their values by name, without the sensors that gave no value. Called with each
+        measurement if there are interlocks.
 
     Attributes
     ----------
     asked_A : float
         Present set-point, A.
     simulated : bool
-        See the parameter.
+        Whether the supply is simulated in this process.
     changed_s : float
         Time at which the set-point last changed, s on the clock.
     leads_swapped : bool
-        Whether the leads are swapped at the supply: all currents of the coil are then minus those of the supply.
+        Whether the leads are swapped at the supply. The current of the coil is then minus the current of the supply.
     out_of_control : bool
-        Whether a measured current differs from its set-point, an interlock opened, or the run stood
-        still. `ramp_down` then does nothing.
+        Whether a measured current differed from its set-point, an interlock opened, or the run stood still. `ramp_down`
+        then does nothing.
     unreachable : str
-        Why the supply gives no usable answer, in words; empty if it does. `ramp_down` then does nothing either.
+        Why the supply gives no usable answer, in words; empty if it answers. If the text is not empty, `ramp_down` does
+        nothing.
 
     Notes
     -----
-    Methods with a parameter `stop_if_asked` call it between two operations, never during one. It may raise.
+    Methods with a parameter `stop_if_asked` call this function between two operations, never during one. The function
+    may raise an exception.
     """
 
     def __init__(
@@ -128,17 +130,20 @@ class Coil:
         self._set_points: list[SetPoint] = []
 
     def switch_off(self) -> Off | None:
-        """Switch the supply off and measure the current, see `eimi_drivers.supplies.off.switch_off`."""
+        """Switch the supply off, and return the current that was measured afterwards.
+
+        None is returned if the supply cannot measure. See `eimi_drivers.supplies.off.switch_off`.
+        """
         self.asked_A = 0.0
         self._recent.append((self._clock.now(), 0.0))
         self._interlocks.restart()
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Measure the time of the ramp down from now, or from `ago_s` (s) ago. Only the first call has an effect.
+        """Start the time limit of the ramp down now, or `ago_s` (s) ago. Only the first call has an effect.
 
-        The handler of a signal calls this method, so that the time of an exchange that is under way is part of the time
-        of the ramp.
+        The handler of a signal calls this method. The duration of an exchange with the supply that is in progress then
+        counts as part of the ramp down.
         """
         if self._ends_since_s is None:
             self._ends_since_s = self._clock.now() - ago_s
@@ -146,18 +151,26 @@ class Coil:
     def watch(self, stop_if_asked: Callable[[], None] = never, early_s: float = 0.0) -> None:
         """Measure the current and check the supply for faults, at most once in `WATCH_EVERY_S`.
 
-        The run calls this between its operations: during ramps, while the beam settles, and in a pause. The call
-        returns at once while another thread sets a current, because two exchanges on one line would mix. With
-        ``early_s`` (s) the interval is shorter by this time: if another thread calls the method so, the run itself
-        never has to measure.
+        The run calls this method between its operations: during ramps, while the beam settles, and in a pause. The
+        method returns at once while another thread sets a current, because two exchanges on one line would mix.
+
+        Parameters
+        ----------
+        stop_if_asked : callable
+            Called between the check for faults and the measurement. It may raise an exception.
+        early_s : float
+            Time by which the interval is shortened, s. If another thread calls the method with a positive `early_s`,
+            the calls of the run itself never have to measure.
 
         Raises
         ------
         InstrumentError
-            If two measurements in a row are above the limit of the supply, or differ from every set-point of the last
-            `FOLLOWS_WITHIN_S` by more than the tolerance; or for the reasons of `PowerSupply.check` and `measure`.
+            If two measurements in a row are above the limit of the supply, or are outside the range of the set-points
+            of the last `FOLLOWS_WITHIN_S` by more than the tolerance. Also for the reasons of `PowerSupply.check` and
+            `PowerSupply.measure`.
         BeyondInterlock
-            If a reading is outside the bounds of its interlock in two measurements in a row, or did not come.
+            If a reading is outside the bounds of its interlock in two measurements in a row, or if a reading did not
+            come within its longest silence.
         """
         measured = bool(self._interlocks) or not self.simulated
         every_s = WATCH_EVERY_S
@@ -192,13 +205,13 @@ class Coil:
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     def check(self) -> None:
-        """Check the supply for faults. Raises the errors of `PowerSupply.check`."""
+        """Raise the errors of `PowerSupply.check` if the supply reports a fault."""
         with self._reaching():
             self.supply.check()
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Measure the time of an exchange, and record a supply that does not answer properly."""
+        """Record the duration of an exchange with the supply, or why the supply gave no usable answer."""
         began_s = self._clock.now()
         try:
             yield
@@ -209,7 +222,7 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Leave out the ramp down if an interlock opens, because beyond some bounds a ramp takes too long."""
+        """Set `out_of_control` if an interlock opens: beyond some bounds a ramp down would take too long."""
         try:
             yield
         except BeyondInterlock:
@@ -217,7 +230,7 @@ class Coil:
             raise
 
     def _swapped(self, current_A: float) -> float:
-        """Return the coil's current for a current of the supply, or the reverse: swapped leads change its sign."""
+        """Return the current of the coil for a current of the supply, or the reverse; swapped leads change the sign."""
         return -current_A if self.leads_swapped and current_A else current_A
 
     def _is_right(self, of_supply_A: float) -> bool:
@@ -241,12 +254,12 @@ class Coil:
         )
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points since the previous call of this method, with their times on the clock."""
+        """Return the set-points sent since the previous call of this method, with their times on the clock."""
         new, self._set_points = self._set_points, []
         return new
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to a current. Raises the errors of `PowerSupply.set_current`."""
+        """Change the current of the coil to `current_A` in a ramp. Raises the errors of `PowerSupply.set_current`."""
         start = self.asked_A
         steps = math.ceil(round(abs(current_A - start) / self._rule.step_A, 6))
         pause = self._rule.step_A / self._rule.rate_A_per_s
@@ -257,11 +270,11 @@ class Coil:
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to zero within `ramp.down_within_s`; if the supply is slow, the steps are larger than in the protocol.
+        """Ramp to zero within `ramp.down_within_s`. If the supply is slow, the steps are larger than in the protocol.
 
-        The time counts from `count_the_end`, if that was called. The ramp ends early if the next step would probably
-        exceed the time, because switching off sends zero without waiting for an answer. There is no ramp if
-        `out_of_control` or `unreachable` is set. Raises the errors of `PowerSupply.set_current`.
+        If `count_the_end` was called, the time counts from that call. The ramp ends early if the next step would
+        probably exceed the time: switching off then sends zero without waiting for an answer. If `out_of_control` or
+        `unreachable` is set, there is no ramp. Raises the errors of `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return
@@ -285,20 +298,20 @@ class Coil:
         self._clock.sleep(max(0.0, remaining_s))
 
     def step_to(self, current_A: float) -> SetPoint:
-        """Set a current in one step, without a ramp, and measure until it is reached.
+        """Set a current in one step, without a ramp, and measure until the current is reached.
 
-        Another thread may call this.
+        A thread other than the thread of the run may call this method.
 
         Returns
         -------
         SetPoint
-            The step. The uncertainty of its time includes the time that the coil's current needs to follow: the current
-            was at the set-point when the first measurement agreed with it.
+            The step. The uncertainty of its time includes the time that the current of the coil needs to follow: the
+            current was at the set-point when the first measurement agreed with the set-point.
 
         Raises
         ------
         InstrumentError
-            If the current is not reached within `REACHED_WITHIN_S`, and the errors of `PowerSupply.set_current`.
+            If the current is not reached within `REACHED_WITHIN_S`, or for the reasons of `PowerSupply.set_current`.
         """
         with self._stepping:
             self._set(current_A)
@@ -309,9 +322,9 @@ class Coil:
             return replace(step, uncertainty_s=math.hypot(step.uncertainty_s, followed_s))
 
     def wait_until_reached(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Wait until the measured current is at the set-point.
+        """Wait until the measured current agrees with the set-point within `ramp.tolerance_A`.
 
-        Raises InstrumentError if that takes longer than `REACHED_WITHIN_S`.
+        Raises InstrumentError if the current takes longer than `REACHED_WITHIN_S`.
         """
         began = self._clock.now()
         while abs((measured := self._measure_A()) - self.asked_A) > self._rule.tolerance_A:
@@ -323,7 +336,10 @@ class Coil:
             self._clock.sleep(POLL_S)
 
     def measured_A(self) -> float:
-        """Return the measured current, A. Raises InstrumentError if it differs from the set-point."""
+        """Measure and return the current of the coil, A.
+
+        Raises InstrumentError if the current differs from the set-point by more than `ramp.tolerance_A`.
+        """
         measured = self._measure_A()
         if abs(measured - self.asked_A) > self._rule.tolerance_A:
             self.out_of_control = True

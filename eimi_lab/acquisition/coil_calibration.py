@@ -27,7 +27,7 @@ from eimi_lab.process.errors import InputError
 
 RAMP = Ramp(rate_A_per_s=0.5, step_A=0.05, tolerance_A=0.02, down_within_s=2.0)
 SETTLED_AFTER_S = 0.5
-"""Time between the moment at which the current is reached and the first reading of the field."""
+"""Time between the moment when the current is reached and the first reading of the field."""
 BETWEEN_READINGS_S = 0.1
 READINGS = 5
 """Number of readings of the field at each current."""
@@ -35,16 +35,19 @@ READINGS = 5
 
 @dataclass(frozen=True)
 class CoilCalibration:
-    """The field of a coil against its current.
+    """The measured field of a coil as a function of its current.
 
     Parameters
     ----------
-    current_A, field_mT : ndarray, shape (n,)
-        The currents in the order of the measurement, and the mean readings of the probe.
+    current_A : ndarray, shape (n,)
+        The currents in the order of the measurement, A.
+    field_mT : ndarray, shape (n,)
+        Mean of the readings of the probe at each current, mT.
     line : FieldLine
-        Slope and offset at the magnet.
+        Straight line through the readings: its slope (mT/A) and its offset (mT), converted to the place of the magnet.
     hysteresis_mT : float
-        Largest difference, at the probe, between the mean fields at one current on the way up and on the way down.
+        Largest difference between the mean readings of the probe at one current, for example on the way up and on the
+        way down, mT.
     """
 
     current_A: NDArray[np.float64]
@@ -54,7 +57,18 @@ class CoilCalibration:
 
 
 def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
-    """Return the currents of a calibration: up to the largest and back, and reversed if the supply is bipolar.
+    """Return the currents of a calibration (A): up to the largest current and back to zero in equal steps.
+
+    If the supply is bipolar, the same currents follow with the opposite sign.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig, for its limits.
+    largest_A : float or None
+        Largest current, A; None takes the largest current that the rig allows.
+    steps : int
+        Number of currents from zero to the largest.
 
     Raises
     ------
@@ -77,14 +91,14 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
 
 
 def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> CoilCalibration:
-    """Measure the field at each current; the coil is off at the end, even after an error.
+    """Measure the field of the coil at each current. At the end, also after an error, the coil is off.
 
     Parameters
     ----------
     rig : Rig
-        A rig with a sensor whose `measures` is "field".
+        A rig with a gaussmeter: a sensor with `measures = "field"`.
     currents_A : list of float
-        The currents.
+        The currents, A, in the order of the measurement.
     on_event : OnEvent
         Receives warnings, and the events of switching off.
 
@@ -153,7 +167,7 @@ def _read(sensing: Sensing, name: str, bench: CoilBench, stop_if_asked: Callable
         bench.clock.sleep(BETWEEN_READINGS_S)
         reading = sensing.read().get(name)
         if reading is None:
-            raise InstrumentError(f"the sensor {name} gives no value; its last error is in the warning before")
+            raise InstrumentError(f"the sensor {name} gives no value; the warning above this message gives the reason")
         readings.append(reading)
     return readings
 
@@ -172,7 +186,10 @@ def _opened(rig: Rig, on_event: OnEvent) -> Iterator[CoilBench]:
 
 
 def with_measured_coil(calibration: Calibration, measured: CoilCalibration, today: date) -> Calibration:
-    """Return a calibration with the measured coil: its constant, the background along its axis, and the table.
+    """Return a copy of a calibration with the measured values of the coil.
+
+    Replaced are the coil constant, the background field along the axis of the coil, their uncertainties, the table of
+    the field against the current, and the date.
 
     Parameters
     ----------
@@ -186,7 +203,7 @@ def with_measured_coil(calibration: Calibration, measured: CoilCalibration, toda
     Raises
     ------
     InputError
-        If the measured field is opposite to the stated direction.
+        If the measured field does not increase with the current.
     """
     line = measured.line
     if line.mT_per_A <= 0:

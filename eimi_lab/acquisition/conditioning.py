@@ -1,8 +1,8 @@
-"""Apply load cycles before a run, and measure how far they changed the shape of the beam.
+"""Apply load cycles before a run, and measure how far the cycles changed the shape of the beam.
 
-A filled rubber or a silicone is stiffer when it is stretched for the first time. Afterwards it is softer up to the
-largest stretch reached so far (Mullins effect; L. Mullins, Rubber Chem. Technol. 42 (1969) 339). Without cycles, a run
-measures some states before and some after this softening.
+A filled rubber or a silicone is stiffer when it is stretched for the first time than afterwards. It stays softer up to
+the largest stretch that it has reached (Mullins effect; L. Mullins, Rubber Chem. Technol. 42 (1969) 339). Without load
+cycles, a run measures some states before this softening and some after it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import mean_grey
 
 Shape = tuple[int, Moment]
-"""Number of a cycle, from 1, and the frame of the beam at rest in this cycle."""
+"""The number of a load cycle, from 1, and a frame of the beam at rest in this cycle."""
 
 
 def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:
-    """Carry out the cycles, and store frames of the beam at rest.
+    """Apply the load cycles before a run, and store frames of the beam at rest.
 
     The stored frames show the unloaded beam before the cycles, the loaded beam in the first and in the last cycle, and
     the unloaded beam after the cycles. Sends `ConditioningDone`. Raises InstrumentError, StorageFailed, Stopped.
@@ -51,9 +51,9 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 
 
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
-    """Yield the change of shape between the first and the last frame at each current.
+    """Yield, for each current, the change of the beam's shape between the first and the last frame at this current.
 
-    The tips are compared. If no tip is visible, the whole images are compared.
+    The change is the distance between the two tips. If a tip is not visible, the whole images are compared.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

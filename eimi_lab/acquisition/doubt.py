@@ -1,4 +1,4 @@
-"""Report that the coil may still be on while an attempt to switch it off takes long."""
+"""Report that the coil may still be on if switching it off takes long."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 
 @contextmanager
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
-    """Send `doubt` from another thread if the context lasts longer than this time (s); None sends nothing.
+    """Send `doubt` from another thread if the context is not left within `seconds`; if `doubt` is None, send nothing.
 
-    On a line that has failed, several seconds can pass until an attempt fails too.
+    The context contains an attempt to switch the coil off. On a line that has failed, the attempt can take several
+    seconds before it raises an error.
     """
     if doubt is None:
         yield

@@ -1,4 +1,7 @@
-"""List the steps of a run and the bytes sent to the supply, by running it on an emulated supply in simulated time."""
+"""List the steps of a run and the messages to the supply, without using an instrument.
+
+The run is carried out on an emulated supply in simulated time.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 
 FIRST_STATES, LAST_STATES = 6, 2
-"""States that are steps in a summary, which fits a screen; the states between them are details."""
+"""Numbers of states at the beginning and at the end that a summary lists; the states between them are details."""
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
@@ -36,7 +39,7 @@ RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the volta
 
 
 class _Wire(InProcessTransport):
-    """A transport that passes every message to a function before it is sent."""
+    """A transport to an emulated supply that passes every message to a function before sending the message."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
@@ -49,7 +52,7 @@ class _Wire(InProcessTransport):
 
 
 class _BeamAtRest:
-    """A camera that shows a beam at rest."""
+    """A simulated camera that shows a beam at rest."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -57,7 +60,7 @@ class _BeamAtRest:
         self._number = 0
 
     def identify(self) -> Identity:
-        """Return an identity which states that there is no camera."""
+        """Return an identity with the text "no camera"."""
         return Identity("dry run", "no camera", "none")
 
     def flush(self) -> None:
@@ -83,11 +86,11 @@ def dry_run(
     say: Callable[[str], None],
     say_detail: Callable[[str], None] | None = None,
 ) -> None:
-    """Pass the steps of a run to `say`; every message to the supply, with its simulated time, is a detail.
+    """List the steps of a run and the messages to its supply, without using an instrument.
 
-    The simulated beam settles at once, so that the computed duration is the shortest possible one. The longest possible
-    duration is printed beside it. There is no emulator for a driver of another package: its messages are not printed,
-    and the times are those of a stand-in.
+    The run is carried out on an emulated supply in simulated time. The simulated beam is at rest at once, so that the
+    simulated duration is the shortest possible one. The longest possible duration is given too. A driver of another
+    package has no emulator: the messages of this driver are not listed, and the times are those of another supply.
 
     Parameters
     ----------
@@ -96,18 +99,19 @@ def dry_run(
     specimen : SpecimenFile
         The beam.
     rig : Rig
-        The instruments, none of which is used.
+        The rig, for its limits and drivers. Its instruments are not used.
     say : callable
-        Receives each step; the last one is the duration.
+        Receives each step as a line of text. The last line is the duration.
     say_detail : callable, optional
-        Receives each message, and the end of each state; by default `say` receives them.
+        Receives the details as lines of text: each message to the supply with its simulated time, the end of each
+        state, and states in the middle of a long run. By default `say` receives the details.
 
     Raises
     ------
     InputError
-        If the run would be refused for protocol, specimen or rig.
+        If the protocol, the specimen and the rig do not fit together, see `check_request`.
     InstrumentError
-        If the supply does not have the channel of the address.
+        If the supply does not have the channel that its address names.
     """
     clock, detail = SimulatedClock(), say_detail or say
     limits = rig.supply.limits.stricter(protocol.limits)
@@ -138,7 +142,8 @@ def dry_run(
         worst = hottest(protocol, rig.coil)
         say(f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}")
     for sensor in rig.sensors:
-        say(f"sensor: {sensor.name}, {sensor.driver} at {sensor.address}, measures {sensor.measures}; not read here")
+        listed = f"sensor: {sensor.name}, {sensor.driver} at {sensor.address}, measures {sensor.measures}"
+        say(f"{listed}; not read in a dry run")
     for interlock in rig.interlocks:
         say(f"interlock: {interlock.in_words}")
     cycles = protocol.conditioning.cycles if protocol.conditioning else 0

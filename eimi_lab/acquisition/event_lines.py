@@ -1,6 +1,7 @@
-"""Write and read events as lines of JSON: one object per line, with the name of the event under the key `event`.
+"""Write and read the events of a run as lines of JSON.
 
-A thread writes the lines, so that a slow or missing reader never delays a run.
+Each line is one object, and its key `event` gives the name of the event. A thread writes the lines, so that a slow or
+missing reader never delays a run.
 """
 
 from __future__ import annotations
@@ -19,31 +20,31 @@ from typing import Any
 from eimi_lab.acquisition.events import EVENTS, Event, OnEvent
 
 LAST_LINES_S = 1.0
-"""Time that the reader has at the end to take the remaining lines."""
+"""Longest time (s) for which `finish` waits until a reader has taken the remaining lines."""
 
 _log = logging.getLogger(__name__)
 
 
 def to_line(event: Event) -> str:
-    """Return the event as one line of JSON, without a newline. A number that is not finite becomes null."""
+    """Return an event as one line of JSON, without a newline. A number that is not finite becomes null."""
     return json.dumps({"event": event.event, **_finite(asdict(event))}, ensure_ascii=False)
 
 
 def from_line(line: str | bytes) -> Event | None:
-    """Return the event of a line, or None if this release has no event of that name.
+    """Return the event that a line of JSON describes, or None if this release has no event with the name in the line.
 
-    Keys that this release does not have are ignored.
+    Keys of the line that this release does not know are ignored.
 
     Raises
     ------
     ValueError
-        If the line is not a JSON object of an event, or if a field has the wrong type.
+        If the line is not a JSON object with an event, or if a field has the wrong type.
     """
     from pydantic import TypeAdapter  # slow to import, and the guardian, which starts with every run, only writes
 
     fields = json.loads(line)
     if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
-        raise ValueError(f"{line!r} is no event; it should be a JSON object with the key 'event'")
+        raise ValueError(f"{line!r} is no event; an event is a JSON object with the key 'event'")
     kind = EVENTS.get(fields.pop("event"))
     return None if kind is None else TypeAdapter(kind).validate_python(fields)
 
@@ -57,9 +58,9 @@ def _finite(value: Any) -> Any:
 
 
 class EventLines:
-    """Writes events to a file descriptor in a thread, so that the sender never waits.
+    """Writes events as lines of JSON to a file descriptor in a thread, so that the sender never waits.
 
-    The thread closes the descriptor at the end.
+    At the end the thread closes the descriptor.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -69,11 +70,11 @@ class EventLines:
         self._writer.start()
 
     def __call__(self, event: Event) -> None:
-        """Send an event. Returns at once."""
+        """Pass an event to the thread that writes it. Returns at once."""
         self._waiting.put(to_line(event) + "\n")
 
     def finish(self) -> None:
-        """Write the remaining events, for at most `LAST_LINES_S`."""
+        """Wait until the remaining events are written, for at most `LAST_LINES_S`."""
         self._waiting.put(None)
         self._writer.join(LAST_LINES_S)
 
@@ -89,14 +90,14 @@ class EventLines:
 
 @contextmanager
 def sending_events(listener: OnEvent, descriptor: int | None) -> Iterator[OnEvent]:
-    """Yield a function that sends an event to `listener` and writes it as a line of JSON.
+    """Yield a function that sends an event to `listener` and writes the event as a line of JSON.
 
     Parameters
     ----------
     listener : OnEvent
         Receives every event.
     descriptor : int or None
-        File descriptor to whose copy the lines are written. None writes no lines.
+        File descriptor. The lines are written to a copy of this descriptor; None writes no lines.
     """
     if descriptor is None:
         yield listener

@@ -1,4 +1,7 @@
-"""Describe events in English for a person. Programs use the fields of an event and never read these sentences."""
+"""Describe the events of a run in English for a person.
+
+Programs use the fields of an event and never read these sentences.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ from eimi_lab.acquisition.guardian import STILL_FOR_S
 from eimi_lab.process.errors import tell
 
 VISIBLE_MOTION_PX = 0.2
-"""Smallest reported motion of the tip; its corners are located to about a tenth of a pixel."""
+"""Smallest reported motion of the tip; the corners of the tip are located to about a tenth of a pixel."""
 
 _TAKEOVER: dict[Takeover, str] = {
     "run_died": "the run died",
@@ -51,11 +54,23 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 
 
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
-    """Return a listener that passes the sentence about each stored state to `report`, and other sentences to `remark`.
+    """Return a listener that describes events in sentences and passes the sentences to two functions.
 
-    The listener passes no sentence about an error that ends the run, or about a coil that may be on after the run: the
-    caller that catches the exception prints these. The listener reports a coil that may be on while the run still tries
-    to switch it off, and the outcome.
+    Two cases have no sentence: an error that ends the run, and a coil that may be on after the run. The caller that
+    catches the exception prints these errors. A coil that may be on while the run still tries to switch it off is
+    reported, and so is the result of these attempts.
+
+    Parameters
+    ----------
+    report : callable
+        Receives a sentence about each stored state and each stored ring-down.
+    remark : callable
+        Receives the other sentences.
+
+    Returns
+    -------
+    OnEvent
+        The listener.
     """
     doubted = False
 
@@ -78,13 +93,18 @@ def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = t
 
 
 def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) -> str:
-    """Return a sentence about the protection of the coil for the case that the run itself fails.
+    """Return a sentence about what protects the coil if the run itself fails.
 
-    without_contact: the words of the driver. interlocks: the readings with interlocks.
+    Parameters
+    ----------
+    without_contact : str
+        What the output does without contact to the computer, in the words of the driver.
+    interlocks : tuple of str
+        Names of the readings with interlocks.
     """
     checked = (
-        f"the run alone checks the interlocks ({', '.join(interlocks)}); if it stands still for {STILL_FOR_S:g} s or "
-        "ends, its guardian switches the coil off; "
+        f"only the run checks the interlocks ({', '.join(interlocks)}); if the run stands still for {STILL_FOR_S:g} s "
+        "or ends, its guardian switches the coil off; "
     )
     return (
         f"{checked if interlocks else ''}if the cable or the computer fails, or this program and its guardian are "
@@ -98,7 +118,7 @@ def _left_unfinished(event: Event) -> bool:
 
 @singledispatch
 def in_words(event: Event) -> str:
-    """Return a sentence, without a full stop, that describes the event."""
+    """Return a sentence in English, without a full stop, that describes an event."""
     raise TypeError(f"no words for {type(event).__name__}")
 
 
@@ -149,7 +169,8 @@ def _(event: Settled) -> str:
 
 @in_words.register
 def _(event: StateStored) -> str:
-    return ", ".join((f"{event.current_A:g} A", f"settled after {event.waited_s:.1f} s", *event.flags))
+    how = "did not settle within" if "NOT_SETTLED" in event.flags else "settled after"
+    return ", ".join((f"{event.current_A:g} A", f"{how} {event.waited_s:.1f} s", *event.flags))
 
 
 @in_words.register
@@ -203,7 +224,7 @@ def _(event: Warned) -> str:
 @in_words.register
 def _(event: FramesLost) -> str:
     reasons = ", ".join(f"{count} with {reason}" for reason, count in event.reasons.items())
-    during = "" if event.state is None else f" during state {event.state + 1}"
+    during = "" if event.state is None else f" during state {event.state}"
     frames = "1 frame was lost" if event.frames == 1 else f"{event.frames} frames were lost"
     return f"{frames}{during} ({reasons}); none of them is stored"
 
@@ -257,7 +278,7 @@ def _(event: GuardianTookOver) -> str:
 
 @in_words.register
 def _(event: RunKilled) -> str:
-    return f"{_why('run_stood_still')} and holds the line to {event.address}; the run is killed ({event.reason})"
+    return f"{_why('run_stood_still')} and occupies the line to {event.address}; the run is killed ({event.reason})"
 
 
 @in_words.register
@@ -278,7 +299,10 @@ def _(event: RunEnded) -> str:
 
 
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
-    """Return the state of coil and dataset after a run that was asked to stop, for the message of `Stopped`."""
+    """Return a sentence about the coil and the dataset after a run that was asked to stop.
+
+    The sentence is the message of `Stopped`.
+    """
     return f"{in_words(off)}; {in_words(ended)}" if off else in_words(ended)
 
 
@@ -291,7 +315,15 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return the confirmation for a person who switched the coil off. off: the last event of the coil."""
+    """Return a confirmation for a person who switched the coil off by a command or a button.
+
+    Parameters
+    ----------
+    off : OffConfirmed, OffNotConfirmed or None
+        The last event about the coil.
+    seconds : float
+        Time from the command to the confirmation, s.
+    """
     how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
     return f"the coil is off, confirmed after {seconds:.2f} s{how}"
 

@@ -1,8 +1,9 @@
-"""Events of a run: one dataclass for each kind of event, sent by the run and by its guardian to their listeners.
+"""Events of a run: one dataclass for each kind of event.
 
-Listeners use the type and the fields of an event, never its words. `event_words` describes an event in English, and
-`event_lines` writes and reads it as a line of JSON. Units are in the names of the fields. Times are seconds since
-1970-01-01 UTC, from the clock of the computer. Currents are in ampere.
+The run and its guardian send the events to their listeners. Listeners use the type and the fields of an event, never
+the words in its text fields. `event_words` describes an event in English, and `event_lines` writes and reads an event
+as a line of JSON. Units are in the names of the fields. Times are seconds since 1970-01-01 UTC, from the clock of the
+computer. Currents are in ampere.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """An event at `time_s`. event: its name in JSON, which never changes."""
+    """An event of a run. `time_s` is its time; `event` is its name in JSON, which never changes."""
 
     event: ClassVar[str]
     time_s: float = field(default_factory=time.time, compare=False)
@@ -29,20 +30,25 @@ class Event:
 FOUND_OFF = "; the output was already off when the connection was opened again"
 
 OnEvent = Callable[[Event], None]
-"""Receives every event in the thread of the run. It must return at once, and an error in it ends the run."""
+"""A listener: a function that receives every event and must return at once. An exception in a listener ends the run.
+
+The thread of the run calls the listener. Another thread calls it for `OffNotConfirmed` while the run still tries to
+switch the coil off, and for `InterlockOpened` during a ring-down.
+"""
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing: the listener of a run whose events nobody receives."""
+    """Do nothing: the listener of a run without a receiver of its events."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunBegun(Event):
-    """A run begins; the run has not used any instrument yet.
+    """A run begins; no instrument has been used yet.
 
-    without_contact: state of the coil after its cable is pulled, in the words of the driver; empty if the coil is
-    simulated. hottest_share: largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig
-    states no rating. interlocks: the readings with interlocks, which the run checks and its guardian does not.
+    `without_contact` is the state of the coil after its cable is pulled, in the words of the driver; empty if the coil
+    is simulated. `hottest_share` is the largest predicted heat of the coil, as a fraction of the allowed heat; null if
+    the rig file gives no rating of the coil. `interlocks` are the names of the readings with interlocks. The run checks
+    these readings; its guardian does not.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -61,7 +67,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched on or off, and the read-back confirmed it."""
+    """The output of the supply was switched on or off, and the supply confirmed it when it was read back."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -69,11 +75,11 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """Motion of the beam at rest between an earlier conditioning cycle and the last one, at one current.
+    """Distance between the tips of the beam at rest in an earlier load cycle and in the last one, at one current.
 
-    since_cycle: the earlier cycle; 0 means before the first cycle. tip_moved_px, tip_moved_mm: motion of the tip; null
-    if no tip is visible. difference_ratio: without a tip, the difference of the images divided by the difference due to
-    noise; otherwise null.
+    `since_cycle` is the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm`
+    are the distance; null if no tip is visible. If no tip is visible, `difference_ratio` is the difference of the two
+    images divided by the difference due to noise; otherwise null.
     """
 
     current_A: float
@@ -85,7 +91,7 @@ class ShapeChange:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditioningDone(Event):
-    """The conditioning cycles are over. changes: the change of the beam at each current."""
+    """All load cycles before the run are done. `changes` gives the change of the beam's shape at each current."""
 
     event: ClassVar[str] = "conditioning_done"
     cycles: int
@@ -94,7 +100,7 @@ class ConditioningDone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Settled(Event):
-    """The wait until the beam is at rest is over. at_rest: false if the beam was still moving when it ended."""
+    """The wait until the beam is at rest is over. `at_rest` is false if the beam still moved at the end of the wait."""
 
     event: ClassVar[str] = "settled"
     state: int
@@ -104,7 +110,7 @@ class Settled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStored(Event):
-    """A state was written to the dataset on the disk. flags: names of the defects of its frames."""
+    """A state was written to the dataset on the disk. `flags` are the names of the defects of the state's frames."""
 
     event: ClassVar[str] = "state_stored"
     state: int
@@ -117,9 +123,10 @@ class StateStored(Event):
 class RingDownStored(Event):
     """A ring-down was written to the dataset on the disk.
 
-    ring_down: the number of this ring-down, from 0, out of `ring_downs`. from_A: current before the step to zero.
-    frames: number of frames. lost: number of frames that the camera counted but that did not arrive. rate_Hz: frames
-    per second. step_uncertainty_s: standard uncertainty of the moment of the step. flags: names of the defects.
+    `ring_down` is the number of this ring-down, from 0, out of `ring_downs`. `from_A` is the current before the step to
+    zero. `frames` is the number of frames. `lost` is the number of frames that the camera counted but that did not
+    arrive. `rate_Hz` is the number of frames per second. `step_uncertainty_s` is the standard uncertainty of the time
+    of the step. `flags` are the names of the defects of the recording.
     """
 
     event: ClassVar[str] = "ring_down_stored"
@@ -135,7 +142,7 @@ class RingDownStored(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStoredBefore(Event):
-    """The dataset of a resumed run already contains this state; the state is not measured again."""
+    """The dataset of a resumed run already contains this state. The state is not measured again."""
 
     event: ClassVar[str] = "state_stored_before"
     state: int
@@ -144,7 +151,7 @@ class StateStoredBefore(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PauseRequested(Event):
-    """A person asked for a pause, which begins once the present state is stored."""
+    """A person asked for a pause. The pause begins when the present state is stored."""
 
     event: ClassVar[str] = "pause_requested"
 
@@ -153,7 +160,7 @@ class PauseRequested(Event):
 class Paused(Event):
     """The run waits for a person before `state`, with the coil off.
 
-    swap_leads: whether the person has to swap the leads of the coil before the run continues.
+    `swap_leads` is true if the person has to swap the leads of the coil before the run continues.
     """
 
     event: ClassVar[str] = "paused"
@@ -165,7 +172,7 @@ class Paused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Resumed(Event):
-    """The pause is over; the run returns to `state` through the states before it."""
+    """The pause is over. The run first ramps through the states before `state`, and then takes `state`."""
 
     event: ClassVar[str] = "resumed"
     state: int
@@ -173,7 +180,7 @@ class Resumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequested(Event):
-    """A signal asked the run to stop, and the run stops. signal: the name of the signal, such as SIGINT."""
+    """A signal asked the run to stop, and the run stops. `signal` is the name of the signal, such as SIGINT."""
 
     event: ClassVar[str] = "stop_requested"
     signal: str
@@ -181,21 +188,21 @@ class StopRequested(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SuspendRefused(Event):
-    """Ctrl-Z was refused: a suspended run would leave the coil on."""
+    """Ctrl-Z was refused, because a suspended run would leave the coil on."""
 
     event: ClassVar[str] = "suspend_refused"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PageGone(Event):
-    """The page that started the run is gone; the run stops."""
+    """The page that started the run is closed or does not answer any more. The run stops."""
 
     event: ClassVar[str] = "page_gone"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Warned(Event):
-    """A warning, which does not end the run. message: text for a person."""
+    """A warning, which does not end the run. `message` is a text for a person."""
 
     event: ClassVar[str] = "warned"
     message: str
@@ -203,10 +210,11 @@ class Warned(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class FramesLost(Event):
-    """Frames did not arrive completely, and none of them is stored. The run continues.
+    """Some frames did not arrive completely, and none of these frames is stored. The run continues.
 
-    state: the state during which they were exposed; null before, between and after the states. frames: number of lost
-    frames. reasons: number of lost frames for each reason that the camera's driver states.
+    `state` is the state during which the frames were exposed; null before, between and after the states. `frames` is
+    the number of lost frames. `reasons` gives the number of lost frames for each reason that the driver of the camera
+    reports.
     """
 
     event: ClassVar[str] = "frames_lost"
@@ -217,11 +225,11 @@ class FramesLost(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class InterlockOpened(Event):
-    """A reading left the bounds of its interlock, or did not come; the run ends with the coil off.
+    """A reading left the bounds of its interlock, or the reading did not come. The run ends with the coil off.
 
-    reading: the name of the reading in the rig file. value: the value in the unit of the reading; null if there is
-    none. minimum, maximum, longest_silence_s: the bounds in the rig file, null where it states none. silent_s: how long
-    no reading came; null if one came.
+    `reading` is the name of the reading in the rig file. `value` is the value in the unit of the reading; null if no
+    value came. `minimum`, `maximum` and `longest_silence_s` are the bounds in the rig file; a bound that the rig file
+    does not give is null. `silent_s` is the time since the last value if this time was too long; otherwise null.
     """
 
     event: ClassVar[str] = "interlock_opened"
@@ -235,7 +243,7 @@ class InterlockOpened(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Event):
-    """An error ends the run. kind: the type of the error. message: text for a person."""
+    """An error ends the run. `kind` is the type of the error. `message` is a text for a person."""
 
     event: ClassVar[str] = "fault"
     kind: str
@@ -246,11 +254,12 @@ class Fault(Event):
 class OffConfirmed(Event):
     """The coil is off.
 
-    by: the process that switched it off. determined_by: "commanded" if the supply reads back zero and off, "measured"
-    if in addition a measured current is below the limit. current_A, limit_A: the measured current and the limit; null
-    if not measured. takeover: reason why the guardian switched off; null if the run did. run_killed: whether the
-    guardian killed the run for this. address: address of the supply; empty if the run switched off. remark: failures
-    before the coil was off, in words; usually empty.
+    `by` is the process that switched the coil off. `determined_by` is "commanded" if the supply reads back zero and
+    off; it is "measured" if in addition a measured current is below the limit. `current_A` and `limit_A` are the
+    measured current and the limit; null if the supply cannot measure. `takeover` is the reason why the guardian
+    switched the coil off; null if the run switched it off. `run_killed` is true if the guardian killed the run before
+    switching off. `address` is the address of the supply; empty if the run switched the coil off. `remark` describes
+    failures before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
@@ -272,7 +281,10 @@ def off_confirmed(
     address: str = "",
     remark: str = "",
 ) -> OffConfirmed:
-    """Return the event of a coil that is off. off: the measured current; None if the supply cannot measure."""
+    """Return the event for a coil that is off.
+
+    `off` is the measured current; None if the supply cannot measure. The other parameters are fields of `OffConfirmed`.
+    """
     return OffConfirmed(
         by=by,
         determined_by="commanded" if off is None else "measured",
@@ -287,11 +299,11 @@ def off_confirmed(
 
 @dataclass(frozen=True, kw_only=True)
 class OffNotConfirmed(Event):
-    """The coil could not be confirmed off, so that it may still be on.
+    """Nobody could confirm that the coil is off, so that the coil may still be on.
 
-    reason: text for a person. current_A, limit_A: the measured current and the limit with which it was compared; null
-    if not measured. trying_process: number of the process that continues to try; null if there is none. The other
-    fields are those of `off_confirmed`.
+    `reason` is a text for a person. `current_A` and `limit_A` are the measured current and the limit with which the
+    current was compared; null if no current was measured. `trying_process` is the number of the process that continues
+    to try; null if no process tries. The other fields have the same meaning as in `off_confirmed`.
     """
 
     event: ClassVar[str] = "off_not_confirmed"
@@ -306,7 +318,7 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian begins to switch the coil off, instead of the run."""
+    """The guardian begins to switch the coil off, because the run cannot do so."""
 
     event: ClassVar[str] = "guardian_took_over"
     takeover: Takeover
@@ -315,7 +327,10 @@ class GuardianTookOver(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunKilled(Event):
-    """The guardian kills the run, which stands still and holds the line to the supply. reason: text for a person."""
+    """The guardian kills the run, because the run stands still and occupies the line to the supply.
+
+    `reason` is a text for a person.
+    """
 
     event: ClassVar[str] = "run_killed"
     address: str
@@ -324,7 +339,7 @@ class RunKilled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class EmulatedSupplyGone(Event):
-    """The emulated supply and its pseudo-terminal do not exist any more: the guardian has nothing to switch off."""
+    """The emulated supply and its pseudo-terminal do not exist any more. The guardian has nothing to switch off."""
 
     event: ClassVar[str] = "emulated_supply_gone"
     takeover: Takeover
@@ -335,8 +350,9 @@ class EmulatedSupplyGone(Event):
 class RunEnded(Event):
     """The run is over.
 
-    reason: the name of the signal that stopped it or the type of the error; empty for "completed". stored: number of
-    states in the dataset, out of `states`; null if the run failed before its first state could be taken.
+    `reason` is the name of the signal that stopped the run, or the type of the error that ended it; empty if `status`
+    is "completed". `stored` is the number of states in the dataset, out of `states`; null if the run failed before it
+    could take its first state.
     """
 
     event: ClassVar[str] = "run_ended"
@@ -348,4 +364,4 @@ class RunEnded(Event):
 
 
 EVENTS: dict[str, type[Event]] = {kind.event: kind for kind in Event.__subclasses__()}
-"""Every event by its name in JSON."""
+"""The class of every event, by the name of the event in JSON."""

@@ -1,10 +1,13 @@
 """Start the guardian process, and exchange messages with it during a run.
 
-The guardian process switches the coil off if the run dies or stands still; its code is in `guardian_process`. The run
-holds the only writing end of a pipe to the guardian. The system closes this end when the run ends, for any reason.
-While the guardian is armed, every step of the run writes a beat to the pipe, so that the guardian also notices a run
-that stands still. On a second pipe the guardian reports that it is alive. Without these reports the run ends, because a
-run without a guardian is not allowed.
+The guardian process switches the coil off if the run dies or stands still. Its code is in `guardian_process`. Two pipes
+connect the run and the guardian:
+
+- The run holds the only writing end of the first pipe. The operating system closes this end when the run ends, for any
+reason. While the guardian is armed, every step of the run writes a message to the pipe, a beat. Without beats the
+guardian treats the run as standing still.
+- On the second pipe, the guardian reports that it is alive. Without these reports the run ends, because a run without a
+guardian is not allowed.
 """
 
 from __future__ import annotations
@@ -25,14 +28,14 @@ from eimi_lab.process.pipes import handed_down, never_wait_to_write, readable
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
-"""Time without a beat after which the guardian treats the run as standing still."""
+"""Time (s) without a beat after which the guardian treats the run as standing still."""
 
 SILENT_FOR_S = 1.5
-"""Time without a report after which the run treats the guardian as gone; it reports four times as often."""
+"""Time (s) without a report after which the run treats the guardian as gone. Reports come four times as often."""
 
 BEAT_EVERY_S = 0.1
 LONGEST_GAP_S = 10.0
-"""Longest time between two beats. A longer gap means the process was stopped or the computer slept: the run ends."""
+"""Longest time (s) between two beats. After a longer gap the run ends: its process stopped or the computer slept."""
 TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
@@ -41,16 +44,16 @@ RECOGNISED = b"recognised"
 
 
 class StoodStill(InstrumentError):
-    """The run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+    """The run took no step for longer than `LONGEST_GAP_S` while the coil was on."""
 
 
 @dataclass(frozen=True)
 class Ward:
-    """The supply that the guardian switches off: driver, address and limits of the rig.
+    """The supply that the guardian switches off: its driver, its address and the limits of the rig.
 
-    packed: the code of a driver that this program added, see `added_driver.pack`. identity: text and serial number of
-    the supply that the run uses; None until the run has read them. recognised: whether the run switched the output off
-    and still measured a current.
+    `packed` is the code of a driver that the user's program added, see `added_driver.pack`. `identity` contains the
+    identification text and the serial number of the supply that the run uses; None until the run has read them.
+    `recognised` is true if the run switched the output off and still measured a current.
     """
 
     driver: str
@@ -64,24 +67,26 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The current limit, the voltage limit and the off limit with which the driver is opened."""
+        """The current limit, the voltage limit and the off limit with which the guardian opens the driver."""
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
 class Guardian:
-    """The run's connection to its guardian process, which is armed while the output may be on; see `guarding`.
+    """The connection of a run to its guardian process; see `guarding`.
+
+    The guardian is armed while the output of the supply may be on.
 
     Parameters
     ----------
     ward : Ward
         The supply to switch off.
     events : int or None
-        File descriptor to which the guardian writes its events, as lines of JSON.
+        File descriptor to which the guardian writes its events, as lines of JSON; None writes no events.
 
     Notes
     -----
-    The constructor starts the process and does not wait until it is ready. The process has its own session, so that
-    Ctrl-C on the terminal does not reach it.
+    The constructor starts the process and does not wait until the process is ready. The process has its own session, so
+    that Ctrl-C on the terminal does not reach it.
     """
 
     def __init__(self, ward: Ward, events: int | None = None) -> None:
@@ -123,32 +128,32 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Send the identity of the run's supply, so that the guardian uses no other supply at the same address."""
+        """Send the identity of the run's supply, so that the guardian accepts no other supply at the same address."""
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Report that the run itself switched the output off and still measured a current.
+        """Report that the run switched the output off and still measured a current.
 
-        The guardian then finds the output off although this is the supply of the coil.
+        The guardian then accepts this supply as the supply of the coil, although the output is already off.
         """
         self._send(RECOGNISED)
 
     def beat(self) -> None:
-        """Report that the run has taken a step. The method never waits and raises no error."""
+        """Send a beat to the guardian: the run has taken a step. The method never waits and raises no error."""
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
             self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Allow the run this time (s) until its next beat. The method never waits and raises no error."""
+        """Allow the run `seconds` (s) until its next beat. The method never waits and raises no error."""
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds
             self._send(ALLOW + f"{seconds:.1f}".encode())
 
     def refuse_a_gap(self) -> None:
-        """Raise StoodStill if the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+        """Raise StoodStill if the run took no step for longer than `LONGEST_GAP_S` while the coil was on."""
         self._note_the_gap()
         if self._armed and self._gap_s:
             raise StoodStill(
@@ -162,7 +167,10 @@ class Guardian:
             self._gap_s = max(self._gap_s, gap_s)
 
     def check(self) -> None:
-        """Raise InstrumentError, which ends the run, if the guardian process ended, was stopped or has taken over."""
+        """Raise InstrumentError if the guardian process ended, does not answer or has taken over.
+
+        The error ends the run.
+        """
         if not self._armed:
             return
         self.refuse_a_gap()
@@ -190,12 +198,15 @@ class Guardian:
         return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
-        """Disarm the guardian, after the coil was confirmed off. A guardian that is gone raises no error."""
+        """Disarm the guardian after the coil was confirmed off. No error is raised if the guardian process is gone."""
         self._armed = False
         self._send(DISARM)
 
     def dismiss(self) -> None:
-        """Close the pipes. An armed guardian now switches the coil off; this method does not wait for it."""
+        """Close the pipes to the guardian process, and end the process if it is not armed.
+
+        An armed guardian now switches the coil off. The method does not wait for this.
+        """
         if self._armed:
             resume(self._process)
             self._send(TAKE_OVER)
@@ -220,9 +231,10 @@ class Guardian:
 
 @contextmanager
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
-    """Start a guardian for one run. If it is still armed at the end of the context, it switches the coil off.
+    """Start a guardian for one run, and dismiss it at the end of the context.
 
-    events: see `Guardian`.
+    A guardian that is still armed at the end of the context switches the coil off. `ward` and `events` are the
+    parameters of `Guardian`.
     """
     guardian = Guardian(ward, events)
     try:

@@ -1,6 +1,6 @@
 """The guardian process: wait until the run dies or stands still, and then switch the coil off.
 
-Before that, the process opens no port. It reports that it is ready after it has imported all its modules, and the run
+The process opens no port while it waits. It reports that it is ready after it has imported all its modules. The run
 switches the output on only after this report.
 """
 
@@ -66,8 +66,8 @@ TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
 REPORT_EVERY_S = 60.0
 DOUBTED_AFTER_S = 2.0
 ENDED_WITH_OTHERS = (
-    "the guardian process is in a job object of the program that started this one: if that program ends all its "
-    "processes at once, nobody switches the coil off; start eimi from a terminal of Windows"
+    "the guardian process is in a job object of the program that started eimi: if that program ends all its processes "
+    "at once, nobody switches the coil off; start eimi from a terminal of Windows"
 )
 FROM_RUN, TO_RUN = 0, 1
 
@@ -77,7 +77,7 @@ ASKED: Takeover = "run_could_not_switch_off"
 
 
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
-    """Wait for the run to end; if the coil may still be on, switch it off."""
+    """Wait for the end of the run, and switch the coil off if it may still be on."""
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -108,9 +108,14 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
 
 
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
-    """Return the reason for switching off (None if the run ended with the coil off), and the supply that the run used.
+    """Wait until the run ends or stands still.
 
-    The run may have sent the identity of its supply.
+    Returns
+    -------
+    takeover : Takeover or None
+        Reason for switching the coil off; None if the run ended with the coil off.
+    ward : Ward
+        The supply of the run, with its identity if the run has sent it.
     """
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
@@ -142,10 +147,10 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
 
 
 def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_event: OnEvent) -> None:
-    """Switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
+    """Switch the supply off and measure its current, repeatedly, until the coil is off or `TRY_FOR_S` has passed.
 
-    A run that stands still keeps its connection, and some supplies serve only one connection at a time. If the first
-    attempt fails, the guardian therefore kills the process `run`.
+    A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
+    If the first attempt fails, the guardian therefore kills the process `run`.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
@@ -192,28 +197,30 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open the supply, compare its identity, switch off, measure and close.
+    """Open the supply, compare its identity, switch it off, measure its current and close it.
 
-    No set-point except zero is sent: a current measured during a fault may be twice the set-point or more.
+    The only set-point that is sent is zero: a current measured during a fault may be twice the set-point or more.
 
     Parameters
     ----------
-    was_on
-        Contains True after an attempt saw the output on, as the run left it, or measured a current above the limit. A
-        supply that was off in every attempt may be another one of the same model, unless it has a serial number or is
-        on a pseudo-terminal.
+    ward : Ward
+        The supply of the coil.
+    was_on : set of bool
+        Receives True if this attempt finds the output on, as the run left it, or measures a current above the limit.
+        While the set is empty, the supply that answers may be another supply of the same type. This does not apply to a
+        supply with a serial number, nor to a supply on a pseudo-terminal.
 
     Returns
     -------
     off : Off or None
         The measured current; None if the supply cannot measure.
     remark : str
-        Failures that did not prevent the switching off, in words.
+        Failures that did not prevent the switching off, in words; empty if there was none.
 
     Raises
     ------
     Exception
-        If the supply was not confirmed off, the error that prevented it.
+        The error that prevented the confirmation, if the supply was not confirmed off.
     """
     clock, remark = WallClock(), ""
     supply = open_supply(ward.driver, ward.address, ward.limits, clock)
@@ -249,9 +256,10 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _compare(ward: Ward, supply: PowerSupply) -> str:
-    """Return why the supply was not identified, or "" if it was. Raises AnotherSupply if another one answers.
+    """Return why the supply did not give its identity, in words; empty if it gave the identity of the run's supply.
 
-    A supply that does not answer is switched off nevertheless, because it may be the supply of the coil.
+    A supply that does not answer is switched off nevertheless, because it may be the supply of the coil. Raises
+    AnotherSupply if another supply answers.
     """
     if ward.identity is None:
         return ""
@@ -270,7 +278,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off, now and in every earlier attempt. If it is on, add True to `was_on`."""
+    """Return whether the output is off, now and in every earlier attempt. If the output is on, add True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -279,7 +287,7 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_one_of_a_kind(ward: Ward) -> bool:
-    """Return whether the identity or the address can belong to no other supply."""
+    """Return whether no other supply can have the same identity and address, or the run has sent no identity."""
     return ward.identity is None or bool(ward.identity[1]) or "/dev/pts/" in ward.address
 
 
@@ -293,16 +301,21 @@ def _say(message: bytes) -> None:
 
 
 def _print(event: Event) -> None:
-    """Print an event in words on standard error."""
+    """Print the sentence for an event on standard error."""
     if not isinstance(event, GuardianTookOver):
         with suppress(OSError):  # the terminal may be gone with the run
             print(f"eimi guardian: {in_words(event)}", file=sys.stderr, flush=True)
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Guard the supply that `ward`, a `Ward` as JSON, describes.
+    """Guard the supply of a run until the run ends.
 
-    events: name of the descriptor to which events are written; None if no program reads them.
+    Parameters
+    ----------
+    ward : str
+        A `Ward` as JSON.
+    events : str or None
+        Name of the descriptor to which events are written; None if no program reads them.
     """
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))

@@ -1,13 +1,13 @@
-"""Predict the heat of the coil during a run, and refuse a protocol that would overheat it.
+"""Predict the heat of the coil during a run, and refuse a protocol that would overheat the coil.
 
-The coil is modelled as a body of first order, which loses heat in proportion to its temperature rise, and its
-resistance is assumed constant. Its temperature rise is then proportional to h, with
+The coil is modelled as a body of first order: it loses heat in proportion to its temperature rise. The resistance of
+the coil is assumed constant. The temperature rise is then proportional to the heat h (A²) with
 
     τ dh/dt = I² − h,
 
-where I is the current and τ the thermal time constant. At the continuous current I₀, which the coil withstands without
-a time limit, h approaches I₀². A protocol is refused if h would exceed I₀² = continuous_current_A². Every state is
-assumed to take its longest possible time.
+where I is the current and τ the thermal time constant. The coil withstands the continuous current I₀ =
+continuous_current_A without a time limit; h then approaches I₀². A protocol is refused if h would exceed I₀². Every
+state is assumed to take its longest possible time.
 """
 
 from __future__ import annotations
@@ -27,16 +27,24 @@ STORED_WITHIN_S = 0.1  # longest time for storing one frame of a transient
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest moment of a run: the stage that ends at this moment, in words, and the heat h / I₀²."""
+    """The largest heat of the coil during a run, and when it occurs.
+
+    Attributes
+    ----------
+    stage : str
+        The stage of the run in which the heat is largest, in words.
+    share : float
+        The largest heat as a share of the allowed heat, h / I₀² of this module.
+    """
 
     stage: str
     share: float
 
 
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
-    """Return the hottest moment of a run in which every stage takes its longest time.
+    """Return the largest heat of the coil in a run whose every stage takes its longest time.
 
-    The current of a ramp is replaced by its root mean square.
+    During a ramp, I² is replaced by its mean over the ramp. Ring-downs and pauses are left out.
     """
     heat_A2, before_A, worst = 0.0, 0.0, Heating("the beginning", 0.0)
     for stage, current_A, held_s in _stages(protocol):
@@ -52,7 +60,17 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """Yield the stages of a run: the name, the current (A) and the longest time for which it is held (s)."""
+    """Yield the stages of a run in their order.
+
+    Yields
+    ------
+    stage : str
+        Name of the stage.
+    current_A : float
+        Current, A.
+    held_s : float
+        Longest time for which the current is held, s.
+    """
     at_rest_s = protocol.settle.timeout_s + REACHED_WITHIN_S
     if rule := protocol.conditioning:
         for cycle in range(1, rule.cycles + 1):
@@ -66,7 +84,10 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
 
 
 class Warming:
-    """The heat of a coil during a run, by the model of this module; the coil is cold at the first reading."""
+    """The heat of a coil during a run, computed from its current with the equation of this module.
+
+    The coil is assumed to be cold at the first call of `flows`.
+    """
 
     def __init__(self, rating: CoilRating) -> None:
         self._rating = rating
@@ -74,11 +95,11 @@ class Warming:
         self._since_s: float | None = None
 
     def flows(self, now_s: float, current_A: float) -> None:
-        """Record that this current flows from now on; `now_s` is the time (s) of any monotonic clock."""
+        """Set the current that flows from the time `now_s` on; `now_s` (s) comes from any monotonic clock."""
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:
-        """Return the heat h / I₀² at the time `now_s`."""
+        """Return the heat at the time `now_s` (s) as a share of the allowed heat, h / I₀²."""
         return self._heat(now_s) / self._rating.continuous_current_A**2
 
     def _heat(self, now_s: float) -> float:
@@ -88,11 +109,11 @@ class Warming:
 
 
 def refuse_overheating(protocol: Protocol, rating: CoilRating) -> None:
-    """Raise InputError if the coil could become hotter than with its continuous current."""
+    """Raise InputError if a protocol could make the coil hotter than its continuous current does."""
     worst = hottest(protocol, rating)
     if worst.share > 1:
         raise InputError(
             f"protocol {protocol.name}: could overheat the coil at {worst.stage}: {100 * worst.share:.0f} % of the "
             f"heat at coil.continuous_current_A = {rating.continuous_current_A:g}; reduce the currents, "
-            "settle.timeout_s or the number of states or cycles"
+            "settle.timeout_s, or the number of states or cycles"
         )

@@ -1,4 +1,7 @@
-"""Interlocks of a run: if a reading is outside its bounds or missing, the run ends with the coil off."""
+"""Interlocks of a run: bounds of its readings.
+
+If a reading is outside its bounds or is missing, the run ends with the coil off.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,19 @@ class BeyondInterlock(InstrumentError):
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
-    """Return the readings of a supply by name."""
+    """Return the readings of a supply that an interlock can bound, by their names in the rig file."""
     return {name: reading(measured) for name, reading in READINGS.items()}
 
 
 class Interlocks:
-    """The interlocks of a rig, and the time of the last value of each of their readings.
+    """The interlocks of a rig; they end a run whose readings leave their bounds.
 
     Parameters
     ----------
     rules : sequence of Interlock
         The interlocks of the rig file.
     on_event : callable
-        Receives an `InterlockOpened` if a reading leaves its bounds.
+        Receives an `InterlockOpened` if a reading leaves its bounds or is missing.
     """
 
     def __init__(self, rules: Sequence[Interlock] = (), on_event: OnEvent = ignore_event) -> None:
@@ -39,11 +42,17 @@ class Interlocks:
         return bool(self._rules)
 
     def hold(self, readings: Mapping[str, float]) -> bool:
-        """Return whether these readings, by name, are within their bounds."""
+        """Return whether readings are within their bounds.
+
+        `readings` contains the values by name; some names may be missing.
+        """
         return all(_is_within(rule, readings[rule.reading]) for rule in self._rules if rule.reading in readings)
 
     def check(self, readings: Mapping[str, float], now_s: float) -> None:
-        """Check readings that came at `now_s` on the clock of the run. Raises BeyondInterlock."""
+        """Raise BeyondInterlock if a reading is outside its bounds, and record `now_s` as the time of these readings.
+
+        `readings` contains the values by name; `now_s` is the time on the clock of the run (s).
+        """
         for rule in self._rules:
             if rule.reading in readings:
                 self._came_s[rule.reading] = now_s
@@ -52,21 +61,24 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if a reading has not come for too long. The first reading may take any time."""
+        """Raise BeyondInterlock if the last value of a reading is older than its longest silence.
+
+        There is no limit for the time until the first value.
+        """
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
             if silent_s > rule.longest_silence_s:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget the times at which readings came; the silence of each reading is counted from its next value.
+        """Forget the times of all readings. The silence of each reading then counts from its next value.
 
         While the output is off, the next value may come late.
         """
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:
-        """Raise BeyondInterlock if a reading is outside its bounds, or missing, before a run begins."""
+        """Raise BeyondInterlock before a run begins if a reading is outside its bounds or is missing."""
         for rule in self._rules:
             value = readings.get(rule.reading)
             if value is None or not _is_within(rule, value):
@@ -86,7 +98,7 @@ class Interlocks:
 
 
 def _is_within(rule: Interlock, value: float) -> bool:
-    """Return whether a value is within the bounds; NaN is outside any bound."""
+    """Return whether a value is within the bounds of an interlock; NaN is outside every bound."""
     if rule.minimum is not None and not value >= rule.minimum:
         return False
     return rule.maximum is None or value <= rule.maximum

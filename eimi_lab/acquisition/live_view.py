@@ -1,4 +1,4 @@
-"""Show the frames of the camera during a run."""
+"""Show the frames of the camera to a viewer during a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from eimi_lab.acquisition.playback import Cue
 
 @dataclass(frozen=True)
 class Live:
-    """The latest frame, with the present state and set-point (A) of the run; None before the first state."""
+    """The latest frame of a run, with the number of the present state and its set-point (A).
+
+    Before the first state, the number and the set-point are None.
+    """
 
     frame: Frame
     state: int | None
@@ -24,21 +27,21 @@ Show = Callable[[Live], None]
 
 
 def show_nothing(live: Live) -> None:
-    """Do nothing; the `Show` of a run without a viewer."""
+    """Do nothing: the argument `show` for a run without a viewer."""
 
 
 class WatchedCamera:
-    """A camera that passes every frame to `show` before it returns it.
+    """A camera that passes every frame to a viewer before returning the frame.
 
     Parameters
     ----------
     camera : Camera
         Takes the frames.
     show : Show
-        Receives every frame. It is called in the thread of the run: it must return quickly, and an error in it ends the
-        run.
+        Receives every frame. The thread of the run calls this function: it must return quickly, and an exception in it
+        ends the run.
     cue : Cue
-        Receives the present state.
+        Receives the number of the present state.
     """
 
     def __init__(self, camera: Camera, show: Show, cue: Cue) -> None:
@@ -50,7 +53,7 @@ class WatchedCamera:
         self._reported_lost: Counter[str] = Counter()
 
     def at(self, state: int, current_A: float) -> None:
-        """Set the state and the current (A) that the next frames show."""
+        """Set the state and the current (A) that the viewer receives with the next frames."""
         self._state, self._current_A = state, current_A
         self._cue.state = state
 
@@ -63,14 +66,20 @@ class WatchedCamera:
         self.watched.flush()
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`. Raises ReplyNotUnderstood if the frame is no image or differs in format from the first."""
+        """See `Camera.grab`.
+
+        Raises ReplyNotUnderstood if the frame is no image or if its format differs from the first frame.
+        """
         frame = check_frame(self.watched.identify().address, self.watched.grab(timeout_s), self._first)
         self._first = self._first or frame
         self._show(Live(frame, self._state, self._current_A))
         return frame
 
     def newly_lost(self) -> Counter[str]:
-        """Return the frames that were lost since the last call, by the reason; none if the camera does not count."""
+        """Return the number of frames that were lost since the previous call, for each reason.
+
+        The result is empty if the camera does not count lost frames.
+        """
         lost = Counter(getattr(self.watched, "lost_frames", {}))
         new, self._reported_lost = lost - self._reported_lost, lost
         return new

@@ -28,11 +28,24 @@ from eimi_lab.process.progress import silent
 class Bench:
     """The open instruments of a run.
 
-    truth: material and geometry of a virtual beam; None on a real bench. guardian: switches the supply off if the run
-    dies; None for a simulated supply, which ends with the run. camera_settings: values read back from the camera after
-    it was set up. cue: present state of the run, for a recording. interruption: called by supply and camera during long
-    operations, so that a signal can interrupt them. relay: swaps the leads of the coil; None if a person has to.
-    sensors: the sensors of the rig.
+    Attributes
+    ----------
+    supply, camera, clock
+        The supply of the coil, the camera, and the clock of the run.
+    truth : dict or None
+        Material and geometry of a virtual beam; None on a real bench.
+    guardian : Guardian or None
+        Switches the supply off if the run dies; None for a simulated supply, which ends together with the run.
+    camera_settings : CameraSettings
+        Values that were read back from the camera after it was set up.
+    cue : Cue
+        Present state of the run, for a recording in place of a camera.
+    interruption : Interruption
+        Called by supply and camera during long operations, so that a signal can interrupt these operations.
+    relay : callable or None
+        Swaps the leads of the coil; None if a person has to swap them.
+    sensors : tuple of OpenSensor
+        The sensors of the rig.
     """
 
     supply: PowerSupply
@@ -58,26 +71,32 @@ def open_bench(
     guardian_events: int | None = None,
     rate_Hz: float | None = None,
 ) -> Iterator[Bench]:
-    """Open the instruments of a rig, and close them at the end of the context.
+    """Open the instruments of a rig for a run, and close them at the end of the context.
 
-    Closing does not switch the supply off; `switching_off` does that.
+    Closing does not switch the supply off; `switching_off` switches the supply off.
 
     Parameters
     ----------
     rig : Rig
         The instruments, with their limits.
     specimen : SpecimenFile
-        The specimen, for a virtual rig.
+        The specimen. Only a virtual beam uses it.
     limits : SupplyLimits
         Limits of the protocol. Of each limit, the stricter value of rig and protocol applies.
     transcript : Path or None
-        New file that records every message to and from the supply. A virtual supply exchanges no messages.
+        New file that records every message to and from the supply. The supply of a virtual rig exchanges no messages.
     on_event : OnEvent or None
-        Receives a warning if the camera cannot be closed. By default the warning is printed.
+        Receives a warning if the camera or a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
-        File descriptor to which the guardian writes its events as lines of JSON; it also prints them on standard error.
+        File descriptor to which the guardian writes its events as lines of JSON. The guardian always prints its events
+        on standard error too.
     rate_Hz : float or None
-        Frame rate of the camera, if the rig states none.
+        Frame rate of the camera, Hz, if the rig file gives no frame rate.
+
+    Yields
+    ------
+    Bench
+        The open instruments.
 
     Raises
     ------
@@ -137,7 +156,7 @@ def open_bench(
 
 
 def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
-    """Return material and geometry of a virtual beam; None on a real bench."""
+    """Return the material and the geometry of a virtual beam; None on a real bench."""
     if rig.virtual is None:
         return None
     from eimi_lab.virtual.virtual_rig import truth_of

@@ -1,4 +1,4 @@
-"""Open the supply and the sensors of a rig, guarded, and close them after use."""
+"""Open the supply and the sensors of a rig with a guardian, and close them after use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ from eimi_lab.process.progress import silent
 
 @dataclass(frozen=True)
 class CoilBench:
-    """The open supply of a coil, its clock, its guardian (None for a simulated supply) and the sensors of the rig."""
+    """The open supply of a coil, its clock, its guardian and the open sensors of the rig.
+
+    `guardian` is None for a simulated supply. `interruption` lets a signal interrupt long operations of the supply.
+    """
 
     supply: PowerSupply
     clock: Clock
@@ -38,7 +41,7 @@ def open_coil(
     on_event: OnEvent | None = None,
     guardian_events: int | None = None,
 ) -> Iterator[CoilBench]:
-    """Open supply and sensors of a rig with real instruments, and close them at the end of the context.
+    """Open the supply and the sensors of a rig with real instruments, and close them at the end of the context.
 
     Parameters
     ----------
@@ -49,7 +52,12 @@ def open_coil(
     on_event : OnEvent or None
         Receives a warning if a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
-        File descriptor to which the guardian writes its events.
+        File descriptor to which the guardian writes its events as lines of JSON.
+
+    Yields
+    ------
+    CoilBench
+        The open instruments.
 
     Raises
     ------
@@ -88,7 +96,11 @@ def open_coil(
 def open_virtual_sensors(
     rig: Rig, supply: PowerSupply, field_mT: Callable[[], float], clock: Clock
 ) -> tuple[OpenSensor, ...]:
-    """Open the sensors of a virtual rig: emulated sensors in the true field, and the coil as a thermometer."""
+    """Open and return the sensors of a virtual rig.
+
+    An emulated sensor measures the true field `field_mT` (mT). A sensor that uses the coil as a thermometer measures
+    through `supply`.
+    """
     from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
     return tuple(
@@ -101,7 +113,7 @@ def open_virtual_sensors(
 
 
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor; an error is only a warning, because the coil is off and the states are stored."""
+    """Close a camera or a sensor. An error is only a warning, because the coil is off and the states are stored."""
     try:
         instrument.close()
     except InstrumentError as error:
@@ -109,7 +121,7 @@ def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
 
 
 def attached() -> str:
-    """Return the list of attached instruments, for the error message about an instrument that was not found."""
+    """Return a sentence with the attached instruments, for the error message about an instrument that was not found."""
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
     ports = ", ".join(port.address for port in list_serial_ports()) or "none"

@@ -15,9 +15,10 @@ from eimi_lab.config.protocol import Ramp
 def begin_with_output_off(
     bench: Bench | CoilBench, ramp: Ramp, take_over: bool, simulated: bool, on_event: OnEvent
 ) -> None:
-    """Refuse a supply whose output is on, or with `take_over` switch it off. Raises InstrumentError, Stopped.
+    """Refuse a supply whose output is on, or switch its output off if `take_over` is true.
 
-    A simulated supply whose output is off is not measured, see `Coil`.
+    If the output is off, the current is measured too; a current above the off limit is an error. If `simulated` is true
+    and the output is off, nothing is measured, see `Coil`. Raises InstrumentError, SwitchOffFailed, Stopped.
     """
     supply = bench.supply
     if simulated and not supply.output_on():

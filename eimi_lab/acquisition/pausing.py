@@ -1,9 +1,9 @@
 """Pause a run when a person types `p` and Enter on its terminal.
 
-The run pauses between two states. A pause within a state would mean that the state has to be taken again, and the coil
-would become warmer than `heating` computes. The coil is off during the pause, because a pause may last for any time and
-a person may work at the bench. Afterwards the run passes through the previous states again, as a resumed run does.
-Ctrl-C and --resume interrupt a run within a state.
+The run pauses between two states. After a pause within a state, the state would have to be taken again, and the coil
+would become warmer than `heating` computes. During the pause the coil is off, because a pause may last for any time and
+a person may work at the bench. Afterwards the run ramps through the previous states again, as a resumed run does.
+Ctrl-C interrupts a run within a state, and --resume continues it.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ LOOK_EVERY_S = 0.1
 
 
 def no_input() -> str | None:
-    """Return None: the input of a run without a terminal."""
+    """Return None: the argument `typed` for a run without a terminal."""
     return None
 
 
 class Pauses:
-    """The pauses of a run.
+    """The pauses of a run, which a person asks for and ends at the terminal.
 
     Parameters
     ----------
     typed : callable
-        Returns the next line that a person typed, or None.
+        Returns the next line that a person typed; None if no line was typed.
     on_event : OnEvent
         Receives the events of the pause.
 
     Attributes
     ----------
     asked : bool
-        Whether a person has asked for a pause, and the pause has not begun yet.
+        Whether a person has asked for a pause that has not begun yet.
     """
 
     def __init__(self, typed: Callable[[], str | None], on_event: OnEvent) -> None:
@@ -44,7 +44,7 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that reads the typed lines and then calls `stop_if_asked`."""
+        """Return a function that first checks whether a person asked for a pause and then calls `stop_if_asked`."""
 
         def move_on() -> None:
             if self._typed() == PAUSE_KEY and not self.asked:
@@ -55,23 +55,24 @@ class Pauses:
         return move_on
 
     def wait(self, run: Stepping, state: int, stop_if_asked: Callable[[], None], *, swap_leads: bool = False) -> None:
-        """Switch the coil off until a line is typed, then return to the beginning of `state`.
+        """Switch the coil off until a line is typed, then ramp through the states before `state` again.
 
         Parameters
         ----------
         run : Stepping
             The run.
         state : int
-            The next state.
+            Number of the next state.
         stop_if_asked : callable
-            Called while the run waits; it may raise.
+            Called repeatedly during the pause. It raises an exception if the run has to stop.
         swap_leads : bool
-            Whether the person is asked to swap the leads of the coil. A line that was typed before does not count.
+            Whether the person has to swap the leads of the coil in this pause. A line that was typed before the pause
+            is then ignored.
 
         Raises
         ------
         Stopped, InstrumentError, SwitchOffFailed, StorageFailed
-            For the reasons of a state.
+            For the same reasons as `Stepping.take`, and if the coil could not be confirmed off.
         """
         ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked, self._on_event)
         if swap_leads:

@@ -1,4 +1,7 @@
-"""Play a recording in place of a camera: one picture for each state, or one for each frame, once or in a loop."""
+"""Play a recording in place of a camera.
+
+Each picture of the recording serves for a whole state or for one frame. The recording is played once or in a loop.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,15 @@ from eimi_lab.config.rig import PLAYER, Playback, Rig
 from eimi_lab.process.errors import InputError
 
 HELD_FRAME_S = 1 / 30
-"""Time between two frames of the same picture, as of a camera."""
+"""Time (s) between two frames that show the same picture, like the time between two frames of a camera."""
 
 NOISE_FRAMES = 8
-"""Number of frames of the beam at rest that are taken before the run, to measure the noise."""
+"""Number of frames of the beam at rest that are taken before the run to measure the noise of the camera."""
 
 
 @dataclass
 class Cue:
-    """The present state of the run, for a camera that plays a recording."""
+    """The number of the present state of the run, for a camera that plays a recording."""
 
     state: int = 0
 
@@ -52,10 +55,10 @@ class PlayedCamera:
         return self._camera.identify()
 
     def flush(self) -> None:
-        """Do nothing, because a recording has no frames from before the call."""
+        """Do nothing: a recording has no frames that were taken before the call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`. Raises EndOfPlayback at the end of a recording that does not start again."""
+        """See `Camera.grab`. Raises EndOfPlayback at the end of a recording that is played only once."""
         frame = self._held
         if not self._rule.picture_a_state:
             frame = self._next(timeout_s)
@@ -84,7 +87,7 @@ class PlayedCamera:
 
 
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
-    """Return a sentence with the number of pictures of a recording and the number that a run uses.
+    """Return a sentence that compares the number of pictures in the recording of a rig with the number that a run uses.
 
     The sentence is empty if the camera does not play a recording. Raises InputError if the recording is too short.
     """

@@ -1,7 +1,7 @@
-"""The polarity of the current in a coil whose supply cannot reverse it.
+"""The polarity of the current in a coil whose supply cannot reverse the current.
 
-The leads of such a coil are swapped while the coil is off: a person swaps them, or turns a switch, in a pause that asks
-for it. A bench with a relay that this program can switch needs no person. The virtual rig has such a relay.
+The leads of the coil are swapped while no current flows. A person swaps the leads, or turns a switch, in a pause of the
+run. A bench with a relay that this program can switch needs no person. The virtual rig has such a relay.
 """
 
 from __future__ import annotations
@@ -22,26 +22,29 @@ def cannot_reverse(rig: Rig) -> bool:
 
 
 def swaps_leads(protocol: Protocol, rig: Rig) -> bool:
-    """Return whether the leads of the coil have to be swapped during a run. Raises the errors of `cannot_reverse`."""
+    """Return whether the leads of the coil have to be swapped during a run.
+
+    Raises InstrumentError for an unknown driver.
+    """
     return protocol.current.both_polarities and cannot_reverse(rig)
 
 
 class Polarity:
-    """The leads of the coil during a run.
+    """Swaps the leads of the coil during a run.
 
     Parameters
     ----------
     pauses : Pauses or None
-        Pauses in which a person swaps the leads; None if the supply reverses its current.
+        Pauses in which a person swaps the leads; None if no swap is necessary in this run.
     relay : callable or None
-        Swaps the leads without a person.
+        Swaps the leads without a person; None if there is no relay.
     """
 
     def __init__(self, pauses: Pauses | None, relay: Callable[[], None] | None) -> None:
         self._pauses, self._relay = pauses, relay
 
     def prepare(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> bool:
-        """Swap the leads if a state needs it, and return to the beginning of that state.
+        """Swap the leads if a state needs the other polarity, then ramp through the states before `state` again.
 
         Returns whether the leads were swapped. Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
         """
@@ -59,6 +62,6 @@ class Polarity:
         return True
 
     def remind(self, run: Stepping) -> None:
-        """Send a warning if a person has to put the leads back."""
+        """Send a warning if the leads are still swapped and a person has to swap them back."""
         if self._relay is None and run.coil.leads_swapped:
             run.on_event(Warned(message="the leads of the coil are still swapped; swap them back before the next run"))

@@ -1,4 +1,7 @@
-"""Resume a run that ended early: count its stored states, and check that instruments and files are the same."""
+"""Resume a run that ended early.
+
+The states that the run stored are counted, and instruments and files are compared with those of the present run.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ class UnfinishedRun:
 
 
 def refuse_taken(path: Path, force: bool) -> None:
-    """Raise InputError if `path` cannot be written by a new run; for an unfinished run the message names --resume."""
+    """Raise InputError if a new run must not write `path`.
+
+    For the dataset of an unfinished run the message names --resume.
+    """
     if path.is_file() and not force:
         with only_writer(path):  # a run that is still writing is not an unfinished one
             if unfinished := _describe_unfinished(path):
@@ -39,7 +45,7 @@ def refuse_taken(path: Path, force: bool) -> None:
 
 
 def _describe_unfinished(path: Path) -> str:
-    """Return the number of states that an unfinished run stored, in words; empty for any other file."""
+    """Return the number of states that an unfinished run stored, in words. The text is empty for any other file."""
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:
@@ -49,7 +55,7 @@ def _describe_unfinished(path: Path) -> str:
 
 
 def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
-    """Check that a run can be resumed, and recover its file in place if the run crashed.
+    """Check that a run can be resumed, and repair its dataset in place if the run crashed.
 
     Parameters
     ----------
@@ -57,18 +63,19 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         Dataset of the run that ended early.
     header : Header
         Files and instruments of the present run.
-    image : (H, W) array
-        A frame of the present run.
+    image : ndarray, shape (H, W)
+        A frame of the present run, H by W pixels.
 
     Returns
     -------
     UnfinishedRun
-        The number of stored states and the time on the clock of the run.
+        The number of stored states, and the present time on the clock of the run.
 
     Raises
     ------
     InputError
-        If the two runs differ; the message names the first difference.
+        If there is no such dataset, or the present run differs from the run in the dataset. The message names the first
+        difference.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")
@@ -103,9 +110,10 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Return the time (s) since the run began.
+    """Return the time (s) since a run began, by the clock of the computer.
 
-    If a simulated clock is ahead of the clock of the computer, the simulated clock counts.
+    The last time in the dataset is returned if it is later: a simulated clock may be ahead of the clock of the
+    computer.
     """
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

@@ -1,8 +1,9 @@
-"""Switch the coil off in one step after the last state, and record every frame while the beam swings freely.
+"""Set the current to zero in one step after the last state, and record every frame while the beam swings freely.
 
-A ramp would be slower than the beam and would suppress its oscillation. Another thread sets the current and watches the
-supply, because an exchange with the supply takes longer than a frame. The frames are compressed and written while the
-camera takes them (`eimi_lab.dataset.frame_stream`); a ring buffer of limited size holds them in memory.
+A ramp would be slower than the beam and would suppress the oscillation of the beam. Another thread sets the current and
+watches the supply, because an exchange with the supply takes longer than a frame. The frames are compressed and written
+while the camera takes them (`eimi_lab.dataset.frame_stream`). Frames that wait to be written are held in a buffer of
+limited size.
 """
 
 from __future__ import annotations
@@ -33,14 +34,33 @@ _WAITED_S = 1.0  # the first or the last frames may have waited in the camera's 
 
 
 def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop_if_asked: Callable[[], None]) -> None:
-    """Record the ring-downs that the dataset does not hold yet.
+    """Record the ring-downs of the protocol that the dataset does not contain yet.
 
-    If the run fails or is asked to stop, the frames are written when `unfinished` is closed, after the coil is off.
-    Sends `RingDownStored`. Raises InstrumentError, StorageFailed, Stopped.
+    Parameters
+    ----------
+    run : Stepping
+        The run.
+    rule : RingDown
+        Duration, frame rate and number of the ring-downs.
+    unfinished : ExitStack
+        If the run fails or is asked to stop, the frames taken so far are stored when the caller closes this stack,
+        after the coil is off.
+    stop_if_asked : callable
+        Called before each frame. It raises an exception if the run has to stop.
+
+    Raises
+    ------
+    InstrumentError, StorageFailed, Stopped
+        For the same reasons as `Stepping.take`.
+
+    Notes
+    -----
+    Sends `RingDownStored` after each ring-down.
     """
     stored = run.writer.ring_downs
     if stored is None:
-        run.on_event(Warned(message="the dataset of an earlier version has no place for ring-downs; none is recorded"))
+        reason = "the dataset was begun by an earlier version and has no place for ring-downs; none is recorded"
+        run.on_event(Warned(message=reason))
         return
     from_A = run.protocol.ring_down_from_A
     for number in range(stored, rule.repeats):
@@ -54,7 +74,10 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield a recorder of one ring-down; at the end, also after an error, store its frames and send its event."""
+    """Yield a recorder of one ring-down.
+
+    At the end, also after an error, store the frames and send `RingDownStored`.
+    """
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:
         recorded = _Recorded(run, rule, stream)
@@ -99,7 +122,10 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 
 
 class _Recorded:
-    """A ring-down during its recording: the step of the current, and each frame's data with its time of arrival."""
+    """One ring-down while it is recorded: the step of the current, and the frames with their times of arrival.
+
+    The images are written to the stream at once and are not kept here.
+    """
 
     def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:
         self._run, self._rule, self._stream = run, rule, stream
@@ -108,7 +134,7 @@ class _Recorded:
         self.frames: list[tuple[Frame, float]] = []
 
     def record(self, stop_if_asked: Callable[[], None]) -> None:
-        """Set the current to zero, and take every frame until the time of the protocol has passed."""
+        """Set the current to zero, and take every frame until the time in the protocol has passed."""
         run, coil = self._run, self._run.coil
         run.camera.flush()
         self.began_s = run.clock.now()
@@ -147,18 +173,24 @@ class _Recorded:
 
 
 def frame_times(arrived_s: Sequence[float], stamped_s: Sequence[float]) -> list[float]:
-    """Return the times of frames on the clock of the run.
+    """Return the times of frames (s) on the clock of the run.
 
-    Differences between the time stamps of the camera are exact; differences between times of arrival are not. The time
-    stamps are shifted so that the frame with the shortest delay gets its time of arrival. If the camera has no clock
-    that agrees with that of the run (a recording, or a camera without time stamps), the times of arrival are returned.
+    The differences between the time stamps of the camera are exact. The times of arrival contain different delays. The
+    time stamps are therefore shifted to the clock of the run so that the frame with the shortest delay keeps its time
+    of arrival. The times of arrival are returned if the camera has no clock that agrees with the clock of the run, for
+    example for a recording or without time stamps.
 
     Parameters
     ----------
     arrived_s : sequence of float
-        Times of arrival on the clock of the run.
+        Times of arrival on the clock of the run, s.
     stamped_s : sequence of float
-        Time stamps of the camera.
+        Time stamps of the camera, s.
+
+    Returns
+    -------
+    list of float
+        The time of each frame on the clock of the run, s.
 
     Examples
     --------

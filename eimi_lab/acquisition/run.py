@@ -1,4 +1,4 @@
-"""Run a protocol: set its currents one after another, and store every state before the next one begins."""
+"""Run a protocol: set its currents one after another, and store every state before the next state begins."""
 
 from __future__ import annotations
 
@@ -54,14 +54,15 @@ _log = logging.getLogger(__name__)
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
-    """Check that protocol, specimen and rig fit together, without using an instrument.
+    """Check that protocol, specimen and rig fit together. No instrument is used.
 
     Raises
     ------
     InputError
-        If they do not fit together: another material, a current above a limit or of the wrong sign, too much heat.
+        If they do not fit together. Examples are another material, a current above a limit or of the wrong sign, or too
+        much heat in the coil.
     InstrumentError
-        If the supply driver of another package cannot be imported.
+        If the driver of the supply is not known or cannot be imported.
     """
     if protocol.material != specimen.specimen.material:
         raise InputError(
@@ -121,7 +122,8 @@ def acquire(
 ) -> Path:
     """Run a protocol on an open bench, and store its states in a dataset.
 
-    Every way out of the run switches the coil off. The states that were stored before stay in the dataset.
+    The coil is off at the end of the run, also after an error. The states that were stored before the error stay in the
+    dataset.
 
     Parameters
     ----------
@@ -134,30 +136,33 @@ def acquire(
     on_event : OnEvent
         Receives the events of the run.
     force : bool
-        Replace an existing dataset.
+        Whether an existing dataset is replaced.
     resume : bool
-        Continue the run that `path` holds.
+        Whether the run in the dataset `path` is continued.
     take_over : bool
-        If the output of the supply is on before the run, switch it off. Otherwise the run is refused.
+        Whether the output of the supply is switched off if it is on before the run. If it is on and `take_over` is
+        false, the run is refused.
     note : str
         Text to store with the run in the dataset.
     show : Show
         Receives every frame.
     typed : callable
-        Returns the lines that a person types, for `pausing`.
+        Returns the next line that a person typed, or None; see `pausing`.
 
     Returns
     -------
     Path
-        The path of the dataset: `path`, or that of a copy beside it if `path` was deleted, moved or replaced during the
+        The path of the dataset. This is `path`, or a copy beside it if `path` was deleted, moved or replaced during the
         run.
 
     Raises
     ------
     InputError
-        If an input cannot be used. The output was not switched on.
+        If an input cannot be used. The output was then not switched on.
     InstrumentError
         If an instrument fails or does not follow a command.
+    StorageFailed
+        If a state cannot be stored.
     Stopped
         If a signal stopped the run.
     """
@@ -250,7 +255,11 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data for the last event of a run: path of the dataset, number of stored states, last event of the coil."""
+    """The data for the last event of a run.
+
+    These are the path of the dataset, the number of stored states, the number of states of the protocol, and the last
+    event of a coil that is off.
+    """
 
     path: Path
     states: int
@@ -259,7 +268,7 @@ class _Ending:
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
-        """Return the last event of the run, with the present state of the coil."""
+        """Return the last event of the run, with the number of states in the dataset."""
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
         return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
 
@@ -284,7 +293,10 @@ def _run_begun(
 
 @contextmanager
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
-    """Yield a function that sends an event to the log and to `on_event`; send the first and the last events."""
+    """Send the first event of a run, and its last event at the end of the context.
+
+    Yields a function that sends an event to the log and to `on_event`.
+    """
 
     def send(event: Event) -> None:
         _log.info("%s", event)
@@ -308,9 +320,10 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
 def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
-    """Switch the output on, do the conditioning, the states from `first` on and the ring-downs, and switch it off.
+    """Carry out the run with the output on: the conditioning, the states from number `first` on, and the ring-downs.
 
-    A resumed run leaves out the conditioning, because its first session carried it out.
+    At the end the output is switched off. A resumed run has no conditioning, because the first part of the run carried
+    it out.
     """
     protocol, states = run.protocol, len(run.protocol.currents_A)
     try:

@@ -12,30 +12,32 @@ from eimi_lab.config.sensor import UNITS, RigSensor
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 
 TRIED_AGAIN_AFTER_S = 2.0
-"""A sensor that gave no value is read again after this time, so that it does not slow down a run."""
+"""Time (s) after which a sensor that gave no value is read again, so that the sensor does not slow down the run."""
 
 
 def _ignore(message: str) -> None:
-    """Do nothing: the `warn` of a caller that needs no warnings."""
+    """Do nothing: the argument `warn` for a caller that needs no warnings."""
 
 
 @dataclass(frozen=True)
 class OpenSensor:
-    """An open sensor and its table in the rig file."""
+    """An open sensor of a bench, with its table in the rig file."""
 
     rule: RigSensor
     sensor: Sensor
 
 
 def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> CoilThermometer:
-    """Return the sensor that uses the coil as a thermometer, through the readings of its supply."""
+    """Return a sensor that uses the coil as a thermometer: the readings of its supply give its resistance."""
     assert rule.at_rest_degC is not None  # the model of the rig file requires both
     assert rule.at_rest_A is not None
     return CoilThermometer(supply.measure, clock, rule.at_rest_degC, rule.at_rest_A)
 
 
 class Sensing:
-    """Read all sensors of a bench. A sensor that fails is left out, with one warning, until it answers again.
+    """Reads all sensors of a bench.
+
+    A sensor that fails is left out of the results until it answers again. The user receives one warning about it.
 
     Parameters
     ----------
@@ -44,9 +46,10 @@ class Sensing:
     clock : Clock
         Clock of the run.
     warn : callable
-        Receives a warning for the user.
+        Receives a warning for the user, as text.
     beat : callable
-        Called before each sensor, because several silent sensors take long.
+        Called before each sensor is read. It reports that the run is alive, because several sensors without an answer
+        can take long.
     """
 
     def __init__(
@@ -60,17 +63,19 @@ class Sensing:
         self._silent_until_s: dict[str, float] = {}
 
     def begin(self) -> tuple[tuple[Identity, ...], tuple[LoggedSensor, ...]]:
-        """Identify and read every sensor before a run.
+        """Identify every sensor and read it once before a run.
 
         Returns
         -------
-        identities, logged
-            The identity of each sensor, and its description for the dataset.
+        identities : tuple of Identity
+            The identity of each sensor.
+        logged : tuple of LoggedSensor
+            The description of each sensor for the dataset.
 
         Raises
         ------
         InstrumentError
-            If a sensor does not answer, or answers in another unit than its quantity needs.
+            If a sensor does not answer, or if the unit of its readings is not the unit of its quantity.
         """
         identities, logged = [], []
         for each in self._sensors:
@@ -96,9 +101,9 @@ class Sensing:
         return tuple(identities), tuple(logged)
 
     def measure_at_rest(self, coil: Coil, stop_if_asked: Callable[[], None]) -> None:
-        """Measure the coil's resistance at rest if a sensor is the coil; the output is on without a current.
+        """Measure the resistance of the cold coil, if a sensor uses the coil as a thermometer.
 
-        Raises InstrumentError, Stopped.
+        The output is on. The current is zero before the call and after it. Raises InstrumentError, Stopped.
         """
         for each in self._sensors:
             if isinstance(each.sensor, CoilThermometer):
@@ -108,11 +113,11 @@ class Sensing:
                 coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:
-        """Return a new value of every sensor that answers, by name."""
+        """Return a new value of every sensor that answers, by the name of the sensor."""
         return {name: reading.value for name, reading in self.read().items()}
 
     def read(self) -> dict[str, SensorReading]:
-        """Return a new reading of every sensor that answers, by name."""
+        """Return a new reading of every sensor that answers, by the name of the sensor."""
         readings = {}
         for each in self._sensors:
             name = each.rule.name

@@ -1,7 +1,7 @@
-"""Wait until the beam is at rest: consecutive frames then differ only by the noise of the camera.
+"""Wait until the beam is at rest, which means that consecutive frames differ only by the noise of the camera.
 
-`eimi_lab.vision.settling_statistic` defines the measure of the difference. The noise is measured before the run, with
-the coil off.
+`eimi_lab.vision.settling_statistic` defines the difference ratio of two frames. The noise is measured before the run,
+with the coil off.
 """
 
 from __future__ import annotations
@@ -26,10 +26,19 @@ GRAB_TIMEOUT_S = 5.0
 
 @dataclass(frozen=True)
 class Settling:
-    """The result of a wait for the beam.
+    """The result of a wait for the beam to come to rest.
 
-    ratio: last difference ratio of two consecutive frames. drift_ratio: last difference ratio of two frames
-    `drift_window_s` apart. waited_s: duration of the wait. flags: one flag if the beam did not come to rest.
+    Attributes
+    ----------
+    ratio : float
+        Difference ratio of the last two consecutive frames. If the beam did not come to rest, the largest ratio of the
+        last `pairs` pairs of consecutive frames.
+    drift_ratio : float
+        Last difference ratio of two frames `drift_window_s` apart; infinite if no such ratio was computed.
+    waited_s : float
+        Duration of the wait, s.
+    flags : tuple of Flag
+        Empty if the beam came to rest; otherwise the flag NOT_SETTLED.
     """
 
     ratio: float
@@ -39,7 +48,7 @@ class Settling:
 
 
 def ignore_frame(frame: Frame, at_s: float) -> None:
-    """Do nothing with a frame: the `see` of a caller that needs no frames."""
+    """Do nothing with a frame: the argument `see` for a caller that needs no frames."""
 
 
 def wait_until_settled(
@@ -53,13 +62,15 @@ def wait_until_settled(
 ) -> Settling:
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
-    The beam is at rest if the difference ratio of consecutive frames was below `noise_ratio` for `pairs` pairs in a
-    row, and if the ratio of two frames `drift_window_s` apart is also below it. The second condition detects creep. A
-    frame that equals the previous frame including its noise is a repetition by the camera and is not counted.
+    The beam is at rest if two conditions are fulfilled. The difference ratio of consecutive frames was at most
+    `noise_ratio` for `pairs` pairs in a row. The ratio of two frames `drift_window_s` apart is also at most
+    `noise_ratio`; this condition detects creep. A frame that equals the previous frame including its noise is a
+    repetition by the camera and is not counted.
 
-    The band of pixels along the edges takes most of the time to find. It is found in the first frame of a quiet
-    period and in the frame that ends the wait, and kept in between. A moving beam that has left the band looks quiet,
-    but its motion is detected as soon as the quiet period begins.
+    The ratio is computed in a band of pixels along the edges of the beam. Finding this band takes most of the time, so
+    the band is found only in the first frame of a series of equal frames and in the frame that ends the wait. If the
+    beam moves out of the band, the frames look equal although the beam moves. The motion is detected with the new band
+    at the beginning of the series.
 
     Parameters
     ----------
@@ -72,7 +83,7 @@ def wait_until_settled(
     noise : Noise
         Noise of the camera.
     stop_if_asked : callable
-        Called before and after each frame; it may raise.
+        Called before and after each frame. It raises an exception if the run has to stop.
     see : callable
         Receives every new frame and its time on the clock (s).
     not_before_s : float
@@ -81,8 +92,7 @@ def wait_until_settled(
     Returns
     -------
     Settling
-        The last ratios and the duration. If the beam did not come to rest, the ratio is the largest of the last
-        `pairs`, and there is a flag.
+        The last ratios, the duration, and a flag if the beam did not come to rest.
     """
     camera.flush()
     began = clock.now()

@@ -25,14 +25,15 @@ from eimi_lab.vision.flags import judge
 from eimi_lab.vision.settling_statistic import Noise
 
 MISSING = "missing_frames"
-"""The finding of the flag DROPPED that counts missing frames."""
+"""Name of the value that counts missing frames; if it is not zero, a state has the flag DROPPED."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """A run in progress: its bench, its files and its times.
+    """A run in progress: its bench, its files, and the clock and the time at which it began.
 
-    began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
+    `began_s` is the time on the clock at which the run began; for a resumed run, at which its first part began.
+    `on_event` receives the events.
     """
 
     protocol: Protocol
@@ -49,23 +50,27 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Ramp through the states before `state`, because the shape of a beam depends on its history of loads.
+        """Ramp through all states before `state` without taking frames.
 
-        If the leads of the coil are swapped, the states of the other polarity are left out.
+        The shape of a beam depends on its history of loads. If the leads of the coil are swapped, the states of the
+        other polarity are left out.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:
                 self.coil.ramp_to(current_A, stop_if_asked)
 
     def report_lost_frames(self, state: int | None) -> int:
-        """Send an event if the camera lost frames since the last call; return their number."""
+        """Return the number of frames that the camera lost since the previous call.
+
+        Send `FramesLost` if any were lost.
+        """
         reasons = self.camera.newly_lost()
         if reasons:
             self.on_event(FramesLost(state=state, frames=reasons.total(), reasons=dict(reasons)))
         return reasons.total()
 
     def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Take and store the next state. Raises InstrumentError, StorageFailed, Stopped."""
+        """Take the state with number `state` and store it. Raises InstrumentError, StorageFailed, Stopped."""
         self.report_lost_frames(None)
         try:
             self._take(state, stop_if_asked)
@@ -121,12 +126,25 @@ class Stepping:
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
 
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames taken between states, each with the number of its state or cycle. Raises StorageFailed."""
+        """Store frames that were taken between states. Raises StorageFailed.
+
+        Parameters
+        ----------
+        recording : str
+            Name of the recording in the dataset.
+        belongs_to : sequence of int
+            For each frame, the number of its state or load cycle.
+        moments : sequence of Moment
+            The frames with their times.
+        """
         if moments:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points since the previous call of this method, with their times since the run began."""
+        """Return the set-points since the previous call of this method.
+
+        Their times count from the beginning of the run.
+        """
         return [replace(point, time_s=point.time_s - self.began_s) for point in self.coil.new_set_points()]
 
     def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
@@ -134,7 +152,10 @@ class Stepping:
 
 
 def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
-    """Return the flags with a flag for the frames that the camera lost during the state, including the settling."""
+    """Return the flags of a state, with the flag DROPPED if the camera lost frames during the state.
+
+    `lost` is the number of lost frames, including frames lost while the beam settled.
+    """
     if not lost:
         return flags
     (dropped,) = judge({MISSING: lost})

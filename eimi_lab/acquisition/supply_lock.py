@@ -1,7 +1,7 @@
 """Allow only one run at a time for each supply.
 
-The system lets only one run open a serial port. A supply in a network accepts several connections, so that two runs
-would set its current in turn.
+The operating system lets only one run open a serial port. A supply in a network accepts several connections, and two
+runs could then change its current in turn.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from eimi_lab.process.writer_lock import WriterLock
 
 @contextmanager
 def only_run_on(address: str) -> Iterator[None]:
-    """Hold the lock of the supply at an address; the system releases it when the process ends.
+    """Hold the lock of the supply at an address until the context ends.
 
-    All channels of an address share one lock. The lock excludes other runs of the same user on the same computer.
+    The operating system releases the lock if the process dies. All channels of an address share one lock. The lock
+    excludes other runs of the same user on the same computer.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from eimi_lab.acquisition.supply_lock import only_run_on
 LIMITS = Limits(current_A=1.0, voltage_V=5.0)
 VOLTAGE_V, CURRENT_A = 1.0, 0.1
 ON_FOR_S = 4.0
-"""Time (s) for which the output is on, so that a person can read the front panel."""
+"""Shortest time (s) for which the output is on, so that a person can read the front panel."""
 
 VOLTAGE_WITHIN_V = 0.1
 READINGS = 10
@@ -27,14 +27,14 @@ READINGS = 10
 
 @dataclass(frozen=True)
 class TrialStep:
-    """The outcome of one step.
+    """The outcome of one step in the trial of a supply.
 
     Parameters
     ----------
     check : str
         What was checked.
     passed : bool
-        False if the step failed. After a failed step, only the step that switches off is taken.
+        Whether the step passed. After a step that failed, the output is switched off and the trial ends.
     outcome : str
         What was measured, or the error.
     """
@@ -46,16 +46,16 @@ class TrialStep:
 
 @dataclass
 class SupplyTrial:
-    """The outcomes of all steps.
+    """The outcomes of all steps in the trial of a supply.
 
     Parameters
     ----------
     driver, address : str
         The driver and the address of the supply.
     identity : Identity or None
-        The supply that answered; None if it did not identify itself.
+        Identity of the supply; None if the supply did not identify itself.
     steps : list of TrialStep
-        The steps in the order in which they were taken.
+        The steps in the order in which they were carried out.
     """
 
     driver: str
@@ -65,12 +65,12 @@ class SupplyTrial:
 
     @property
     def passed(self) -> bool:
-        """Return whether all steps passed."""
+        """Whether all steps of the trial passed."""
         return all(step.passed for step in self.steps)
 
 
 class _Failed(Exception):
-    """A step of the trial failed; the trial ends."""
+    """A step in the trial of a supply failed. The trial ends."""
 
 
 def try_supply(
@@ -78,12 +78,13 @@ def try_supply(
 ) -> SupplyTrial:
     """Try a driver on a supply with nothing connected to its output.
 
-    The output is on at 1 V for some seconds. A guardian process switches it off if this process ends earlier.
+    The output is on at 1 V for some seconds. If this process ends while the output is on, a guardian process switches
+    it off.
 
     Parameters
     ----------
     driver, address : str
-        As in `[supply]` of a rig file.
+        The driver and the address, as in `[supply]` of a rig file.
     transcript : Path
         New file that records every message, see `eimi_drivers.supplies.transcript`.
     before_switching_on : callable
@@ -97,9 +98,9 @@ def try_supply(
     Raises
     ------
     InstrumentError
-        The driver is unknown, the address cannot be opened, or another run uses the supply.
+        If the driver is unknown, the address cannot be opened, or another run uses the supply.
     SwitchOffFailed
-        The supply could not be confirmed to be off.
+        If the supply could not be confirmed off.
     """
     clock = WallClock()
     trial = SupplyTrial(driver, address)
@@ -136,19 +137,22 @@ def _identified(trial: SupplyTrial) -> Identity:
 
 
 def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
-    """Take the steps before the output is switched on."""
+    """Carry out the steps of the trial before the output is switched on. Raises _Failed if a step fails."""
 
     def identifies() -> str:
         trial.identity = supply.identify()
         text = trial.identity.text
         recognised = recognise(text)
         if recognised is not None and recognised.driver != trial.driver and trial.driver != "scpi":
-            raise InstrumentError(f"{text!r} fits the driver {recognised.driver}, not {trial.driver}")
+            raise InstrumentError(
+                f"the supply answers {text!r} to identify itself; this fits the driver {recognised.driver}, not "
+                f"{trial.driver}"
+            )
         return text
 
     def is_off() -> str:
         if supply.output_on():
-            raise InstrumentError("the output is on; switch it off at the front panel, and begin again")
+            raise InstrumentError("the output is on; switch it off at the front panel, and begin the trial again")
         return "off"
 
     def refuses() -> str:
@@ -164,7 +168,7 @@ def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
 
 
 def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clock) -> None:
-    """Take the steps with the output on."""
+    """Carry out the steps of the trial with the output on. Raises _Failed if a step fails."""
 
     def set_points() -> str:
         supply.set_voltage(VOLTAGE_V)
@@ -187,7 +191,10 @@ def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clo
             clock.sleep(0.2)
         current_A, voltage_V = readings[-1].current_A, readings[-1].voltage_V
         if abs(current_A) > off_limit_A(supply):
-            raise InstrumentError(f"{current_A:.3f} A flow; disconnect everything from the output, and begin again")
+            raise InstrumentError(
+                f"a current of {current_A:.3f} A flows; disconnect everything from the output, and begin the trial "
+                "again"
+            )
         if abs(voltage_V - VOLTAGE_V) > VOLTAGE_WITHIN_V:
             raise InstrumentError(f"{voltage_V:.3f} V measured; {VOLTAGE_V:g} V was set")
         return (
@@ -207,7 +214,7 @@ def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clo
 
 @contextmanager
 def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clock) -> Iterator[None]:
-    """Switch the supply off at the end of the context, however it ends. Raises SwitchOffFailed."""
+    """Switch the supply off at the end of the context, also after an error. Raises SwitchOffFailed."""
     try:
         yield
     finally:
@@ -218,7 +225,7 @@ def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guard
 
 
 def _measure_zero(trial: SupplyTrial, supply: PowerSupply, clock: Clock) -> None:
-    """Measure what the meter shows when no current flows."""
+    """Carry out the step that measures which current the meter shows when no current flows."""
 
     def shows() -> str:
         readings_A = []

@@ -29,20 +29,20 @@ from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 SIGNALS = (signal.SIGINT, *TERMINATION)
 SUSPEND = getattr(signal, "SIGTSTP", None)
 OFF_WITHIN_S = 30.0
-"""Longest time for switching off on a bad line; after it the guardian tries as well."""
+"""Longest time (s) for which the run alone tries to switch off; afterwards its guardian tries as well."""
 
 DOUBTED_AFTER_S = 0.5
-"""Time after which a coil counts as possibly on if its supply did not answer or did not obey before."""
+"""Time (s) of switching off after which the coil is reported as possibly on, if the ramp down or the line failed."""
 
 _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """A second signal came; the ramp down is left out."""
+    """A second signal came. The ramp down is left out."""
 
 
 class _SignalsHeeded:
-    """The signals that came during a run, and the reaction of each step to these signals; see `switching_off`."""
+    """The signals that came during a run, and the reaction of the run to these signals; see `switching_off`."""
 
     def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         self._coil, self._guardian, self._on_event = coil, guardian, on_event
@@ -51,7 +51,7 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: store its number and its time. The handler does nothing else."""
+        """Store the number and the time of a signal, as its handler. A suspension (Ctrl-Z) is only marked."""
         if number == SUSPEND:
             self._suspended = True
         else:
@@ -59,7 +59,7 @@ class _SignalsHeeded:
             self._coil.count_the_end()
 
     def move_on(self) -> None:
-        """Report to the guardian that the run is alive, and refuse Ctrl-Z."""
+        """Report to the guardian that the run is alive, and refuse a suspension (Ctrl-Z) that was asked for."""
         if self._guardian:
             self._guardian.beat()
         if self._suspended:
@@ -67,7 +67,7 @@ class _SignalsHeeded:
             self._on_event(SuspendRefused())
 
     def stop_if_asked(self) -> None:
-        """See `switching_off`."""
+        """Raise an error if the run has to stop; see `switching_off`."""
         self.move_on()
         self._refuse_a_gap()
         raise_if_asked()
@@ -88,9 +88,9 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
-        """Raise StoodStill, and leave out the ramp down, if the computer slept or the process was stopped.
+        """Raise StoodStill if the computer slept or the process was stopped. The ramp down is then left out.
 
-        The bench may have changed during the gap.
+        The bench may have changed in the meantime.
         """
         if self._guardian:
             try:
@@ -100,13 +100,13 @@ class _SignalsHeeded:
                 raise
 
     def go_on_down(self) -> None:
-        """Raise _InHaste after a second signal; called between the steps of the ramp down."""
+        """Raise _InHaste if a second signal has come. The ramp down calls this method between its steps."""
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """See `Heeded.leave_in_haste`. Only the main thread is interrupted."""
+        """See `Heeded.leave_in_haste`. A signal interrupts only an operation in the main thread."""
         if not self._off:
             self._refuse_a_gap()
         if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
@@ -148,22 +148,25 @@ def switching_off(
 ) -> Iterator[Callable[[], None]]:
     """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
 
-    The run calls `stop_if_asked` in every step. The function sends a beat to the guardian and watches the supply. It
-    raises Stopped if a signal has come, and InstrumentError if the guardian is gone, the supply reports a fault or the
-    current is wrong.
+    The run calls `stop_if_asked` in every step. This function sends a beat to the guardian and watches the supply. It
+    raises Stopped if a signal has come. It raises InstrumentError if the guardian is gone, the supply reports a fault
+    or the current is wrong.
 
-    The guardian is armed within the context. It is disarmed only after the supply was confirmed off.
+    The guardian is armed when the context begins. It is disarmed only after the supply was confirmed off.
 
-    The handler of a signal only stores its number. The run reacts between two operations, so that no exchange with an
-    instrument and no write to a file is cut in two. After a second signal the ramp down is left out, and operations
-    that support `interruption` end early. Ctrl-Z is refused, because a suspended run would leave the coil on. The
-    previous handlers are restored at the end. Python delivers signals only to the main thread: in another thread the
-    context only switches off.
+    The handler of a signal only stores the number and the time of the signal. The run reacts between two operations, so
+    that no exchange with an instrument and no write to a file is interrupted. After a second signal the ramp down is
+    left out, and operations that support `interruption` end early. Ctrl-Z is refused, because a suspended run would
+    leave the coil on. At the end, the previous handlers are set again.
+
+    Python delivers signals only to the main thread. In another thread, the context reacts to no signal of its own.
 
     Raises
     ------
     SwitchOffFailed
         If the coil could not be confirmed off.
+    InstrumentError
+        If the coil is off but the ramp down failed.
     """
     heeded = _SignalsHeeded(coil, guardian, on_event)
     with _noting(heeded):
@@ -199,7 +202,10 @@ def ramp_down_and_switch_off(
     go_on_down: Callable[[], None] = never,
     on_event: OnEvent = ignore_event,
 ) -> None:
-    """Ramp the coil down and switch it off; it is switched off even if the ramp fails."""
+    """Ramp the coil down and switch it off. The coil is switched off even if the ramp down fails.
+
+    Raises SwitchOffFailed if the coil could not be confirmed off, and InstrumentError if only the ramp down failed.
+    """
     try:
         coil.ramp_down(go_on_down)
     except _InHaste:
@@ -216,16 +222,18 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch the coil off and report the outcome.
+    """Switch the coil off, send the events about the result and disarm the guardian.
 
     Parameters
     ----------
     coil : Coil
+        The coil.
     guardian : Guardian or None
+        The guardian. If the coil could not be confirmed off, the guardian stays armed.
     on_event : OnEvent
         Receives the events.
     failed : str
-        The reason, in words, for which the ramp down failed; empty if it did not fail.
+        Why the ramp down failed, in words; empty if it did not fail.
     """
     if guardian:
         guardian.allow(OFF_WITHIN_S)

@@ -1,4 +1,4 @@
-"""Record frames of the beam while it settles at a state, or creeps in it."""
+"""Record frames of the beam while it settles after a change of the current, or while it creeps at constant current."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 
 
 class Transient:
-    """Keeps at most `budget` frames, spaced logarithmically in the time since the current last changed.
+    """Chooses at most `budget` frames of a state, spaced logarithmically in the time since the current last changed.
 
-    Creep proceeds with the logarithm of time. After every frame, the remaining frames are distributed again over the
-    remaining time, so that the whole budget is used even if the camera is slower than the first intervals.
+    Creep proceeds with the logarithm of time. After every chosen frame, the remaining frames are distributed again over
+    the remaining time. All of the `budget` frames are therefore used even if the camera is slower than the first
+    intervals.
 
     Parameters
     ----------
@@ -31,7 +32,10 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Keep a frame, taken at `at_s` on the run's clock, if the next logarithmic interval is over."""
+        """Keep a frame if the next logarithmic interval is over.
+
+        `at_s` is the time of the frame on the clock of the run, s.
+        """
         elapsed_s = max(at_s - self._coil.changed_s, SHORTEST_S)
         if not self._last_s:
             self._last_s = elapsed_s + self._lasts_s

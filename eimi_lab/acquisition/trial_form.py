@@ -1,4 +1,4 @@
-"""Fill in the form "tried on" of docs/instruments.md for a trial of a supply."""
+"""Fill in the form "tried on" of docs/instruments.md for the trial of a supply."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ FORM = """# Tried on: {unit}
 | --- | --- | --- |
 {steps}
 """
-"""The form. docs/instruments.md shows it with empty fields."""
+"""The form for the trial of a supply in Markdown. docs/instruments.md shows the form with empty fields."""
 
 
 def trial_form(trial: SupplyTrial, who: str, panel: str, transcript: Path) -> str:
-    """Return the filled form.
+    """Return the filled form for the trial of a supply.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def trial_form(trial: SupplyTrial, who: str, panel: str, transcript: Path) -> st
     panel : str
         What the front panel showed, in the person's words.
     transcript : Path
-        The record of the messages.
+        The file with the recorded messages.
 
     Returns
     -------
@@ -73,7 +73,10 @@ def _cell(text: str) -> str:
 
 
 def _kind_of_line(address: str) -> str:
-    """Return the kind of the line to the supply; the address is left out, because only this laboratory needs it."""
+    """Return the kind of the line to the supply, such as "serial line".
+
+    The address itself is left out, because no other laboratory needs it.
+    """
     upper = address.upper()
     kinds = {"GPIB": "GPIB", "USB0": "USB (VISA)", "SOCKET": "TCP socket", "HISLIP": "HiSLIP", "TCPIP": "VXI-11"}
     return next((words for part, words in kinds.items() if part in upper), "serial line")

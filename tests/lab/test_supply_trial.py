@@ -73,7 +73,7 @@ def test_a_coil_at_the_output_is_noticed_and_switched_off(serve: Serve) -> None:
     coil, address = serve("aim-tti", resistance_ohm=4.0)
     status, output = run("--try", "aim-tti", address, "--yes", "-o", "report.md")
     assert status == 1
-    assert "FAILED: it measures voltage and current: 0.100 A flow; disconnect everything" in output
+    assert "FAILED: it measures voltage and current: a current of 0.100 A flows; disconnect everything" in output
     assert "passed: it switches off: " in output
     assert not coil.state.output
     assert "| passed | NO |" in Path("report.md").read_text()
