@@ -7,15 +7,15 @@ stderr       a standard error stream that never blocks the program
 threads      the number of threads of linear algebra
 garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
-awake        no sleep of the computer while a run goes on
-scope        a systemd scope of its own for a process
-console      lines typed on the terminal, and its closing
-detached     processes that outlive their terminal, and their priority
+awake        keep the computer from sleeping during a run
+scope        a separate systemd scope for a process
+console      lines typed on the terminal, and the closing of the terminal
+detached     processes that outlive their terminal, and the priority of processes
 pipes        pipes between processes
 paths        long paths on Windows, and symbolic links
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
 limits       limits of memory and processor time
-replacing    replacing of files that another program may have open
+replacing    replace and remove files that another program may have open
 outputs      result files that are written completely or not at all
 """

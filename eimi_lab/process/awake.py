@@ -1,4 +1,4 @@
-"""Keep the computer awake, if its operating system supports this, and notice that it slept."""
+"""Keep the computer awake, if its operating system supports this, and notice that the computer slept."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
 
 
 def awake_s() -> float:
-    """Return seconds of a clock that also counts while the computer sleeps, if the system has one.
+    """Return the time (s) on a clock that also counts while the computer sleeps, if the system has such a clock.
 
-    Linux: CLOCK_BOOTTIME (clock_gettime(2)). macOS: CLOCK_MONOTONIC, which counts sleep there (its clock_gettime(3)).
-    Windows: GetTickCount64 (Microsoft, Windows API, sysinfoapi.h).
+    Linux: CLOCK_BOOTTIME (clock_gettime(2)). macOS: CLOCK_MONOTONIC, which on macOS counts sleep too
+    (clock_gettime(3)). Windows: GetTickCount64 (Microsoft, Windows API, sysinfoapi.h).
     """
     if sys.platform == "win32":
         import ctypes
@@ -33,16 +33,16 @@ def awake_s() -> float:
 
 @contextmanager
 def kept_awake(reason: str) -> Iterator[None]:
-    """Inhibit sleep within the context, if the operating system supports this.
+    """Keep the computer awake within the context, if the operating system supports this.
 
-    Linux: systemd-inhibit, if it is installed. macOS: caffeinate. Windows: SetThreadExecutionState. The inhibition ends
-    with this process, in whatever way it ends. Closing the lid or a command of a person can still put the computer to
-    sleep.
+    Linux: systemd-inhibit, if it is installed. macOS: caffeinate. Windows: SetThreadExecutionState. The computer may
+    sleep again when this process ends, for any reason. Closing the lid or a command of a person can put the computer to
+    sleep nevertheless.
 
     Parameters
     ----------
     reason
-        Reason for the inhibition, which the system shows to a person who asks for it.
+        Reason for staying awake. The operating system shows it to a person who asks for the reason.
     """
     if sys.platform == "win32":
         import ctypes
@@ -66,7 +66,10 @@ def kept_awake(reason: str) -> Iterator[None]:
 
 
 def _inhibitor(reason: str) -> subprocess.Popen[bytes] | None:
-    """Start a program that inhibits sleep until its standard input closes or this process ends."""
+    """Start a program that keeps the computer awake until its standard input closes or this process ends.
+
+    Returns None if the program is not installed or cannot be started.
+    """
     if sys.platform == "darwin":
         command = ["caffeinate", "-i", "-s", "-w", str(os.getpid())]
     else:

@@ -1,4 +1,4 @@
-"""The terminal, or console, of the program: lines that are typed on the terminal, and its closing."""
+"""The terminal, or console, of the program: lines that a person types, and the closing of the terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Callable
 _CLOSING = (2, 5, 6)
 """CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT and CTRL_SHUTDOWN_EVENT (Microsoft, consoleapi.h, HandlerRoutine)."""
 HELD_S = 60.0
-"""Time for which a handler waits after it acted; Windows ends the process earlier: 5 s after a console was closed."""
+"""Time (s) for which a handler waits after it acted. Windows ends the process earlier, 5 s after the closing."""
 
 if sys.platform == "win32":
     import msvcrt
@@ -21,7 +21,10 @@ if sys.platform == "win32":
     _unfinished: list[str] = []
 
     def _typed_in_console() -> str | None:
-        """Return a line that was typed, None while it is unfinished; on Windows, reading a line would block."""
+        """Return a line that was typed, or None while it is unfinished.
+
+        The keys are read one by one, because on Windows reading a whole line would block.
+        """
         while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
             key = msvcrt.getwche()
             if key in "\r\n":
@@ -37,9 +40,10 @@ if sys.platform == "win32":
 
 
 def typed_line() -> str | None:
-    """Return the line that was typed on the terminal, without spaces at its ends; None if there is none. Never waits.
+    """Return the line that was typed on the terminal, without spaces at its ends, or None if no line was typed.
 
-    In the background of a terminal, where reading would stop the program, nothing is read.
+    The function never waits. Nothing is read if the program is in the background of a terminal, because reading would
+    stop the program there.
     """
     if sys.platform == "win32":
         return _typed_in_console()
@@ -65,8 +69,8 @@ def handled(event: int, act: Callable[[], None]) -> int:
     Returns
     -------
     int
-        1 after ``act`` and a wait of `HELD_S`, because Windows ends the process as soon as the handler returns. 0 for
-        Ctrl-C and Ctrl-Break, which Python's own handler turns into signals.
+        0 for Ctrl-C and Ctrl-Break: Python's own handler turns these events into signals. Otherwise 1, after ``act``
+        and a wait of `HELD_S`, because Windows ends the process as soon as the handler returns.
     """
     if event not in _CLOSING:
         return 0
@@ -76,10 +80,10 @@ def handled(event: int, act: Callable[[], None]) -> int:
 
 
 def when_closed(act: Callable[[], None]) -> None:
-    """Call a function when Windows closes the console, logs the user off or shuts the computer down.
+    """Call ``act`` when Windows closes the console, logs the user off or shuts the computer down.
 
-    The function is called in a separate thread. Windows ends the process some seconds later, or when its main thread
-    has ended. On other systems the function is not called, because they send a signal (SIGHUP, SIGTERM).
+    ``act`` is called in a separate thread. Windows ends the process some seconds later, or when the main thread has
+    ended. On other systems ``act`` is not called, because these systems send a signal (SIGHUP, SIGTERM).
     """
     if sys.platform == "win32":
 

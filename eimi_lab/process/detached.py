@@ -21,7 +21,7 @@ if sys.platform == "win32":
     _BELOW_NORMAL_PRIORITY = 0x4000
     _SHUT_DOWN_LAST = 0x100
     _EXTENDED_LIMITS, _LIMITS_BYTES, _FLAGS_AT = 9, 144, 16
-    """JobObjectExtendedLimitInformation: its number, its size on 64 bits, and the place of its LimitFlags."""
+    """JobObjectExtendedLimitInformation: its number, its size in bytes on 64 bits, and the place of its LimitFlags."""
     _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
 
     def _job_limits() -> int:
@@ -32,17 +32,19 @@ if sys.platform == "win32":
 
 
 LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
-"""Most characters of one long argument. A command line of Windows has at most 32767 (Microsoft, CreateProcessW)."""
+"""Largest number of characters of one argument. A command line of Windows has at most 32767 (CreateProcessW)."""
 
 
 def detached() -> dict[str, Any]:
-    """Return the options of `subprocess.Popen` for a Python process that the terminal's signals do not reach.
+    """Return the options of `subprocess.Popen` for a Python process that receives no signals from the terminal.
 
-    POSIX: the process has a separate session (setsid(2)), so that neither Ctrl-C nor the hang-up of the terminal
-    reaches it. Windows: the process has an invisible console and a separate process group, which Ctrl-C, Ctrl-Break and
-    the closing of the console do not reach. It leaves the job object of this process if the job object permits this. In
-    a virtual environment, `python.exe` only starts the real interpreter, in a job object that would end it. The real
-    interpreter is therefore started directly, as `multiprocessing` does.
+    POSIX: the process has a separate session (setsid(2)). Ctrl-C and the hang-up of the terminal do not reach the
+    process.
+
+    Windows: the process has an invisible console and a separate process group. Ctrl-C, Ctrl-Break and the closing of
+    the console do not reach the process. It leaves the job object of this process if the job object permits this. In a
+    virtual environment, `python.exe` only starts the real interpreter, in a job object that would end the interpreter.
+    The real interpreter is therefore started directly, as `multiprocessing` does.
     """
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
@@ -57,35 +59,38 @@ def detached() -> dict[str, Any]:
 
 
 def ended_with_others() -> bool:
-    """Return whether this process is in a job object of Windows that ends all its processes at once."""
+    """Return whether this process belongs to a job object of Windows that ends all its processes together."""
     if sys.platform == "win32":
         return bool(_job_limits() & _KILL_ON_JOB_CLOSE)
     return False
 
 
 def be_shut_down_last() -> None:
-    """Ask Windows to end this process after others when the user logs off or the computer is shut down."""
+    """Ask Windows to end this process after other processes when the user logs off or the computer is shut down."""
     if sys.platform == "win32":
         _kernel.SetProcessShutdownParameters(_SHUT_DOWN_LAST, 0)
 
 
 class Starter:
-    """The process that started this process."""
+    """The process that started this process, to ask whether it runs and to kill it."""
 
     def __init__(self) -> None:
-        """Store the process that started this process; call this early, because its number may be used again."""
+        """Remember which process started this process.
+
+        Create the object early: after the end of the starting process, its number may be given to another process.
+        """
         self._process = os.getppid()
         if sys.platform == "win32":
             self._handle = ctypes.c_void_p(_kernel.OpenProcess(_SYNCHRONIZE | _PROCESS_TERMINATE, False, self._process))
 
     def runs(self) -> bool:
-        """Return whether the process is still running."""
+        """Return whether the process that started this process is still running."""
         if sys.platform == "win32":
             return bool(self._handle) and _kernel.WaitForSingleObject(self._handle, 0) == _WAIT_TIMEOUT
         return os.getppid() == self._process
 
     def kill(self) -> None:
-        """Kill the process if it is still running."""
+        """Kill the process that started this process, if it is still running."""
         if sys.platform == "win32":
             _kernel.TerminateProcess(self._handle, 1)
         elif self.runs():
@@ -94,7 +99,10 @@ class Starter:
 
 
 def resume(process: subprocess.Popen[bytes]) -> None:
-    """Let a stopped process (SIGSTOP) continue; Windows has no such state."""
+    """Let a process that was stopped by SIGSTOP continue.
+
+    On Windows, where no process can be stopped so, do nothing.
+    """
     if sys.platform != "win32":
         process.send_signal(signal.SIGCONT)
 
@@ -105,8 +113,8 @@ def give_way(steps: int) -> None:
     Parameters
     ----------
     steps
-        The number that is added to the nice value (nice(2)). Windows has one priority class below the normal class,
-        which any number sets.
+        The number that is added to the nice value (nice(2)). On Windows every number sets the only priority class below
+        the normal class.
     """
     if sys.platform == "win32":
         _kernel.SetPriorityClass(ctypes.c_void_p(_kernel.GetCurrentProcess()), _BELOW_NORMAL_PRIORITY)

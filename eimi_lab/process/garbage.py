@@ -23,8 +23,8 @@ _SETTINGS = ((-1, 256 << 20), (-3, 32 << 20))  # M_TRIM_THRESHOLD, M_MMAP_THRESH
 def keep_freed_memory() -> None:
     """Keep freed memory in this process for reuse, if the C library supports this.
 
-    Each step of a solid model allocates megabytes. Returning them to the system and requesting them again, with a
-    page fault for each 4 kB, takes a tenth of the time of a report's simulations.
+    Each step of a solid beam model allocates megabytes. Without reuse, returning this memory to the system and
+    requesting it again, with a page fault for each 4 kB, takes a tenth of the time of a report's simulations.
     """
     import ctypes  # imported here because only workers need it
 

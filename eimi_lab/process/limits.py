@@ -1,7 +1,7 @@
-"""Limits of memory and processor time, because a small file may require any amount of either.
+"""Limits of memory and processor time, because reading a small file may require any amount of memory or time.
 
-The limits of a process are soft limits (setrlimit(2)): the hard limits that the user or a batch system has set are
-kept. On Windows, processes have no such limits, and only the wall clock ends a child that never returns.
+The limits of a process are soft limits (setrlimit(2)). The hard limits that the user or a batch system has set are
+kept. On Windows, processes have no such limits; only a limit by the wall clock ends a child that never returns.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from pathlib import Path
 from eimi_lab.process.errors import InputError
 
 ASSUMED_FREE_BYTES = 4 << 30
-"""Assumed free memory if the system does not state it."""
+"""Assumed free memory (bytes) if the operating system does not report it."""
 SHARE_OF_FREE = 4
-"""At most the free memory divided by this number is unpacked from a file at once."""
+"""Divisor: the data that are unpacked from a file at once take at most the free memory divided by this number."""
 _CRASHED = 0xC0000000
-"""The least exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
+"""Smallest exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
 WALL_WITHIN_S = 3600.0
-"""Limit of a child by the wall clock: a disk or a network may be slow, and a process may wait for it forever."""
+"""Longest time (s) by the wall clock for a child, because a child may wait forever for a disk or a network."""
 
 
 def free_memory_bytes() -> int:
-    """Return the memory that this process can still use without displacing others.
+    """Return the memory (bytes) that this process can still use without displacing the memory of other processes.
 
-    The sources are MemAvailable in /proc/meminfo (Linux), GlobalMemoryStatusEx (Windows), half of hw.memsize (macOS,
-    which states no such value; half is an assumption), and otherwise SC_AVPHYS_PAGES of sysconf(3). A limit of the
-    address space (RLIMIT_AS) is respected. Without any source the value is `ASSUMED_FREE_BYTES`.
+    Linux: MemAvailable in /proc/meminfo. Windows: GlobalMemoryStatusEx. macOS, which does not report this value: half
+    of hw.memsize; the half is assumed. Other systems: SC_AVPHYS_PAGES of sysconf(3). Where none of these is available,
+    the value is `ASSUMED_FREE_BYTES`. The result is at most the limit of the address space (RLIMIT_AS).
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
     if sys.platform == "win32":
@@ -48,25 +48,28 @@ def free_memory_bytes() -> int:
 
 
 def refuse_unpacked(claimed_bytes: int, what: str) -> None:
-    """Raise InputError if data would take more than a quarter of the free memory once they are unpacked.
+    """Raise InputError if unpacked data would take more than a quarter of the free memory.
 
     Parameters
     ----------
     claimed_bytes
-        Size of the unpacked data that the file states.
+        Size of the unpacked data according to the file.
     what
-        The file and its part, as the subject of the message.
+        The file and the part of the file, as the subject of the message.
     """
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
         raise InputError(
             f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; at most a quarter of the free "
-            f"memory is used, {most / 1e9:.2g} GB here"
+            f"memory is used, which is {most / 1e9:.2g} GB here"
         )
 
 
 def limit_memory(most_bytes: int) -> None:
-    """Limit the address space of this process, if the operating system supports this; a lower limit is kept."""
+    """Limit the address space of this process to ``most_bytes``, if the operating system supports this.
+
+    A limit that is already lower is kept.
+    """
     _lower("RLIMIT_AS", most_bytes)
 
 
@@ -78,15 +81,15 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     path
         The file, for messages.
     command
-        A Python command of this program. It calls `child_arguments`, and passes the last argument to
-        `obey_processor_limit`.
+        A Python command of this program. The program receives the limit as its last argument: it calls
+        `child_arguments` and passes this argument to `obey_processor_limit`.
     within_s
-        Limit of the processor time in seconds; where the system has no such limit, of the wall clock.
+        Limit of the processor time, s. On Windows, limit of the time by the wall clock.
 
     Returns
     -------
     subprocess.CompletedProcess
-        The ended command; its status is not negative.
+        The command after its end. Its exit status is not negative.
 
     Raises
     ------
@@ -97,24 +100,26 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     try:
         done = subprocess.run([*command, str(round(within_s))], capture_output=True, timeout=wall_s, check=False)
     except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: reading it took longer than {wall_s:.0f} s") from error
+        raise InputError(f"{path}: reading the file took longer than {wall_s:.0f} s") from error
     if 0 <= done.returncode < _CRASHED:
         return done
     if sys.platform == "win32":
         raise InputError(f"{path}: is damaged: the process that read it crashed ({done.returncode:#x})")
     name = signal.Signals(-done.returncode).name
     if name == "SIGXCPU":
-        raise InputError(f"{path}: reading it took longer than {within_s:.0f} s of processor time")
+        raise InputError(f"{path}: reading the file took longer than {within_s:.0f} s of processor time")
     if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
         raise InputError(f"{path}: the process that read it was ended by {name}; the memory may not suffice")
     raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
 
 
 def child_arguments(count: int) -> list[str]:
-    """Return the arguments that `run_limited` gave to this process, the limit of the processor time last.
+    """Return the arguments that `run_limited` gave to this process.
 
-    If their number is not ``count``, the program was replaced by another release after the command had started. The
-    process then ends with a line about it and the status 2.
+    The last argument is the limit of the processor time.
+
+    If the number of arguments is not ``count``, the program was replaced by another release after the command had
+    started. The process then prints a line about this and ends with exit status 2.
     """
     arguments = sys.argv[1:]
     if len(arguments) != count:
@@ -124,12 +129,18 @@ def child_arguments(count: int) -> list[str]:
 
 
 def obey_processor_limit(within_s: str) -> None:
-    """Let the system end this process after ``within_s`` seconds of processor time, if it supports such a limit."""
+    """Let the operating system end this process after ``within_s`` seconds of processor time.
+
+    On a system without such a limit, do nothing.
+    """
     _lower("RLIMIT_CPU", int(within_s))
 
 
 def _lower(name: str, most: int) -> None:
-    """Lower a limit of this process, named as in setrlimit(2); Windows has no such limits."""
+    """Set a soft limit of this process, named as in setrlimit(2), to ``most`` unless it is already lower.
+
+    On Windows, which has no such limits, do nothing.
+    """
     if sys.platform != "win32":
         import resource
 

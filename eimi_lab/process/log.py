@@ -7,14 +7,17 @@ import os
 import sys
 
 VARIABLE = "EIMI_LOG"
-"""Name of the environment variable that holds the level; every process that this process starts inherits it."""
+"""Name of the environment variable for the level of the log. Processes that this process starts inherit it."""
 
 LEVELS = ("info", "debug")
 PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 
 
 def log_to_stderr(level: str) -> None:
-    """Print the log from a level of `LEVELS` upward; any other text prints no log."""
+    """Print the messages of the log from ``level`` upward on standard error.
+
+    ``level`` is "info" or "debug"; any other text prints no log.
+    """
     if level not in LEVELS:
         return
     os.environ[VARIABLE] = level

@@ -1,7 +1,8 @@
 """Result files, which are written completely or not at all.
 
-An existing file is replaced only on request. A file that the program reads is never written. If the name is a symbolic
-link, the file to which it leads is written and the link stays. Each file has one writer at a time.
+An existing file is replaced only on request. A file that the same command reads is never written. If the name of a
+result file is a symbolic link, the file to which the link leads is written, and the link stays. Each file has one
+writer at a time.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from eimi_lab.process.writer_lock import only_writer
 def refuse_existing(path: Path, force: bool) -> None:
     """Raise InputError if ``path`` cannot become a new file.
 
-    Reasons are that it exists (unless ``force``), that it is not an ordinary file, or that its folder does not exist or
-    cannot be written to.
+    The reason can be that the file exists (unless ``force`` is true) or is not an ordinary file. It can also be that
+    the folder of the file does not exist or cannot be written to.
     """
     folder = followed(path).parent
     if path.is_dir():
@@ -39,7 +40,10 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
-    """Raise InputError if a file to read is given twice, or if a file to write is also read or written otherwise."""
+    """Raise InputError if one command uses a file twice.
+
+    A file in ``read`` may be given once. A file in ``written`` may be neither read nor written under another name.
+    """
     used = set()
     for path in read:
         if followed(path) in used:
@@ -55,7 +59,7 @@ def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
 
 @contextmanager
 def whole_file(path: Path, force: bool) -> Iterator[Path]:
-    """Yield the path of a temporary file that replaces ``path`` when the block ends without an error.
+    """Yield the path of a temporary file that replaces ``path`` when the context ends without an error.
 
     On any error the temporary file is removed, and ``path`` is unchanged.
 
@@ -71,7 +75,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
     InputError
         If the file cannot be created (`refuse_existing`), or if another program writes to it.
     OSError
-        If writing fails; the error names ``path``.
+        If writing fails. The error names ``path``.
     """
     refuse_existing(path, force)
     with only_writer(path):
@@ -102,13 +106,17 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes, force: bool) -> None:
-    """Write a file completely or not at all; text is encoded as UTF-8. Raises the errors of `whole_file`."""
+    """Write a file completely or not at all. Text is encoded as UTF-8. Raises the errors of `whole_file`."""
     with whole_file(path, force) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def new_folder(folder: Path, force: bool) -> None:
-    """Create a folder; raise InputError if that fails, or if it exists and is not empty (unless ``force``)."""
+    """Create a folder for results.
+
+    Raises InputError if the folder cannot be created. It is also raised if the folder exists and is not empty, unless
+    ``force`` is true.
+    """
     if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()) and not force:
         raise InputError(f"{folder}: is not empty; give another folder, or --force to replace files in it")
     try:
@@ -119,7 +127,7 @@ def new_folder(folder: Path, force: bool) -> None:
 
 @contextmanager
 def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
-    """Yield a temporary folder whose files are moved to ``folder`` when the block ends without an error.
+    """Yield a temporary folder whose files are moved to ``folder`` when the context ends without an error.
 
     Write the files with `write_whole`. On any error the temporary folder is removed, and ``folder`` is unchanged.
 
@@ -135,7 +143,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
     InputError
         If the folder cannot be used (`new_folder`).
     OSError
-        If writing fails; the error names the file in ``folder``.
+        If writing fails. The error names the file in ``folder``.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     new_folder(folder, force)
@@ -159,7 +167,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def _put(file: Path, path: Path) -> None:
-    """Move a file to a path; for a symbolic link, copy the file to the target of the link."""
+    """Move a file to ``path``. If ``path`` is a symbolic link, replace the file to which the link leads."""
     if not path.is_symlink():
         replace(file, path)
         return
@@ -169,7 +177,7 @@ def _put(file: Path, path: Path) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file and synchronise it to the disk; an OSError names the file, also on a full disk."""
+    """Write a file and wait until its content is on the disk. An OSError, also for a full disk, names the file."""
     try:
         with file.open("wb") as output:
             output.write(content)

@@ -22,17 +22,21 @@ _UNRESOLVED = (206, 234)
 
 
 def reachable(path: Path) -> Path:
-    r"""Return the path; on Windows, a long path in the form ``\\?\C:\folder``, whose length is not limited."""
+    r"""Return a path in a form that can be opened whatever its length.
+
+    On Windows, a long path gets the form ``\\?\C:\folder``, whose length is not limited. Every other path is returned
+    unchanged.
+    """
     return Path(with_prefix(os.path.abspath(path), str(path))) if sys.platform == "win32" else path
 
 
 def named_in(file: Path, name: str) -> Path:
-    """Return the path of a file that another file names, relative to its own folder."""
+    """Return the path of a file whose ``name`` stands in ``file``, relative to the folder of ``file``."""
     return reachable(file.parent / name)
 
 
 def with_prefix(absolute: str, short: str) -> str:
-    r"""Return a long absolute path of Windows with the prefix for long paths.
+    r"""Return an absolute path of Windows, with the prefix for long paths if the path is long.
 
     Parameters
     ----------
@@ -44,8 +48,9 @@ def with_prefix(absolute: str, short: str) -> str:
     Returns
     -------
     str
-        ``\\?\C:\folder``, ``\\?\UNC\server\share\folder``, or ``short``. A path that has the prefix keeps it; its
-        ``..`` are resolved here, because Windows takes them for names of folders behind the prefix.
+        ``\\?\C:\folder`` or ``\\?\UNC\server\share\folder`` for a long path, otherwise ``short``. A path that has the
+        prefix keeps it. In such a path, ``..`` is resolved here, because behind the prefix Windows takes ``..`` for the
+        name of a folder.
     """
     if absolute.startswith(_PREFIX):
         return _PREFIX + ntpath.normpath(absolute.removeprefix(_PREFIX))
@@ -56,9 +61,10 @@ def with_prefix(absolute: str, short: str) -> str:
 
 
 def followed(path: Path) -> Path:
-    """Return the path with all symbolic links resolved; the file need not exist. Raises InputError.
+    """Return a path with all symbolic links resolved. The file need not exist.
 
-    On Windows, the links of a long path that the system cannot resolve are kept.
+    On Windows, the links of a long path that the system cannot resolve are kept. Raises InputError if a link cannot be
+    followed.
     """
     try:
         return path.resolve()

@@ -1,4 +1,4 @@
-"""Pipes between processes of this program: read available data, write without waiting, pass a pipe to a child.
+"""Pipes between processes of this program: read available data, write without waiting, pass a pipe to a child process.
 
 POSIX has select(2), O_NONBLOCK and inherited descriptors. Windows has PeekNamedPipe, PIPE_NOWAIT and inherited handles
 (Microsoft, Windows API, namedpipeapi.h and processthreadsapi.h).
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any
 
 LOOK_EVERY_S = 0.01
-"""On Windows, a process that waits for a pipe checks for data at this interval."""
+"""Interval (s) at which a process that waits for a pipe checks for data on Windows."""
 
 if sys.platform == "win32":
     import msvcrt
@@ -34,14 +34,14 @@ if sys.platform == "win32":
 
 
 def readable(descriptor: int, within_s: float) -> bool:
-    """Return whether a read returns at once, because data have arrived or the other end is closed.
+    """Return whether a pipe can be read without waiting, because data have arrived or the other end is closed.
 
     Parameters
     ----------
     descriptor
-        The end of a pipe to read from.
+        The reading end of a pipe.
     within_s
-        How long to wait for data, in seconds; 0 does not wait.
+        Longest time to wait for data, s; 0 does not wait.
     """
     if sys.platform == "win32":
         until = time.monotonic() + within_s
@@ -54,12 +54,12 @@ def readable(descriptor: int, within_s: float) -> bool:
 
 
 def never_wait_to_write(descriptor: int) -> None:
-    """Let a write to a full pipe fail with an OSError instead of waiting for the reader.
+    """Let a write to a full pipe fail with an OSError, so that the writer never waits for the reader.
 
     Raises
     ------
     OSError
-        If the descriptor is no pipe.
+        If ``descriptor`` is not the descriptor of a pipe.
     """
     if sys.platform == "win32":
         state = ctypes.byref(_PIPE_NOWAIT)
@@ -75,9 +75,10 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
 
     Yields
     ------
-    names, options
-        A name for each descriptor, which `received` turns into a descriptor of the child, and the options of
-        `subprocess.Popen`.
+    names : list of str
+        A name for each descriptor. In the child process, `received` returns the descriptor for a name.
+    options : dict
+        Options of `subprocess.Popen` with which the child is to be started.
     """
     if sys.platform == "win32":
         handles = [msvcrt.get_osfhandle(descriptor) for descriptor in descriptors]
@@ -94,7 +95,7 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
 
 
 def received(name: str) -> int:
-    """Return the descriptor that the parent process passed under this name."""
+    """Return the descriptor that the parent process passed under the name ``name``."""
     if sys.platform == "win32":
         return msvcrt.open_osfhandle(int(name), 0)
     return int(name)

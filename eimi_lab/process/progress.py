@@ -1,4 +1,7 @@
-"""The progress of long work on stderr: a bar with an estimate on a terminal, plain lines elsewhere."""
+"""The progress of long work on standard error.
+
+On a terminal the progress is a bar with an estimate of the remaining time. Elsewhere it is one line for each step.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ def silent(words: str) -> None:
 
 @contextmanager
 def unseen() -> Iterator[None]:
-    """Show no progress within the context."""
+    """Show no progress of any work within the context."""
     before = _unseen.set(True)
     try:
         yield
@@ -28,21 +31,21 @@ def unseen() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Report:
-    """Functions that report the progress; calling the report itself ends a step.
+    """Functions that report the progress of long work. Calling the report itself reports the end of a step.
 
     Parameters
     ----------
     after_step
-        Called after each step with a short text about it.
+        Called after each step with a short text about the step.
     underway
-        Called within a step with a short text, which is shown only on a terminal.
+        Called within a step with a short text. The text is shown only on a terminal.
     """
 
     after_step: Callable[[str], None]
     underway: Callable[[str], None] = silent
 
     def __call__(self, words: str) -> None:
-        """Report the end of a step."""
+        """Report the end of a step with a short text."""
         self.after_step(words)
 
 
@@ -50,7 +53,7 @@ class Report:
 def progress(title: str, total: int) -> Iterator[Report]:
     """Show the progress of long work.
 
-    The estimate of the remaining time does not use the first step, during which modules are loaded or a coil is
+    The estimate of the remaining time leaves out the first step, during which modules are loaded or a beam is
     conditioned.
 
     Parameters
@@ -63,7 +66,7 @@ def progress(title: str, total: int) -> Iterator[Report]:
     Yields
     ------
     Report
-        The report to call after each step and within steps.
+        The report, to call after each step and within steps.
     """
     if _unseen.get():
         yield Report(silent)

@@ -1,7 +1,8 @@
 """Replace and remove files that another program may have open.
 
 On Windows, a file that a program has open can be neither replaced nor removed. A virus scanner, an indexer or a
-synchronised folder opens every new file for a moment, and a spreadsheet as long as it shows the file.
+synchronised folder opens every new file for a moment. A spreadsheet program has a file open as long as it shows the
+file.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ _IN_USE = (5, 32, 33)
 
 
 def replace(file: Path, path: Path) -> None:
-    """Move a file to a path and replace the file there; on Windows, try for `TRY_FOR_S` while one of them is open.
+    """Move ``file`` to ``path``, and replace the file there.
+
+    On Windows, the move is tried for `TRY_FOR_S` while another program has one of the two files open.
 
     Raises
     ------
     OSError
-        If the file cannot be moved; the error of a file that stays open names the file and the remedy.
+        If the file cannot be moved. If another program has a file open, the message names the file and says what to do.
     """
     try:
         _patiently(lambda: os.replace(file, path))
@@ -32,13 +35,16 @@ def replace(file: Path, path: Path) -> None:
         if not _in_use(error):
             raise
         raise PermissionError(
-            f"{path}: cannot be replaced ({error.strerror}): another program has it open, or it is write-protected; "
-            "close it there, and repeat the command"
+            f"{path}: cannot be replaced ({error.strerror}): another program has the file open, or the file is "
+            "write-protected; close the file in that program, or remove the protection, and repeat the command"
         ) from error
 
 
 def remove(file: Path) -> None:
-    """Remove a file if it exists; give up after `TRY_FOR_S`, without an error, if another program has it open."""
+    """Remove a file if it exists.
+
+    If another program has the file open, the function tries for `TRY_FOR_S` and then leaves the file without an error.
+    """
     try:
         _patiently(lambda: file.unlink(missing_ok=True))
     except PermissionError as error:

@@ -1,6 +1,7 @@
-"""Move a process into a systemd scope of its own, so that it survives the end of the program that started it.
+"""Move a process into a separate systemd scope, so that the process outlives the program that started it.
 
-systemd-oomd, a desktop that closes a program, and a service that is stopped end every process of a control group.
+Without a separate scope, the process belongs to the control group of that program. All processes of a control group end
+if systemd-oomd ends the group, a desktop closes a program, or a service is stopped.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ _OWN_GROUP = Path("/proc/self/cgroup")
 
 
 def move_to_own_scope(name: str, description: str) -> bool:
-    """Move this process into a new scope of the user's systemd, and return whether systemd accepted it.
+    """Move this process into a new scope of the user's systemd.
 
-    The process stays where it is if there is no systemd of the user, or if systemd would end the scope together with
-    the user's session although the process would otherwise survive the session.
+    The process stays where it is if the user has no systemd. It also stays if systemd would end the scope together with
+    the user's session, although the process would otherwise outlive the session.
 
     Parameters
     ----------
@@ -29,6 +30,11 @@ def move_to_own_scope(name: str, description: str) -> bool:
         The first part of the scope's name.
     description
         Description of the process, which systemd shows.
+
+    Returns
+    -------
+    bool
+        Whether systemd moved the process.
 
     References
     ----------
@@ -55,7 +61,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _ends_with_the_session_anyway() -> bool:
-    """Return whether the user's systemd lives at least as long as this process would without a scope."""
+    """Return whether the user's systemd lives at least as long as this process would live without a new scope."""
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
     except (OSError, KeyError):  # no such system; no name of the user

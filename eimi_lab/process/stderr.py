@@ -1,8 +1,8 @@
-"""A standard error stream that never blocks the program, and the words that C libraries print there.
+"""A standard error stream that never blocks the program, and the text that C libraries print on standard error.
 
-If nobody reads standard error (a full pipe, a terminal stopped with Ctrl-S, or a Windows console in which text is
-selected), an ordinary write would block, and a coil might stay on. Here, text that cannot be written at once waits in
-memory for the next write. If too much text waits, the oldest lines are dropped and counted.
+An ordinary write blocks if nobody reads standard error: the pipe is full, the terminal was stopped with Ctrl-S, or text
+is selected in a Windows console. A coil might then stay on. In the stream of this module, text that cannot be written
+at once waits in memory for the next write. If too much text waits, the oldest lines are dropped and counted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NOTICE = b" lines were dropped: nobody read them"
 
 
 class NeverBlocking(io.TextIOBase):
-    """A text stream to a file descriptor whose other end may have stopped reading."""
+    """A text stream to a file descriptor that never waits for the reader at the other end."""
 
     def __init__(self, descriptor: int) -> None:
         self._open(descriptor)
@@ -39,11 +39,11 @@ class NeverBlocking(io.TextIOBase):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]  # a read-only attribute of the base
-        """The encoding, UTF-8."""
+        """The encoding of the stream, UTF-8."""
         return "utf-8"
 
     def fileno(self) -> int:
-        """Return the original descriptor."""
+        """Return the descriptor with which the stream was created."""
         return self._original
 
     def isatty(self) -> bool:
@@ -51,11 +51,11 @@ class NeverBlocking(io.TextIOBase):
         return os.isatty(self._original)
 
     def writable(self) -> bool:
-        """Return True."""
+        """Return True, because the stream can be written to."""
         return True
 
     def write(self, text: str) -> int:
-        """Accept a text and return at once."""
+        """Accept a text, and return its length at once. Text that cannot be written now waits in memory."""
         with self._lock:
             self._waiting += text.encode("utf-8", "backslashreplace")
             self._send()
@@ -75,7 +75,7 @@ class NeverBlocking(io.TextIOBase):
             self._send()
 
     def finish(self) -> None:
-        """Try for a short time to send the remaining text, then close the stream."""
+        """Try for at most `FINISH_WITHIN_S` to write the waiting text, then close the stream."""
         until = time.monotonic() + FINISH_WITHIN_S
         while self._left() and time.monotonic() < until:
             self.flush()
@@ -84,7 +84,7 @@ class NeverBlocking(io.TextIOBase):
         self._close()
 
     def _left(self) -> bool:
-        """Return whether text that was accepted is not written yet."""
+        """Return whether some of the accepted text is not yet written."""
         return bool(self._waiting)
 
     def _close(self) -> None:
@@ -100,10 +100,11 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
     def _send_a_piece(self) -> None:
-        """Write as much as possible at once and drop it from the waiting text, even if a signal raises an error.
+        """Write a piece of the waiting text and remove the piece, even if the handler of a signal raises an error.
 
-        The handler of a signal can raise after each call. `extend` writes and stores the number of the written bytes in
-        one call, and `finally` drops them without a call, so that no byte is written twice.
+        The handler of a signal can raise an error after each call. `extend` writes the piece and stores the number of
+        the written bytes in one call. `finally` then removes these bytes without a call, so that no byte is written
+        twice.
         """
         written_bytes: list[int] = []
         try:
@@ -114,10 +115,10 @@ class NeverBlocking(io.TextIOBase):
 
 
 class WrittenByThread(NeverBlocking):
-    """A text stream whose text a thread writes, so that the program waits for no reader.
+    """A text stream whose text is written by a thread, so that the program never waits for the reader.
 
-    It is for Windows, where every write to a console or a file waits, and select(2) accepts only sockets. A console
-    gets Unicode, independent of its code page.
+    The stream is for Windows: there, every write to a console or a file waits, and select(2) accepts only sockets. A
+    console receives Unicode, whatever its code page.
     """
 
     def _open(self, descriptor: int) -> None:
@@ -150,10 +151,10 @@ class WrittenByThread(NeverBlocking):
 
 
 def write_every_character() -> None:
-    """Let standard output and standard error take every character.
+    """Make standard output and standard error accept every character.
 
-    On Windows, a stream that is not a console gets UTF-8 for any code page, as every text file of this program does.
-    Elsewhere, a character that the terminal's encoding lacks is written with a backslash.
+    On Windows, a stream that is not a console receives UTF-8 whatever the code page, like every text file of this
+    program. Elsewhere, a character that is missing in the encoding of the terminal is written with a backslash.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -164,7 +165,7 @@ def write_every_character() -> None:
 def open_closed_streams() -> None:
     """Open the null device for each standard stream that is closed (as by ``2>&-``).
 
-    Otherwise the files that the program writes would get the descriptors of the standard streams.
+    Otherwise the files that the program opens would receive the descriptors of the standard streams.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -198,9 +199,14 @@ _captured = threading.Lock()
 
 @contextmanager
 def library_words() -> Iterator[list[str]]:
-    """Yield a list; after the context it holds the lines that C libraries printed on standard error.
+    """Collect the lines that C libraries print on standard error within the context.
 
     None of these lines reaches the terminal. Text that Python prints within `never_blocking` is not affected.
+
+    Yields
+    ------
+    list of str
+        An empty list, which contains the lines after the end of the context.
     """
     lines: list[str] = []
     with _captured, tempfile.TemporaryFile() as printed:
@@ -216,10 +222,11 @@ def library_words() -> Iterator[list[str]]:
 
 
 def _reopened(descriptor: int) -> int:
-    """Return a new descriptor of the same pipe or terminal that does not block.
+    """Return a new descriptor for the same pipe, terminal or file.
 
-    A pipe or terminal is opened again, because a change of the old descriptor would affect all processes that share it.
-    Any other file is duplicated: if it were opened again, it would be written from its beginning.
+    A pipe or a terminal is opened again, without blocking: a change of the old descriptor would affect all processes
+    that share it. Any other file is duplicated, because a file that is opened again would be written from its
+    beginning.
     """
     mode = os.fstat(descriptor).st_mode
     if sys.platform != "win32" and (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)):

@@ -1,4 +1,7 @@
-"""Signals that stop the program: they raise `Stopped`, so that every file is closed and every coil is switched off."""
+"""Signals that stop the program.
+
+A signal raises `Stopped`, so that every file is closed and every coil is switched off.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +20,29 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
-"""SIGBREAK is Windows' signal for Ctrl-Break; here it also stands for a closed console, a log-off and a shutdown."""
+"""The signals that end the program. Windows has SIGBREAK for Ctrl-Break; the program also sends SIGBREAK to itself when
+the console is closed, the user logs off or the computer is shut down.
+"""
 
 SIGNALS_BETWEEN_PROCESSES = sys.platform != "win32"
-"""Whether a process can send a signal to another one; Windows can only end the other process."""
+"""Whether a process can send a signal to another process; on Windows it can only end the other process."""
 
 AGAIN_AFTER_S = 0.05
 IN_HASTE_AFTER_S = 1.0
-"""Time (s) from the first signal to the second: Windows ends a process 5 s after its console was closed."""
+"""Time (s) from the first signal to the second when a Windows console is closed. Windows ends the process after 5 s."""
 
 
 class Stopped(BaseException):
-    """A signal asked the program to stop. It is not an `Exception`, so that no handler of errors catches it.
+    """A signal asked the program to stop.
+
+    The class is not an `Exception`, so that no handler of ordinary errors catches it.
 
     Parameters
     ----------
     number
         Number of the signal.
     left
-        Description of the state in which the program leaves its files and instruments.
+        Description of the files and instruments at the end of the program, for the message.
     """
 
     def __init__(self, number: int, left: str = "") -> None:
@@ -43,7 +50,7 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message; if a second signal came at the end of the program, the message of the first signal."""
+        """Return the message of this error, or of the first signal if another signal came while the program ended."""
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:
@@ -56,10 +63,10 @@ _received: list[int] = []
 
 
 def unwind_on_termination() -> None:
-    """Let Ctrl-C, termination and hang-up raise `Stopped`; a signal that is ignored stays ignored.
+    """Let Ctrl-C, termination and hang-up raise `Stopped`. A signal that is ignored stays ignored.
 
-    Python cannot raise an error from a destructor or from a callback of a C library; it reports the error and drops it.
-    If a `Stopped` is dropped in this way, the same signal is sent again a moment later.
+    Python cannot raise an error from a destructor or from a callback of a C library: it reports the error and drops it.
+    If a `Stopped` is dropped in this way, the same signal is sent again after `AGAIN_AFTER_S`.
     """
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -78,9 +85,9 @@ def unwind_on_termination() -> None:
 
 @contextmanager
 def leaving() -> Iterator[None]:
-    """Ignore signals while the program prints its last lines; after the context, a signal ends the program.
+    """Ignore signals while the program prints its last lines. After the context, a signal ends the program.
 
-    Everything that had to be closed or switched off is done before this context.
+    Everything that has to be closed or switched off is closed or off before this context.
     """
     handled = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is _raise]
     for number in handled:
@@ -93,13 +100,16 @@ def leaving() -> Iterator[None]:
 
 
 def raise_if_asked() -> None:
-    """Raise `Stopped` again if a signal was received: Python drops an error in a destructor or a callback."""
+    """Raise `Stopped` if a signal has come before.
+
+    A first `Stopped` may have been dropped, because Python drops an error in a destructor or a callback.
+    """
     if _received:
         raise Stopped(_received[0])
 
 
 def signal_main_thread(number: int) -> None:
-    """Send a signal to this process from any of its threads; the main thread handles it."""
+    """Send a signal to this process. Any thread may call this; the main thread handles the signal."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, number)  # this also interrupts a waiting system call
     else:

@@ -1,7 +1,7 @@
-"""The number of threads of linear algebra, which is one.
+"""The number of threads for linear algebra, which is one.
 
-More threads do not help with matrices of this size, and wait for each other if there are few processors. They also add
-numbers in a varying order, which changes the last digits of results.
+With matrices of this size more threads bring no gain, and the threads wait for each other if there are few processors.
+More threads also add numbers in a varying order, which changes the last digits of results.
 """
 
 import os
@@ -10,5 +10,5 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 
 
 def one_thread_each() -> None:
-    """Use one thread in this process and in its child processes; call this before numpy is loaded."""
+    """Use one thread for linear algebra in this process and its child processes. Call this before numpy is loaded."""
     os.environ.update(dict.fromkeys(THREADS, "1"))

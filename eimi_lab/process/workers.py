@@ -1,8 +1,8 @@
-"""Distribution of long tasks: to this process, to other processes of this machine, or to a dask cluster.
+"""Distribution of long tasks to this process, to other processes of this computer, or to a dask cluster.
 
-Processes and clusters are executors of the standard library (`concurrent.futures`). A task is a whole fit, or the
-search for the edges of one state. Its result does not depend on the number of workers. If a worker is lost, another one
-repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
+A task is a whole fit, or the search for the edges of one state. Processes and clusters are executors of the standard
+library (`concurrent.futures`). The result of a task does not depend on the number of workers. If a worker is lost,
+another worker repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _ANSWER_S = 10
 
 
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
-    """Return the function that creates the executor for the options ``--workers`` and ``--scheduler``.
+    """Return a function that creates the executor which the options ``--workers`` and ``--scheduler`` describe.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
     Returns
     -------
     callable or None
-        None to run tasks in this process.
+        The function. None if the tasks are to run in this process.
 
     Raises
     ------
     InputError
-        If both are given, or if the cluster cannot be used (see `cluster`).
+        If several workers and a scheduler are given, or if the cluster cannot be used (see `cluster`).
     """
     if scheduler is None:
         # More workers than processors would only need more memory, and Windows waits for no more than 61 at once.
@@ -65,7 +65,8 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
         return partial(processes, workers) if workers > 1 else None
     if workers > 1:
         raise InputError(
-            f"--workers {workers}: the cluster at --scheduler {scheduler} has its own; give one of the two"
+            f"--workers {workers}: the cluster at --scheduler {scheduler} has its own workers; give only one of the "
+            "two options"
         )
     with cluster(scheduler):
         return partial(cluster, scheduler)
@@ -80,7 +81,7 @@ def completed(
     meanwhile: Callable[[], None] | None = None,
     further: Callable[[Task, T], Sequence[Task]] | None = None,
 ) -> Generator[tuple[Task, Callable[[], T]]]:
-    """Run tasks and yield each with its result in the order in which they finish.
+    """Run tasks, and yield each task with its result in the order in which the tasks finish.
 
     If a worker is lost, the unfinished tasks are given to a new executor.
 
@@ -93,24 +94,28 @@ def completed(
     tasks
         The tasks.
     executor
-        Function that creates the executor; None to run the tasks in this process, one after another.
+        Function that creates the executor. None runs the tasks in this process, one after another.
     expected
-        Errors of ``function`` that are raised to the caller only when the result of their task is requested.
+        Types of errors of ``function`` that are raised only when the result of the task is requested. With an executor,
+        every other error is raised at once and ends the tasks.
     meanwhile
-        Function that this process calls once after all tasks were given to the workers; not called without an executor.
+        Function that this process calls once after all tasks were given to the workers. It is not called without an
+        executor.
     further
-        Function that returns new tasks that follow from a task and its result. They are given to the workers before
-        the result is yielded.
+        Function that returns new tasks, which follow from a task and its result. The new tasks are given to the workers
+        before the result is yielded.
 
     Yields
     ------
-    task, result
-        A task, and a function that returns its result or raises its error.
+    task
+        A task.
+    result : callable
+        Function that returns the result of the task or raises the error of the task.
 
     Raises
     ------
     ChildProcessError
-        If workers are lost several times without a finished task between the losses.
+        If workers are lost several times and no task finishes between two losses.
     """
     remaining, losses = list(tasks), 0
     while remaining:
@@ -145,8 +150,8 @@ def completed(
                 losses += 1
                 if losses == LARGEST_NUMBER_OF_LOSSES:
                     raise ChildProcessError(
-                        f"worker processes were lost {losses} times in succession: is there enough memory? "
-                        "(fewer --workers need less of it)"
+                        f"worker processes were lost {losses} times in succession, probably because the memory did "
+                        "not suffice; fewer --workers need less memory"
                     ) from error
 
 
@@ -157,7 +162,10 @@ def _submitted(
     finished: SimpleQueue[Future[T]],
     tasks: Sequence[Task],
 ) -> dict[Future[T], Task]:
-    """Give tasks to a pool, and return them by their futures. Each finished future enters a queue."""
+    """Give tasks to a pool, and return the tasks by their futures.
+
+    Each future is put in ``finished`` when it is done.
+    """
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
         future.add_done_callback(finished.put)
@@ -165,24 +173,33 @@ def _submitted(
 
 
 def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
-    """Wait for the next finished future. On Windows a wait without a limit would keep Ctrl-C from the main thread."""
+    """Wait for the next future that is done, and return it.
+
+    The wait is divided: on Windows a wait without a time limit would keep Ctrl-C from the main thread.
+    """
     while True:
         with suppress(Empty):
             return finished.get(timeout=_LOOK_EVERY_S)
 
 
 class _Processes(ProcessPoolExecutor):
-    """A pool whose processes start with Ctrl-C blocked, because it would end a starting process with a traceback."""
+    """A pool of processes that start with Ctrl-C blocked.
+
+    A process that receives Ctrl-C while it starts would print a traceback and end.
+    """
 
     def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Submit a task; this starts a process if none is free."""
+        """Give a task to the pool, and return its future. A new process is started if no process is free."""
         with _blocked("SIGINT"):
             return super().submit(function, *args, **kwargs)
 
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Block a signal within the context, and in processes started there; afterwards this process receives it."""
+    """Block the signal ``name`` within the context, in this process and in the processes that are started there.
+
+    After the context this process receives the signal again.
+    """
     if sys.platform == "win32":
         yield
     else:
@@ -195,7 +212,10 @@ def _blocked(name: str) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
-    """Create a pool of processes on this machine; they end with this process, or after an error in the block."""
+    """Create a pool of processes on this computer.
+
+    The processes end together with this process, and after an error in the context.
+    """
     before = set(multiprocessing.active_children())
     start_resource_tracker()
     pool = _Processes(workers, multiprocessing.get_context("spawn"), _begin_work)
@@ -218,7 +238,7 @@ def started(
     Parameters
     ----------
     executor
-        Function that creates the executor; None for no executor.
+        Function that creates the executor; None if the tasks run in this process.
     workers
         Number of workers.
     module
@@ -227,7 +247,8 @@ def started(
     Yields
     ------
     callable or None
-        A function that returns the started executor at the first call, and creates a new one at later calls.
+        A function that returns the started executor at its first call, and creates a new executor at later calls; None
+        if ``executor`` is None.
     """
     if executor is None:
         yield None
@@ -240,10 +261,10 @@ def started(
 
 
 def start_resource_tracker() -> None:
-    """Start Python's process that removes shared resources, with the hang-up signal blocked.
+    """Start Python's resource tracker, the process that removes shared resources, with the hang-up signal blocked.
 
-    The process ignores the other signals. A hang-up would end it before the pool, and Python would report its loss in
-    many lines.
+    The resource tracker ignores the other signals. A hang-up would end the resource tracker before the pool, and Python
+    would then print many lines about its loss.
     """
     if sys.platform != "win32":  # Windows removes shared resources by itself
         with _blocked("SIGHUP"):
@@ -251,7 +272,7 @@ def start_resource_tracker() -> None:
 
 
 def leave_with_parent() -> None:
-    """Prepare a worker process: it ends when its parent ends for any reason, and leaves Ctrl-C to the parent."""
+    """Prepare a worker process: it ignores Ctrl-C, and it ends when its parent process ends for any reason."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     parent = multiprocessing.parent_process()
@@ -265,7 +286,7 @@ def leave_with_parent() -> None:
 
 
 def _begin_work() -> None:
-    """Prepare a process of a pool; its priority is below that of the parent, which shows the progress."""
+    """Prepare a process of a pool, with a priority below that of the parent process, which shows the progress."""
     leave_with_parent()
     keep_freed_memory()
     give_way(1)
@@ -273,7 +294,7 @@ def _begin_work() -> None:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Create an executor for a dask cluster.
+    """Create an executor for the workers of a dask cluster.
 
     Parameters
     ----------
@@ -283,10 +304,10 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises
     ------
     InputError
-        If dask.distributed is not installed, if no scheduler answers, if there is no worker, or if a worker has another
-        version of Python or of one of `PACKAGES`.
+        If dask.distributed is not installed, no scheduler answers, or there is no worker. Also if a worker has another
+        version of Python or of one of `PACKAGES`, or uses several threads.
     ChildProcessError
-        If the cluster is lost.
+        If the workers of the cluster are lost.
     """
     import asyncio  # imported here because it loads slowly and processes do not need it
 
@@ -298,7 +319,9 @@ def cluster(address: str) -> Iterator[Executor]:
         asyncio.run(asyncio.wait_for(_greet(address), _ANSWER_S))
         client = Client(address, timeout=_ANSWER_S)
     except (OSError, ValueError, MemoryError, struct.error) as error:  # some follow from the answer of another service
-        raise InputError(f"--scheduler {address}: no dask scheduler answers there (such as tcp://host:8786)") from error
+        raise InputError(
+            f"--scheduler {address}: no dask scheduler answers there; an address has the form tcp://host:8786"
+        ) from error
     with client:
         _check_versions(client, address)
         pool = client.get_executor()
@@ -313,7 +336,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler; unlike that of a dask client, this attempt can be cancelled."""
+    """Connect to a scheduler and close the connection. The attempt can be cancelled, unlike that of a dask client."""
     from distributed.comm import connect
 
     await (await connect(address)).close()
@@ -327,17 +350,17 @@ def _check_versions(client: object, address: str) -> None:
             if its_version != version(package):
                 raise InputError(
                     f"--scheduler {address}: worker {worker} has {package} {its_version}, this computer has "
-                    f"{version(package)}; they should be the same"
+                    f"{version(package)}; the two versions should be the same"
                 )
     for worker, threads in client.run(os.environ.get, THREADS[0]).items():  # type: ignore[attr-defined]
         if threads != "1":
             raise InputError(
-                f"--scheduler {address}: worker {worker} has {THREADS[0]}={threads or ''}; start it with 1, as "
-                "`dask worker` does unless it has the option --no-nanny"
+                f"--scheduler {address}: worker {worker} has {THREADS[0]}={threads or ''}; start the worker with "
+                f"{THREADS[0]}=1, which `dask worker` sets unless it has the option --no-nanny"
             )
     for worker, its_python in client.run(platform.python_version).items():  # type: ignore[attr-defined]
         if its_python.split(".")[:2] != [str(part) for part in sys.version_info[:2]]:
             raise InputError(
-                f"--scheduler {address}: worker {worker} has Python {its_python}, this computer has "
-                f"{platform.python_version()}"
+                f"--scheduler {address}: worker {worker} has Python {its_python}, this computer has Python "
+                f"{platform.python_version()}; the two versions should be the same"
             )

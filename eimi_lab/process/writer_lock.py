@@ -1,11 +1,12 @@
-"""A lock that allows one writer at a time for each file; the system releases it when its holder ends.
+"""A lock that allows one writer at a time for each file. The operating system releases the lock when its holder ends.
 
-The lock is the system's lock (flock(2), or LockFileEx on Windows, by the library filelock) on a separate file,
-`.run.h5.lock` beside `run.h5`. The data file itself cannot be locked: HDF5 locks and unlocks it at times of its own
-choice, and the lock would be lost when the file is replaced. Symbolic links to the data file are followed, so that all
-its names share one lock. A lock file that is itself a link is never followed or written to, because another user may
-have put it there. A run that was killed leaves its lock file behind; this file does not lock anything and is used
-again.
+The lock of the operating system (flock(2), or LockFileEx on Windows, by the library filelock) is taken on a separate
+file: `.run.h5.lock` beside `run.h5`. The data file itself cannot be locked. HDF5 locks and unlocks the data file at any
+time, and the lock would be lost when the data file is replaced.
+
+Symbolic links to the data file are followed, so that all its names share one lock. A lock file that is itself a link is
+never followed or written to, because another user may have put it there. A run that was killed leaves its lock file
+behind. This file locks nothing any more, and the next writer uses it again.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds: descriptor, process, thread, and the number of times that it was taken."""
+    """A lock that this process holds: its descriptor, the process and the thread of its holder, and how often it was
+    taken.
+    """
 
     descriptor: int
     owner: tuple[int, int]
@@ -44,9 +47,8 @@ _held_lock = threading.Lock()
 class WriterLock:
     """The exclusive right to write to a file, held until `release`.
 
-    The same thread may take the lock several times.
-
-    If the file system does not support locks, a warning is printed and there is no lock.
+    The same thread may take the lock several times. If the file system does not support locks, a warning is printed and
+    the file is not locked.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ class WriterLock:
     Raises
     ------
     InputError
-        If another program or another thread has the lock.
+        If another program or another thread has the lock, or the lock file cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,7 +78,7 @@ class WriterLock:
             _held[self._file] = _Held(descriptor, owner)
 
     def release(self) -> None:
-        """Release the lock; a lock that was taken twice has to be released twice."""
+        """Release the lock. A lock that was taken twice has to be released twice."""
         with _held_lock:
             held = _held.get(self._file)
             if held is None or held.owner[0] != os.getpid():
@@ -103,7 +105,7 @@ def lock_file(path: Path) -> Path:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return whether any process, including this process, holds the lock of a file."""
+    """Return whether a process, which may be this process, holds the lock of a file."""
     file = lock_file(path)
     with _held_lock:
         if file in _held:
@@ -122,7 +124,7 @@ def is_being_written(path: Path) -> bool:
 
 @contextmanager
 def only_writer(path: Path) -> Iterator[None]:
-    """Hold the `WriterLock` of a file within the context; raise InputError if another writer has it."""
+    """Hold the `WriterLock` of a file within the context. Raises InputError if another writer has the lock."""
     lock = WriterLock(path)
     try:
         yield
@@ -132,17 +134,20 @@ def only_writer(path: Path) -> Iterator[None]:
 
 _NO_LOCK = -1
 _LOCKED_BYTE = " "
-"""First character of a lock file; Windows locks it, and lets no other program read it."""
+"""First character of a lock file. Windows locks this character and lets no other program read it."""
 
 
 def _take(file: Path, path: Path) -> int | None:
-    """Take the lock and return its descriptor; None if another process holds it, -1 if locks are not supported."""
+    """Take the lock of ``path`` on its lock file ``file``.
+
+    Returns the descriptor of the lock file; None if another process holds the lock, -1 if locks are not supported.
+    """
     while True:
         try:
             descriptor = os.open(file, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o666)
         except OSError as error:
             if file.is_symlink():
-                raise InputError(f"{file}: is a link and should be a lock file of this program; remove it") from error
+                raise InputError(f"{file}: is a link, but should be a lock file; remove the link") from error
             if not file.parent.is_dir():
                 raise InputError(f"{path}: there is no folder {file.parent}") from error
             raise InputError(
@@ -153,7 +158,7 @@ def _take(file: Path, path: Path) -> int | None:
         except OSError as error:
             os.close(descriptor)
             file.unlink(missing_ok=True)
-            tell(f"warning: {path}: cannot be locked here ({error.strerror}); no other program should write to it")
+            tell(f"warning: {path}: cannot be locked ({error.strerror}); no other program should write to this file")
             return _NO_LOCK
         if not locked:
             os.close(descriptor)
@@ -172,7 +177,7 @@ def _take(file: Path, path: Path) -> int | None:
 
 
 def _holder(file: Path) -> str:
-    """Return the text that the holder of a lock wrote into its file."""
+    """Return the text about the holder of a lock, which the holder wrote into the lock file."""
     with suppress(OSError), open(os.open(file, os.O_RDONLY | _NO_LINK), "rb", buffering=0) as stored:
         stored.seek(len(_LOCKED_BYTE))
         if text := (stored.read(200) or b"").decode("utf-8", "replace"):
