@@ -31,9 +31,7 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds: its descriptor, the process and the thread of its holder, and how often it was
-    taken.
-    """
+    """A lock that this process holds: its descriptor, the process and thread that took it, and how many times."""
 
     descriptor: int
     owner: tuple[int, int]

@@ -1,7 +1,8 @@
-"""The virtual specimen: its solid shape in a field, on a mesh finer than that of a fit in all three directions.
+"""The virtual specimen: its shape as a solid in a field. In all three directions its mesh is finer than that of a fit.
 
-The solid is solved in a few fields up to the strongest one of the coil. Between these fields, the difference between
-the solid shape and the planar shape is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).
+The solid is solved in a few fields up to the strongest field of the coil. For the fields between them, the difference
+between the shape of the solid and the shape of a planar beam is interpolated. The error of the interpolation is below a
+micrometre (`eimi_fitting.beam.beside`).
 """
 
 from __future__ import annotations
@@ -35,22 +36,23 @@ _MESH_OF_STIFFNESS = (
     1,
 )  # as `Virtual.mesh`; a finer one changes the frequency by less than that of the rod errs
 LOSS_FACTOR = 0.1
-"""Loss factor of a swinging beam whose material has no Prony series."""
+"""Assumed loss factor of a swinging beam whose material has no Prony series."""
 _BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
 
 
 @dataclass(frozen=True)
 class VirtualLoads:
-    """The loads on the virtual beam in a field of the coil.
+    """The loads on the virtual beam: its weight, the field of the coil and the background field.
 
     Parameters
     ----------
     gravity_angle_deg, field_angle_deg
-        Directions in the beam frame; no weight without a direction of gravity.
+        Directions of gravity and of the field in the beam frame, degrees. Without a direction of gravity (None) the
+        beam has no weight.
     background_T
-        Field without a current, in the beam frame.
+        Field that is present without a current, in the beam frame, T.
     coil
-        Shape of the coil's field; None: it is uniform.
+        Shape of the field of the coil; None for a uniform field.
     """
 
     gravity_angle_deg: float | None
@@ -59,7 +61,7 @@ class VirtualLoads:
     coil: CoilShape | None = None
 
     def at(self, field_mT: ArrayLike) -> Loads:
-        """Return the loads in one field or in several fields of the coil at the magnet."""
+        """Return the loads for one or several values of the coil's field at the magnet, mT."""
         loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
         if not any(self.background_T):
             return loads
@@ -67,9 +69,9 @@ class VirtualLoads:
 
 
 class VirtualBeam:
-    """A specimen of a known material: its equilibrium shapes, and its motion between them.
+    """A specimen of a known material: its shapes in equilibrium, and its motion between them.
 
-    The beam is always a three-dimensional solid, for any section that the specimen states for a fit.
+    The beam is always modelled as a three-dimensional solid, whatever section the specimen file gives for a fit.
 
     Parameters
     ----------
@@ -78,13 +80,13 @@ class VirtualBeam:
     material
         The true material of the specimen.
     mesh
-        Number of elements along and across, and the refinement factor in depth.
+        Number of elements along and across the beam, and the refinement factor in depth.
     loads
-        The loads in a field of the coil.
+        The loads as a function of the field of the coil.
     strongest_mT
-        Largest field that will occur.
+        Largest field of the coil that will occur, mT.
     view
-        The camera's view, for the outline as the camera sees it; None for an orthographic view.
+        The view of the camera, for the outline as the camera sees it. None for an orthographic view.
     """
 
     def __init__(
@@ -101,16 +103,19 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the shape in this field differs visibly from the last computed shape."""
+        """Return whether the beam in this field (mT) would look different from its last computed shape."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property
     def relaxes(self) -> bool:
-        """Whether the material has a Prony series."""
+        """Whether the material has a Prony series, so that its stress relaxes."""
         return bool(self._material.prony_h)
 
     def moving(self) -> MovingBeam:
-        """Return the beam in motion, with the hidden law of time. Raises ArithmeticError."""
+        """Return the beam in motion, with the hidden viscoelastic law of its material.
+
+        Raises ArithmeticError if the solid has no equilibrium under a small load.
+        """
         material = self._material
         values, mesh = tuple(material.values), np.minimum(self._mesh, _MESH_OF_STIFFNESS).tolist()
         stiffness = stiffness_of_solid(self._specimen, material.model, values, (mesh[0], mesh[1], mesh[2]))
@@ -130,13 +135,15 @@ class VirtualBeam:
         return _solved(self._specimen, material.model, tuple(material.values), self._mesh, self._loads, strongest_mT)
 
     def outlines_mm(self, field_mT: float) -> tuple[Array, Array | None]:
-        """Return the outlines of the beam and of the magnet as the camera sees them, in mm.
+        """Return the outlines of the beam and of its magnet at rest in a field (mT), as the camera sees them.
 
         Returns
         -------
-        beam, magnet
-            The outline of the beam (n, 2), from the left of the clamp around the tip to the right of the clamp; and the
-            corners of the magnet (4, 2); None without a magnet.
+        beam : ndarray, shape (n, 2)
+            The outline of the beam in the beam frame, mm, from the left end of the clamp line around the tip to the
+            right end.
+        magnet : ndarray, shape (4, 2), or None
+            The corners of the magnet, mm; None without a magnet.
 
         Raises
         ------
@@ -165,14 +172,17 @@ class VirtualBeam:
 
 
 def forget_solids() -> None:
-    """Free the memory of the solids of all virtual beams; a beam that is still used computes its solid again."""
+    """Free the memory of the solid models of all virtual beams.
+
+    A beam that is still in use computes its solid model again.
+    """
     _solved.cache_clear()
     _model.cache_clear()
 
 
 @lru_cache(maxsize=2)
 def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
-    """Return the solid model; it is the same for both signs of the field."""
+    """Return the solid model of a specimen. The same model serves for both signs of the field."""
     return SolidBeside(specimen, *mesh)
 
 
@@ -185,9 +195,10 @@ def _solved(
     virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
-    """Return the solid model, its depth effect, and the largest field in mT that this depth effect covers.
+    """Return the solid model, its depth effect, and the field in mT up to which the depth effect was computed.
 
-    The largest field is the strongest one, or half or a quarter of it if no equilibrium is found there.
+    This field is the strongest one. If no equilibrium is found there, it is half or a quarter of the strongest field.
+    If none is found there either, the depth effect is None and the field is 0.
     """
     beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):

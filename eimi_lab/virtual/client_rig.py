@@ -1,4 +1,4 @@
-"""Write the rig file for the client of a served bench, and complete a rig that has no table [virtual]."""
+"""Write the rig file for a program that measures on a served bench, and complete a rig that has no table [virtual]."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ GIGE_DRIVER = "aravis"
 
 _ROUND_PX = 16
 _BESIDE = 0.7
-"""Half the height of the picture of a rig without a virtual table, as a fraction of the beam's length."""
+"""Half the height of the pictures as a fraction of the beam's length, for a rig without a table [virtual]."""
 
 
 def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
-    """Return the rig with a table [virtual] and the virtual camera.
+    """Return a rig with a table [virtual] and the virtual camera.
 
-    A rig without this table gets the table of the shipped virtual rig. Its frames then have the size of the camera's
-    region or, if there is no region, a size that shows the beam with a margin.
+    A rig that has this table is returned unchanged. A rig without this table gets the table of the shipped virtual rig.
+    Its frames then have the size of the camera's region. If the rig has no region, the frames have a size that shows
+    the beam with a margin.
     """
     if rig.virtual is not None:
         return rig
@@ -48,27 +49,27 @@ def _size_that_shows(rig: Rig, specimen: SpecimenFile) -> tuple[int, int]:
 def write_client_rig(
     rig: Rig, path: Path, supply_address: str, camera_address: str, sensor_addresses: Mapping[str, str], force: bool
 ) -> None:
-    """Write the rig of a served bench, and its calibration beside it.
+    """Write the rig file of a served bench, and the calibration file beside it.
 
-    The file does not contain the true material. The camera is a GigE camera, and its settings are those of the rig.
+    The rig file does not contain the true material. Its camera is a GigE camera with the settings of the served rig.
 
     Parameters
     ----------
     rig : Rig
-        The rig that is served.
+        The served rig.
     path : Path
-        The file to write. The calibration's name is that of the file with "_calibration" added.
+        The rig file to write. The name of the calibration file is the same name with "_calibration" added.
     supply_address, camera_address : str
         Addresses of the served supply and camera.
     sensor_addresses : mapping of str
         Addresses of the served sensors, with the names of the sensors as keys.
     force : bool
-        Replace existing files.
+        Whether existing files are replaced.
 
     Raises
     ------
     InputError
-        If a file exists.
+        If one of the files exists and ``force`` is false.
     """
     calibration = path.with_name(f"{path.stem}_calibration.toml")
     stated = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})

@@ -1,16 +1,20 @@
-"""The motion of the virtual beam in time: an elastic rod with a rigid magnet, whose stiffness is that of the solid.
+"""The motion of the virtual beam in time: an elastic rod with a rigid magnet, as stiff as the solid beam.
 
-The rod (Simo 1985, Comput. Methods Appl. Mech. Eng. 49:55, in the plane and without shear) turns and stretches by sums
-of Legendre polynomials of the arc length. The soft material around the magnet is a hinge between the rod and the
-magnet. Bending stiffness and hinge are computed from two static shapes of the hidden solid, under a small torque and
-under a small force. The rod then has the frequency of the solid within 0.2 %, at rest and in the strongest field.
+The rod follows Simo (1985, Comput. Methods Appl. Mech. Eng. 49:55), in the plane and without shear. The rotation and
+the stretch of the rod are sums of Legendre polynomials of the arc length. The soft material around the magnet is a
+hinge between rod and magnet. The bending stiffness and the stiffness of the hinge are computed from two static shapes
+of the hidden solid, under a small torque and under a small force. The frequency of the rod then agrees with that of the
+solid within 0.2 %, at rest and in the strongest field.
 
-The stress of the hidden material is that of a quasi-linear one: the elastic forces f_e of the rod are replaced by
+The hidden material is quasi-linear viscoelastic, with a Prony series. The elastic forces f_e(z) of the rod, as a
+function of its coordinates z, are replaced by
 
-    f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf.
+    f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf,
 
-The equations are integrated by a trapezoidal step followed by one of the second backward difference formula (TR-BDF2;
-Hosea and Shampine 1996, Appl. Numer. Math. 20:21). Neither this rod nor this method is used by a fit.
+where mu_i and tau_i are the moduli and the time constants of the series and mu_inf is the long-term modulus.
+
+Each step of the integration in time is a trapezoidal step followed by a step of the second backward difference formula
+(TR-BDF2; Hosea and Shampine 1996, Appl. Numer. Math. 20:21). A fit uses neither this rod nor this method.
 """
 
 from __future__ import annotations
@@ -53,14 +57,15 @@ _STIFF_S = 5e-3
 
 @dataclass(frozen=True)
 class Stiffness:
-    """The stiffness of a specimen with a shear modulus of 1 Pa.
+    """The stiffness of a specimen whose shear modulus is 1 Pa.
 
     Attributes
     ----------
     bending_m4 : float
-        Bending stiffness of the flexible part.
+        Bending stiffness of the flexible part, N m² per Pa.
     hinge_m3 : float
-        Stiffness of the material around the magnet against its rotation; infinite without a magnet.
+        Stiffness of the material around the magnet against rotation of the magnet, N m per Pa; infinite without a
+        magnet.
     """
 
     bending_m4: float
@@ -70,12 +75,16 @@ class Stiffness:
 def stiffness_of_solid(
     specimen: Specimen, law: str, values: tuple[float, ...], mesh: tuple[int, int, int]
 ) -> Stiffness:
-    """Return the stiffness of a solid from its rotation under a torque and under a force at the tip.
+    """Return the stiffness of a solid beam from the rotation of its tip under a torque and under a force at the tip.
+
+    Without a magnet only the force is used.
 
     Parameters
     ----------
     specimen : Specimen
+        The specimen.
     law : str
+        Name of the hyperelastic law.
     values : tuple of float
         Parameters of the law, moduli in Pa.
     mesh : tuple of int
@@ -84,7 +93,7 @@ def stiffness_of_solid(
     Raises
     ------
     ArithmeticError
-        The solid has no equilibrium under a small load.
+        If the solid has no equilibrium under a small load.
     """
     modulus = float(LAWS[law].initial_shear_modulus(np.array(values)))
     length, whole = 1e-3 * specimen.flexible_length_mm, 1e-3 * specimen.length_mm
@@ -118,7 +127,11 @@ def _section_m2(specimen: Specimen) -> float:
 
 
 class _Rod:
-    """Kinematics, inertia and forces of the rod for coordinates (n,): bending, hinge, stretching."""
+    """Kinematics, inertia and forces of the rod.
+
+    The n coordinates of the rod are amplitudes of bending, the angle of the hinge (only with a magnet), and amplitudes
+    of stretching. The mass of the rod is concentrated at p points: the Gauss points and the rigid part at the tip.
+    """
 
     def __init__(self, specimen: Specimen, stiffness: Stiffness) -> None:
         x, weights = leggauss(_POINTS)
@@ -161,7 +174,15 @@ class _Rod:
         self._twice = np.tile(self._masses, 2)[:, None]
 
     def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
-        """Return the derivatives (2, p, n) of the places of masses, and the accelerations (2, p) at constant rates."""
+        """Return the kinematics of the p mass points for the coordinates ``z`` (n,) and their rates ``speed`` (n,).
+
+        Returns
+        -------
+        derivatives : ndarray, shape (2, p, n)
+            Derivatives of the places of the points with respect to the coordinates.
+        remaining : ndarray, shape (2, p)
+            Accelerations of the points if the rates are constant, m/s².
+        """
         angle, stretch = self._angles @ z, 1 + self.stretch @ z
         turning, stretching = self._angles @ speed, self.stretch @ speed
         c, s = np.cos(angle), np.sin(angle)
@@ -181,12 +202,16 @@ class _Rod:
         return derivatives, remaining
 
     def mass(self, derivatives: Array) -> Array:
-        """Return the mass matrix (n, n)."""
+        """Return the mass matrix (n, n) of the rod from the ``derivatives`` of `moved`."""
         flat = derivatives.reshape(-1, self.size)
         return np.asarray(flat.T @ (self._twice * flat) + self._rotary)
 
     def loads(self, z: Array, derivatives: Array, remaining: Array, field_T: Array, gravity: Array) -> Array:
-        """Return the generalised forces (n,) of gravity, field and remaining accelerations."""
+        """Return the generalised forces (n,) on the rod.
+
+        They are the forces of gravity (2,) and of the field (2,), and the inertia forces of the accelerations
+        ``remaining`` that `moved` returns.
+        """
         pull = self._masses * (gravity[:, None] - remaining)
         force = pull.reshape(-1) @ derivatives.reshape(-1, self.size)
         angle = self.end @ z + self._off
@@ -199,7 +224,17 @@ class _Rod:
         return np.asarray(force)
 
     def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
-        """Return the places (m, 2) of points at arc lengths, as shares of the flexible part, and distances across."""
+        """Return the places (m, 2) of m points of the beam, mm.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            Coordinates of the rod.
+        along : ndarray, shape (m,)
+            Arc length of each point at rest, as a share of the flexible length.
+        across_mm : ndarray, shape (m,)
+            Distance of each point from the axis, mm.
+        """
         angle, stretch = self.angle @ z, 1 + self.stretch @ z
         slopes = np.stack([stretch * np.cos(angle), stretch * np.sin(angle)])
         values = slopes @ np.linalg.inv(legvander(leggauss(_POINTS)[0], _POINTS - 1)).T
@@ -214,12 +249,19 @@ class _Rod:
 
 
 def _integral(k: int, place: Array) -> Array:
-    """Return the integrals from 0 to places between 0 and 1 of the Legendre polynomial k, shifted to this range."""
+    """Return the integral of the Legendre polynomial of degree ``k``, shifted to [0, 1], from 0 to each ``place``."""
     return np.asarray(0.5 * legval(2 * place - 1, legint(np.eye(k + 1)[k], lbnd=-1)))
 
 
 def _body(specimen: Specimen) -> tuple[float, float, float]:
-    """Return mass in kg, arm of the centre of mass in m and rotary inertia in kg m² of the part beyond the rod."""
+    """Return the inertia of the rigid part beyond the rod, which contains the magnet.
+
+    Returns
+    -------
+    mass, arm, rotary : float
+        The mass (kg), the distance of the centre of mass from the end of the rod (m), and the moment of inertia about
+        the centre of mass (kg m²).
+    """
     magnet = specimen.magnet
     assert magnet is not None
     width = float(np.mean(specimen.width_mm))
@@ -235,22 +277,22 @@ def _body(specimen: Specimen) -> tuple[float, float, float]:
 
 
 class MovingBeam:
-    """The virtual beam in motion; it starts at rest in the field at its first time.
+    """The virtual beam in motion. It starts at rest in the field at its first time.
 
     Parameters
     ----------
     specimen : Specimen
-        The true specimen; a rest shape and changes of width and depth along the beam are left out.
+        The true specimen. A bent shape without load, and changes of width and depth along the beam, are neglected.
     stiffness : Stiffness
-        See `stiffness_of_solid`.
+        The stiffness for a shear modulus of 1 Pa, see `stiffness_of_solid`.
     modulus_Pa : float
-        Shear modulus at rest.
+        Long-term shear modulus, Pa.
     series : Prony or None
-        The hidden law of time; None for a material with a constant loss factor near its lowest frequency.
+        The Prony series of the hidden material. None for a material with a loss factor at its lowest frequency.
     loads : callable
-        Takes a field in mT and returns the field (2,) in T and gravity (2,) in m/s².
+        Takes a field of the coil in mT, and returns the whole field (2,) in T and gravity (2,) in m/s².
     loss_factor : float
-        Loss factor at the lowest frequency at rest, without a series.
+        Loss factor at the lowest frequency of the beam at rest, for a material without a series.
     """
 
     def __init__(
@@ -275,11 +317,15 @@ class MovingBeam:
 
     @property
     def coordinates(self) -> Array:
-        """The present coordinates of the rod, (n,)."""
+        """The present coordinates of the rod, shape (n,)."""
         return self._state[: self.rod.size]
 
     def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
-        """Return the coordinates (n,) of the equilibrium in a field; raise ArithmeticError if none is found."""
+        """Return the coordinates (n,) of the rod in equilibrium in a field (mT).
+
+        The search begins at the coordinates ``start``, by default at the straight rod. Raises ArithmeticError if no
+        equilibrium is found.
+        """
         still = np.zeros(self.rod.size)
         field_T, gravity = self._loads(field_mT)
 
@@ -305,7 +351,7 @@ class MovingBeam:
         return float(np.sqrt(squares.real.min()))
 
     def start(self, time_s: float, field_mT: float) -> None:
-        """Put the beam into its equilibrium in a field, at rest, at a time."""
+        """Put the beam at rest into its equilibrium in a field (mT), and set its clock to ``time_s``."""
         rest = self.at_rest(field_mT)
         self.time_s = time_s
         self._state = np.concatenate([rest, np.zeros(len(rest) * (1 + len(self._rates)))])
@@ -313,20 +359,27 @@ class MovingBeam:
         self._step_s, self._fastest = _SHORTEST_S, 0.0
 
     def advance(self, time_s: float, field_mT: Callable[[float], float], seen_s: Array | None = None) -> Array:
-        """Move the beam to a later time, and return its coordinates (m, n) at the times ``seen_s`` up to then.
+        """Move the beam to a later time, and return its coordinates at given times.
 
         Parameters
         ----------
         time_s : float
+            The later time, s.
         field_mT : callable
-            The field at any time since the last call.
+            Returns the field of the coil (mT) at any time (s) since the last call.
         seen_s : ndarray, shape (m,), optional
-            Rising times; without them only ``time_s``.
+            Increasing times (s) at which the coordinates are returned. The beam then moves to the last of these times;
+            without them it moves to ``time_s``.
+
+        Returns
+        -------
+        ndarray, shape (m, n)
+            The n coordinates of the rod at each time; m is 1 without ``seen_s``.
 
         Raises
         ------
         ArithmeticError
-            The equations of a step have no solution.
+            If the equations of a step have no solution.
         """
         if self.time_s is None:
             self.start(time_s, field_mT(time_s))
@@ -340,7 +393,7 @@ class MovingBeam:
         return np.array(places).reshape(-1, n)
 
     def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
-        """Make one step to ``end_s`` or to an earlier time, so short that its error is small."""
+        """Make one step in time, to ``end_s`` or to an earlier time at which the error of the step is still small."""
         n, before, rate = self.rod.size, self._state, self._rate
         assert self.time_s is not None
         while True:
@@ -370,7 +423,11 @@ class MovingBeam:
         self._step_s = min(max(longer, _SHORTEST_S), _LONGEST_S)
 
     def _solved(self, known: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
-        """Return the state y with y = known + part dy/dt(y), by Newton's method; None if it does not converge."""
+        """Return the vector y that solves y = known + part dy/dt(y), by Newton's method.
+
+        y contains the coordinates of the rod, their rates, and the internal stresses of the Prony series. None is
+        returned if the method does not converge. ``loads`` are the field (2,) and gravity (2,) at the new time.
+        """
         n, terms = self.rod.size, len(self._rates)
         known_z, known_speed, known_stress = known[:n], known[n : 2 * n], known[2 * n :].reshape(terms, n)
         kept = 1 / (1 + part * self._rates)

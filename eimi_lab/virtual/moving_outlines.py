@@ -1,8 +1,8 @@
 """The outlines of the virtual beam in motion.
 
-The solid is solved in a few fields, and its outlines are interpolated between them. A beam in motion has the outline of
-the solid at rest in the field in which the tip of the rod is turned by the same angle. This outline is moved by the
-difference between the two shapes of the rod.
+The solid is solved at rest in a few fields, and its outlines are interpolated between these fields. For a beam in
+motion, the field is chosen in which the tip of the rod at rest has the same angle as the moving tip. The outline of the
+solid at rest in this field is then moved by the difference between the moving rod and the rod at rest.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ _GRID = 17  # number of fields in which the shape is solved
 
 
 class MovingOutlines:
-    """Outlines of the beam and the magnet for any shape of the rod.
+    """The outlines of the beam and of its magnet for any shape of the moving rod.
 
     Parameters
     ----------
     outlines_mm : callable
         Returns the outlines (mm) of the solid at rest in a field (mT).
     moving : MovingBeam
+        The beam in motion.
     specimen : Specimen
         The true specimen.
     strongest_mT : float
-        Largest field of the coil.
+        Largest field of the coil, mT.
 
     Raises
     ------
     ArithmeticError
-        No equilibrium is found in one of the fields.
+        If no equilibrium is found in one of the fields.
     """
 
     def __init__(
@@ -72,7 +73,10 @@ class MovingOutlines:
             self._across = np.append(self._across, half_magnet * np.array([-1.0, -1.0, 1.0, 1.0]))
 
     def at(self, coordinates: Array) -> Outlines:
-        """Return the outlines for coordinates (n,) of the rod."""
+        """Return the outlines (mm) of the beam and of the magnet for the coordinates (n,) of the rod.
+
+        The outline of the magnet is None without a magnet.
+        """
         field = float(np.interp(self._rod.end @ coordinates, self._turned, self._fields))
         shift = self._rod.places_mm(coordinates, self._along, self._across)
         shift = shift - self._rod.places_mm(self._at_rest(field), self._along, self._across)

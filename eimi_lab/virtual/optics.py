@@ -18,12 +18,12 @@ _LUMP_GRID = (9, 12)  # random values of the lumps over the height and the width
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene without motion.
+    """The light of a motionless scene at each pixel, without the noise of a frame.
 
     Parameters
     ----------
     mean, deviation
-        (height, width) mean and standard deviation of the light at each pixel, in grey levels.
+        Mean and standard deviation of the light at each pixel, in grey levels, shape (height, width).
     bits
         Bit depth of the image.
     gamma
@@ -44,25 +44,25 @@ def make_scene(
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
 ) -> Scene:
-    """Compute the part of an image that does not change from frame to frame.
+    """Return the part of an image that is the same in all frames of a motionless beam.
 
     Parameters
     ----------
     optics
         Back-light, lens and sensor.
     size
-        Width and height of the frame.
+        Width and height of the frame, px.
     beam_px
-        (n, 2) outline of the whole beam including the magnet. It may end at the clamp line or continue behind the
-        clamp.
+        Outline of the whole beam including the magnet, shape (n, 2). It may end at the clamp line or continue behind
+        the clamp.
     magnet_px
         Outline of the magnet, inside the beam.
     clamp_px
         Outline of the clamp, in front of the beam.
     oversampling
-        The blur is applied to an image that is finer by this factor. With 1, the blur acts after the integration over
-        the pixels; this displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px. With 2, the
-        displacement is 0.002 px and the computation takes four times as long.
+        Factor by which the image is finer while the blur is applied. With 1, the light is integrated over the pixels
+        before it is blurred. This displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px. With 2,
+        the displacement is 0.002 px and the computation takes four times as long.
 
     Raises
     ------
@@ -104,9 +104,9 @@ def make_scene(
 
 
 def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
-    """Return one frame of a scene with shot noise, rounded and clipped at full scale.
+    """Return one frame of a scene, with shot noise, rounded and clipped at full scale.
 
-    The noise is normal, which is a good approximation for hundreds of electrons.
+    The noise has a normal distribution, which is a good approximation for hundreds of electrons.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
     Returns
     -------
     numpy.ndarray
-        (height, width), uint8 for 8 bits and uint16 for more.
+        The frame, shape (height, width), uint8 for 8 bits and uint16 for more bits.
     """
     frame = rng.standard_normal(scene.mean.shape, dtype=np.float32)
     frame *= scene.deviation
@@ -139,13 +139,16 @@ def render(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
 ) -> NDArray[Any]:
-    """Return a single frame; for many frames of one scene, call `make_scene` once and `expose` for each frame."""
+    """Return a single frame of a beam with noise. The parameters are those of `make_scene` and `expose`.
+
+    For many frames of one scene, call `make_scene` once and `expose` for each frame.
+    """
     return expose(make_scene(optics, size, beam_px, magnet_px, clamp_px), rng)
 
 
 @lru_cache(maxsize=4)
 def _illumination(optics: Optics, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return the illumination of the sensor by the back-light, (height, width), as a fraction of full scale."""
+    """Return the light of the back-light on the sensor as a fraction of full scale, shape (height, width)."""
     width, height = size
     x = np.linspace(-1.0, 1.0, width)
     y = np.linspace(-1.0, 1.0, height)[:, None]

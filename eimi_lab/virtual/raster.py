@@ -9,24 +9,25 @@ Array = NDArray[np.float64]
 
 
 def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
-    """Return the fraction of each pixel's area inside a polygon.
+    """Return the fraction of each pixel's area that is inside a polygon.
 
-    The algorithm accumulates signed areas, as font rasterisers do. Every side is cut at the borders of the pixels. Each
-    piece adds the area to its right inside its own pixel, and its height to all pixels further to the right. A
-    cumulative sum along the rows adds these contributions.
+    The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
+    the borders of the pixels. A piece adds the area to its right to its own pixel, and its height to all pixels further
+    to the right. A cumulative sum along the rows adds these contributions.
 
     Parameters
     ----------
     polygon_px
-        (n, 2) vertices x, y in pixels, in either orientation; the last vertex is joined to the first. Pixel centres
-        are at integer coordinates. The polygon may leave the frame, but must not intersect itself.
+        Vertices x, y of the polygon in pixels, shape (n, 2), in either orientation. A side joins the last vertex to the
+        first. Pixel centres are at integer coordinates. The polygon may extend beyond the frame, but must not intersect
+        itself.
     size
-        Width and height of the frame.
+        Width and height of the frame, px.
 
     Returns
     -------
     Array
-        (height, width), from 0 to 1.
+        Fractions from 0 to 1, shape (height, width).
 
     Raises
     ------
@@ -53,7 +54,11 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the coverage of a window (width, height) whose pixel borders are at integer coordinates."""
+    """Return the coverage of a window by a polygon, shape (height, width).
+
+    ``size`` is the width and height of the window. Its pixel borders, not its pixel centres, are at integer
+    coordinates.
+    """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices
     cuts = [_crossings(start, side, axis, limit) for axis, limit in enumerate(size)]
@@ -83,7 +88,15 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
 
 
 def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
-    """Return the crossings of sides with the pixel borders 0 to limit of an axis: side numbers, and places (0 to 1)."""
+    """Return where the sides of a polygon cross the pixel borders 0 to ``limit`` of an axis.
+
+    Returns
+    -------
+    index : ndarray, shape (c,)
+        Number of the side of each of the c crossings.
+    place : ndarray, shape (c,)
+        Place of each crossing on its side, from 0 at the beginning of the side to 1 at its end.
+    """
     first, length = start[:, axis], side[:, axis]
     low = np.clip(np.ceil(np.minimum(first, first + length)), 0, limit + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(first, first + length)), -1, limit).astype(np.int64)

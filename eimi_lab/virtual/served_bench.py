@@ -1,4 +1,4 @@
-"""Serve all instruments of a rig on one coil over real protocols: supply, camera and sensors."""
+"""Serve the supply, the camera and the sensors of a rig on one emulated coil over real protocols."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ from eimi_lab.virtual.virtual_rig import true_field_mT, truth_of, virtual_camera
 from eimi_lab.virtual.virtual_sensors import emulated_instrument
 
 TRIGGERS_PER_S = 10.0
-"""How often per second the camera checks for a software trigger; more pictures would slow the run down."""
+"""Number of checks per second for a software trigger of the camera; more checks would slow the run down."""
 
 _LOCAL_PORT = re.compile(r"(TCPIP\d*::|socket://)(127[.\d]*|localhost)::?(?P<port>\d+)(::SOCKET)?", re.IGNORECASE)
 _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
 
 
 def port_of(address: str) -> int | None:
-    """Return the TCP port on which an instrument is served; None for a pseudo-terminal.
+    """Return the TCP port on which the instrument with an address is served; None if it is served on a pseudo-terminal.
 
-    An address of this computer gives its port. Another network, GPIB or USB address, and every address on Windows,
-    which has no pseudo-terminals, gives any free port (0).
+    For a network address of this computer, the port is the port of the address. For any other network, GPIB or USB
+    address, the port is 0, which means any free port. On Windows, which has no pseudo-terminals, every other address
+    gives 0 too.
     """
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):
@@ -47,7 +48,10 @@ def port_of(address: str) -> int | None:
 
 
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that takes an 8-bit picture of the virtual beam in the coil that is served at `coil_line`."""
+    """Return a function that takes an 8-bit picture of the virtual beam.
+
+    The beam is in the coil that another process serves at ``coil_line``.
+    """
     # With a frame rate, the virtual camera would return its frames in order, and not the beam as it is now.
     at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})
     camera = virtual_camera(at_once, specimen, RemoteCoil(coil_line), WallClock())
@@ -65,11 +69,11 @@ def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], N
 
 
 class ServedBench:
-    """Serve the instruments of a rig on one emulated coil, and write the rig file of their client.
+    """Serves the instruments of a rig on one emulated coil, and writes a rig file for the program that uses them.
 
-    The camera runs in a separate process and follows the current of the supply. The supply and the sensors are served
-    on the ports of their addresses in the rig if these are ports of this computer, otherwise on any free port or on
-    pseudo-terminals.
+    The camera runs in a separate process and follows the current of the supply. An instrument whose address in the rig
+    is a port of this computer is served on this port. Any other supply or sensor is served on a free port or a
+    pseudo-terminal.
 
     Parameters
     ----------
@@ -80,15 +84,15 @@ class ServedBench:
     path : Path
         The rig file to write for the client.
     say : callable
-        Called with each line of text for the user.
+        Receives each line of text for the user.
     force : bool
-        Replace the rig file if it exists.
+        Whether an existing rig file is replaced.
     fault : Fault or None
-        A fault of the supply, its coil or its line.
+        A fault of the supply, of its coil or of its line; None for no fault.
     after_s : float
-        Time (s) between switching the output on with a current and the fault.
+        Time (s) from switching the output on with a current to the fault.
     packet_loss : float
-        The share of the camera's packets that are lost.
+        Share of the packets of the camera that are lost.
 
     Raises
     ------
@@ -114,14 +118,14 @@ class ServedBench:
         self._fault, self._after_s, self._packet_loss = fault, after_s, packet_loss
 
     def serve(self) -> None:
-        """Serve until the program is interrupted.
+        """Serve the instruments until the program is interrupted.
 
         Raises
         ------
         InstrumentError
             If an instrument has no emulator, a port is in use, or the library Aravis is not installed.
         InputError
-            If the rig file exists.
+            If the rig file exists and may not be replaced.
         """
         rig, virtual = self._rig, self._rig.virtual
         assert virtual is not None

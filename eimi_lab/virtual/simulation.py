@@ -1,4 +1,4 @@
-"""Simulation of a specimen of a known law in the fields of a protocol, and the files that `eimi simulate` writes."""
+"""The shapes of a specimen with a known law in the fields of a protocol, and the files that `eimi simulate` writes."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ _ALONG = 26  # number of elements along the flexible part
 
 @dataclass(frozen=True)
 class Simulation:
-    """The simulation of one specimen in K states.
+    """The simulated shapes of one specimen in K states.
 
     Parameters
     ----------
     model
-        The finite-element model.
+        The finite-element model of the beam.
     shapes
-        The shapes that the model computed.
+        The shapes that the finite-element model computed.
     field_mT
-        (K,) fields.
+        Field in each state, mT, shape (K,).
     tips
-        (K, 3, 2) ends of the 95 % intervals of the tip's x and y (mm) and of its angle (degrees); None if the
-        parameters have no uncertainty.
+        Lower and upper ends of the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees), shape (K, 3, 2);
+        None if the parameters have no uncertainty.
     """
 
     model: BeamModel | SolidBeside
@@ -57,30 +57,33 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and the right edge of each state from the clamp to the tip, (K, 2, n, 2), in mm."""
+        """The left and right edge in each of the K states, mm, shape (K, 2, n, 2): n points from the clamp to the tip."""
         return points_on(outline(self.model, self.shapes)[0], 4)
 
     @property
     def tip_mm(self) -> Array:
-        """(K, 2): x and y of the tip, mm."""
+        """The x and y of the tip in each of the K states, mm, shape (K, 2)."""
         return _tip(self.model, self.shapes)[0, :, :2]
 
     @property
     def tip_angle_deg(self) -> Array:
-        """(K,): the rotation of the tip, degrees."""
+        """The angle of the tip in each of the K states, degrees, shape (K,)."""
         return _tip(self.model, self.shapes)[0, :, 2]
 
     @property
     def max_stretch(self) -> Array:
-        """(K,): the largest principal stretch anywhere in the beam."""
+        """The largest principal stretch in the beam in each of the K states, shape (K,)."""
         return np.asarray(self.shapes.max_stretch[0])
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the shapes in up to six states, coloured by their stretch."""
+        """Return a matplotlib figure of the beam's shape in up to six states, coloured by the stretch."""
         return _drawn(self)
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
-        """Write the files into a folder and return its path. Raises InputError if it exists without ``force``."""
+        """Write the files of the simulation into a folder, and return the path of the folder.
+
+        Raises InputError if the folder is not empty, unless ``force`` is true.
+        """
         with whole_folder(Path(folder), force) as unfinished:
             write_simulation(unfinished, self)
         return Path(folder)
@@ -96,12 +99,15 @@ class Simulation:
 
 
 def keys_of(law: Law) -> list[str]:
-    """Return the names of the law's parameters in the form for `--parameter`: a modulus with its unit."""
+    """Return the names of a law's parameters for the option `--parameter`.
+
+    A modulus has its unit in its name: ``mu_Pa``.
+    """
     return [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
 
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
-    """Return the law of a name, and its parameters from texts.
+    """Return the law with a name, and the values of its parameters from texts.
 
     Parameters
     ----------
@@ -112,8 +118,10 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
 
     Returns
     -------
-    law, parameters
-        The law, and its parameters (n,) with moduli in Pa.
+    law : Law
+        The law.
+    parameters : ndarray, shape (n,)
+        Values of the parameters, moduli in Pa.
 
     Raises
     ------
@@ -149,28 +157,37 @@ def simulate(
     bulk_modulus_kPa: float | None = None,
     drawn: Array | None = None,
 ) -> Simulation:
-    """Compute the shapes of a specimen in a sequence of fields.
+    """Compute the shapes of a specimen in K fields.
 
     Parameters
     ----------
     specimen
         The specimen.
-    law, parameters
-        The law, and its parameters (n,) with moduli in Pa.
+    law
+        The hyperelastic law.
+    parameters
+        Parameters of the law, moduli in Pa, shape (n,).
     field_mT
-        (K,) fields.
+        The fields, mT, shape (K,).
     gravity_angle_deg, field_angle_deg
-        Directions in the beam frame, from +x toward +y.
+        Directions of gravity and of the field in the beam frame, degrees from +x toward +y.
     bulk_modulus_kPa
-        Bulk modulus; None for an incompressible material.
+        Bulk modulus, kPa; None for an incompressible material.
     drawn
-        (D, n) random draws of the parameters, from which the intervals of the tip are computed.
+        D random draws of the parameters, shape (D, n), from which the intervals of the tip are computed; None for no
+        intervals.
+
+    Returns
+    -------
+    Simulation
+        The shapes in all states.
 
     Raises
     ------
     InputError
-        If a bulk modulus is given in plane stress, if an angle or a field is not finite, if the law has no stiffness at
-        rest, or if a state has no equilibrium; the message names the first such state.
+        If an input cannot be used: a bulk modulus that is not positive or is given in plane stress, an angle or a field
+        that is not finite, or a law without stiffness at rest. Also if a state has no equilibrium; the message names
+        the first such state.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
@@ -186,10 +203,12 @@ def simulate(
         if not np.isfinite(values):
             raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
     if not np.isfinite(field_mT).all():
-        raise InputError("--coil-constant: leads to fields that are not finite; it should be a number in mT/A")
+        raise InputError("--coil-constant: the fields are not finite; the coil constant should be a number in mT/A")
     modulus = float(law.initial_shear_modulus(parameters))
     if not modulus > 0:
-        raise InputError(f"--parameter: the initial shear modulus of {law.name} is {modulus:g} Pa; should be above 0")
+        raise InputError(
+            f"--parameter: the initial shear modulus of {law.name} is {modulus:g} Pa; it should be above 0"
+        )
     beam = specimen.mechanics()
     planar = BeamModel(beam, along=_ALONG, plane=beam.planar_section)
     model = SolidBeside(beam, _ALONG, 2 * planar.across) if beam.section == "solid" else planar
@@ -213,7 +232,7 @@ def simulate(
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
-    """Return x (mm), y (mm) and the angle (degrees) of the tip, (P, K, 3)."""
+    """Return x (mm), y (mm) and the angle (degrees) of the tip for P candidates in K states, shape (P, K, 3)."""
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
     place = model.positions(shapes, point)[:, :, 0, :2]
@@ -221,10 +240,11 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 
 
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """Return the 95 % intervals (K, 3, 2) of the tip over the draws that have an equilibrium.
+    """Return the 95 % intervals of the tip in K states, shape (K, 3, 2), over the draws that have an equilibrium.
 
-    The scatter is computed with the planar model, also for a solid, and centred on the tip (K, 3) of the model. The
-    first candidate in ``shapes`` has the nominal parameters, the others are the draws.
+    The scatter is computed with the planar beam model, also for a solid. It is centred on ``tip`` (K, 3), which the
+    chosen beam model computed. In ``shapes``, the first candidate has the nominal parameters and the other candidates
+    are the draws.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
@@ -235,8 +255,8 @@ def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
 def write_simulation(folder: Path, simulation: Simulation) -> None:
     """Write the files of a simulation into a folder.
 
-    The files are ``tip.csv``; for each state ``state_00_left.csv``, ``state_00_right.csv`` and, for ParaView,
-    ``state_00.vtu``; and the picture ``shapes.png``. An OSError names the file that could not be written.
+    The files are ``tip.csv`` and the picture ``shapes.png``. For each state there are ``state_00_left.csv``,
+    ``state_00_right.csv`` and, for ParaView, ``state_00.vtu``. An OSError names the file that could not be written.
     """
     model, shapes = simulation.model, simulation.shapes
     columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
@@ -292,7 +312,10 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
 
 
 def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
-    """Return the computed half of the solid together with its mirror image, joined at mid-depth."""
+    """Return the nodes, the displacements and the elements of the whole solid.
+
+    The computed half of the solid and its mirror image are joined at mid-depth.
+    """
     mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
     image = np.arange(len(nodes))
     image[away] = len(nodes) + np.arange(away.sum())
@@ -305,7 +328,10 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """Return the elements to draw (m,), for a solid those at mid-depth, and the nodes around each (m, 8)."""
+    """Return the elements to draw, shape (m,), and the numbers of the 8 nodes around each of them, shape (m, 8).
+
+    For a solid, these are the elements at mid-depth.
+    """
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements
     if isinstance(model, BeamModel):

@@ -1,8 +1,8 @@
 """The virtual rig: an emulated supply and a simulated camera behind the interfaces of the drivers.
 
-The simulation leads from the current through the coil (time constant, noise) and its field to the finite-element shape
-of the beam and to a frame. The supply is the ordinary Korad driver with an emulator in the same process, so the
-acquisition runs the same code as on a real bench, in simulated time.
+The simulation computes, in this order: the current through the coil, with its time constant and noise; the field; the
+shape of the beam by finite elements; and a frame. The supply is the ordinary Korad driver with an emulator in the same
+process. The acquisition therefore runs the same code as on a real bench, in simulated time.
 
 The camera can also be used alone, in real time, with the coil of a supply that another process emulates (`eimi
 emulate`).
@@ -44,18 +44,19 @@ _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
 class Coil(Protocol):
-    """A source of the coil current, which causes the field at the beam."""
+    """A source of the current that causes the field at the beam."""
 
     def coil_current_A(self) -> float:
-        """Return the true current of the coil at this moment, in A."""
+        """Return the true current of the coil at this moment, A."""
 
 
 class VirtualCamera:
     """A camera that sees the virtual beam.
 
-    With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the swings between
-    equilibria. Without a frame rate it exposes on demand, at most ten times per second of its clock, and sees an
-    elastic beam in each equilibrium at once. A beam with a Prony series moves and creeps for every camera.
+    With a frame rate, the camera exposes at this rate, keeps the frames that were not yet taken, and sees how the beam
+    swings between equilibria. Without a frame rate, the camera exposes when a frame is requested, at most ten times per
+    second of its clock. It then sees an elastic beam in its equilibrium at once. A beam with a Prony series moves and
+    creeps for every camera.
 
     Parameters
     ----------
@@ -68,17 +69,17 @@ class VirtualCamera:
     frame
         Conversion between the beam frame and pixels.
     mT_per_A
-        Coil constant.
+        Coil constant, mT/A.
     virtual
         The table [virtual] of the rig.
     background_mT
-        Field along the coil's axis without a current.
+        Field along the axis of the coil that is present without a current, mT.
     frame_rate_Hz
-        Frames per second of the clock; None to expose on demand.
+        Frames per second of the clock; None to expose when a frame is requested.
     specimen
-        The true specimen, whose inertia determines how it swings.
+        The true specimen, whose inertia determines how the beam swings. None for a beam that is always at rest.
     strongest_mT
-        Largest field of the coil.
+        Largest field of the coil, mT.
     """
 
     def __init__(
@@ -113,28 +114,31 @@ class VirtualCamera:
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
 
     def swap_leads(self) -> None:
-        """Swap the leads of the coil, as the relay of the virtual rig does: its field at the beam is reversed."""
+        """Swap the leads of the coil, as the relay of the virtual rig does. The field of the coil is then reversed."""
         self._leads_swapped = not self._leads_swapped
 
     def field_mT(self) -> float:
-        """Return the present true field at the magnet along the coil's axis, including the background field."""
+        """Return the present true field at the magnet along the axis of the coil, mT, with the background field."""
         current_A = self._coil.coil_current_A()
         return self._background_mT + self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
     def identify(self) -> Identity:
-        """Return the identity of the camera."""
+        """Return the identity of the virtual camera."""
         width, height = self._virtual.frame_size_px
         return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
 
     def flush(self) -> None:
-        """Discard the frames of a freely running camera that were not yet taken."""
+        """Discard the frames that a camera with a frame rate has exposed and that were not yet taken."""
         if self._runs_freely:
             missed = max(0, int((self._clock.now() - self._exposed_s) / self._period_s))
             self._number += missed
             self._exposed_s += missed * self._period_s
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame of the beam in the field of the coil; an error of the coil is passed on."""
+        """Return the next frame of the beam in the field of the coil.
+
+        Raises InstrumentError if the beam has no equilibrium, or if the coil of another process does not answer.
+        """
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
         try:
@@ -155,7 +159,10 @@ class VirtualCamera:
         return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
 
     def _current_A(self, time_s: float) -> float:
-        """Return the coil's current at the exposure of a frame, which may have waited in the buffer since then."""
+        """Return the current of the coil at the time of an exposure, A.
+
+        A frame may have waited in the buffer since its exposure.
+        """
         if isinstance(self._coil, CoilSupply):
             return self._coil.coil_current_at_A(time_s)
         return self._coil.coil_current_A()
@@ -165,12 +172,12 @@ class VirtualCamera:
         return self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
     def _still(self) -> Outlines | None:
-        """Return the outlines in the present field; None if they are those of the last frame."""
+        """Return the outlines of the beam at rest in the present field; None if the beam looks as in the last frame."""
         field_mT = self._field_at_mT(self._exposed_s)
         return self._beam.outlines_mm(field_mT) if self._scene is None or self._beam.moves(field_mT) else None
 
     def _moved(self) -> Outlines | None:
-        """Move the beam until the exposure, and return its outlines; None if they are those of the last frame."""
+        """Move the beam until the exposure, and return its outlines; None if the beam looks as in the last frame."""
         now_mT = self._field_at_mT(self._exposed_s)
         if self._motion is None:
             assert self._specimen is not None
@@ -193,23 +200,25 @@ class VirtualCamera:
         return shapes.at(coordinates)
 
     def close(self) -> None:
-        """Close the connection to the coil of another process."""
+        """Close the connection to the coil of another process, if there is one."""
         if isinstance(self._coil, RemoteCoil):
             self._coil.close()
 
 
 def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, VirtualCamera, Clock, dict[str, Any]]:
-    """Create the virtual rig with a specimen.
+    """Create the instruments of the virtual rig with a specimen.
 
     Returns
     -------
-    supply, camera, clock, truth
-        The drivers, the simulated clock, and the true material (`truth_of`), which only scoring may use.
+    supply, camera, clock
+        The drivers of supply and camera, and the simulated clock.
+    truth
+        The true material (`truth_of`). Only the comparison of a result with the truth may use it.
 
     Raises
     ------
     InputError
-        If the rig has no table [virtual], or does not define the specimen's material.
+        If the rig has no table [virtual], or if this table does not define the material of the specimen.
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
@@ -218,12 +227,16 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
 
 
 def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock]:
-    """Create the supply of the virtual rig alone.
+    """Create the supply of the virtual rig without a camera.
 
     Returns
     -------
-    supply, field_mT, clock
-        The supply, the true field along the coil's axis, and the simulated clock.
+    supply
+        The driver of the supply.
+    field_mT
+        Function that returns the true field along the axis of the coil, mT.
+    clock
+        The simulated clock.
 
     Raises
     ------
@@ -235,7 +248,7 @@ def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock
 
 
 def true_field_mT(rig: Rig, coil: Coil) -> Callable[[], float]:
-    """Return a function that returns the true field at the magnet along the coil's axis now, in mT."""
+    """Return a function that returns the present true field at the magnet along the axis of the coil, mT."""
     bench = _virtual(rig).materials.bench or TrueBench()
     mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     offset_mT = _along_axis_mT(rig.calibration, bench)
@@ -259,14 +272,14 @@ def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, 
 
 
 def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
-    """Return the true field without a current along the coil's axis."""
+    """Return the true background field along the axis of the coil, mT."""
     stated = calibration.model_copy(update=_hidden(bench))
     axis_rad = np.radians(BeamFrame(stated).field_deg)
     return 1e3 * float(stated_background_T(stated) @ [np.cos(axis_rad), np.sin(axis_rad)])
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
-    """Create a camera that sees the specimen in a coil. Raises InputError like `open_virtual_rig`."""
+    """Create a camera that sees a specimen in a coil. Raises InputError for the same reasons as `open_virtual_rig`."""
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
@@ -284,7 +297,10 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
-    """Return the true material, mesh, seed and optics of the virtual beam. Raises like `open_virtual_rig`."""
+    """Return the true material of the virtual beam, with the mesh, the seed and the optics of the simulation.
+
+    Raises InputError for the same reasons as `open_virtual_rig`.
+    """
     virtual = _virtual(rig)
     material = _material(virtual, specimen)
     return {
@@ -301,7 +317,10 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
 def _as_it_is(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the specimen and the calibration with the unstated properties of the bench."""
+    """Return the true specimen and the true calibration, with properties that the files of a fit do not give.
+
+    `bench` contains these properties, such as a bend of the beam from its casting.
+    """
     beam = specimen.mechanics()
     if beam.magnet:
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg
@@ -316,7 +335,7 @@ def _hidden(bench: TrueBench) -> dict[str, Any]:
 
 def _virtual(rig: Rig) -> Virtual:
     if rig.virtual is None:
-        raise InputError(f"rig {rig.name!r}: has no [virtual] table, so there is nothing to simulate")
+        raise InputError(f"rig {rig.name!r}: has no [virtual] table, which the simulation needs")
     return rig.virtual
 
 
