@@ -315,14 +315,14 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a confirmation for a person who switched the coil off by a command or a button.
+    """Return a confirmation for a person who pressed STOP on the page.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
         The last event about the coil.
     seconds : float
-        Time from the command to the confirmation, s.
+        Time from STOP to the confirmation, s.
     """
     how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
     return f"the coil is off, confirmed after {seconds:.2f} s{how}"

@@ -32,8 +32,8 @@ FOUND_OFF = "; the output was already off when the connection was opened again"
 OnEvent = Callable[[Event], None]
 """A listener: a function that receives every event and must return at once. An exception in a listener ends the run.
 
-The thread of the run calls the listener. Another thread calls it for `OffNotConfirmed` while the run still tries to
-switch the coil off, and for `InterlockOpened` during a ring-down.
+The thread of the run calls the listener, with three exceptions. Another thread calls it for `PageGone`, for
+`OffNotConfirmed` while the run still tries to switch the coil off, and for `InterlockOpened` during a ring-down.
 """
 
 
@@ -195,7 +195,7 @@ class SuspendRefused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PageGone(Event):
-    """The page that started the run is closed or does not answer any more. The run stops."""
+    """The program of the page that started the run has ended. The run stops."""
 
     event: ClassVar[str] = "page_gone"
 

@@ -57,7 +57,7 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and right edge in each of the K states, mm, shape (K, 2, n, 2): n points from the clamp to the tip."""
+        """The left and right edge in each of the K states, mm, shape (K, 2, n, 2), as n points from clamp to tip."""
         return points_on(outline(self.model, self.shapes)[0], 4)
 
     @property
