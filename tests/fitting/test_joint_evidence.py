@@ -175,7 +175,7 @@ def test_residuals_far_above_the_stated_noise_are_a_doubt():
     longer = replace(good, observed=replace(good.observed, points_mm=1.03 * good.observed.points_mm))
     far, scale = identify("neo-hookean", [longer], seed=1).doubts
     assert (far.dataset, far.state) == (scale.dataset, scale.state) == (0, None)
-    assert "times the uncertainty that the measured places state" in far.words
+    assert "times the stated uncertainty of the measured places" in far.words
     assert scale.words.startswith("these causes of the residuals cannot be told apart: ")
     words = re.search(r"scale of the picture \(\+(\S+) %, probability (\S+),", scale.words)
     assert words

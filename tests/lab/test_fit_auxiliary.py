@@ -173,7 +173,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         for text in (card.read_text(), told):
             assert "not measured" in text
             assert "C10, C01" in text
-            assert "times the uncertainty that the measured places state" in text
+            assert "times the stated uncertainty of the measured places" in text
             assert f"Largest stretch in the data {fit.max_stretch:.3f}" in text
             assert fit.modulus_in_words() in text
         assert f"C10 95 % interval {low:.6g} to {high:.6g} Pa, not measured" in card.read_text()
@@ -269,6 +269,6 @@ def test_a_doubt_is_written_into_the_result(tmp_path: Path, run) -> None:
     for doubt in fit["doubts"]:
         assert (doubt["dataset"], doubt["state"]) == (0, None)
     far, scale = (doubt["words"] for doubt in fit["doubts"])
-    assert "times the uncertainty that the measured places state" in far
+    assert "times the stated uncertainty of the measured places" in far
     assert "scale of the picture (+0.4" in scale
     assert json.loads((tmp_path / "fits.json").read_text())["comparison"] == []

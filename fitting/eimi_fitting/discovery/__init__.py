@@ -3,8 +3,8 @@
 The energy of the law is a sum of terms from a library, each with one unknown, non-negative coefficient.
 
 rows                 linear equations for the coefficients, divided by the noise of the measurement
-tensile_rows         turn a tensile curve into such equations, exactly: stress is linear in the coefficients
-bending_rows         turn the edges of bent beams into such equations, linearised about a law close to the solution
-supports             fit every small set of terms, and compare the sets by their cross-validation error
-terms_of_a_law       do all steps in order and state the terms, or state that they are not identifiable
+tensile_rows         equations from a tensile curve, which are exact: stress is linear in the coefficients
+bending_rows         equations from the edges of bent beams, linearised about a law close to the solution
+supports             the fit of every small set of terms, and the comparison of these sets by cross-validation
+terms_of_a_law       all steps in order; the result is a set of terms, or that the terms are not identifiable
 """

@@ -2,9 +2,9 @@
 
     observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-The noise has unit variance. Each amplitude has the prior 0 +- 1 (mean and standard deviation). The noise of a curve or
-of a beam is the residual that remains when all terms of the library are fitted to it. Correlated residuals count as
-fewer independent ones (`eimi_fitting.correlation`).
+The noise has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard deviation 1. The
+noise of a curve or of a beam is that of the residuals after a fit of all terms of the library to this curve or beam.
+Correlated residuals count as fewer independent residuals (`eimi_fitting.correlation`).
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """Hold linear equations for the coefficients of J terms and the amplitudes of q nuisances.
+    """N linear equations for the coefficients of J terms and the amplitudes of q nuisances.
 
     Parameters
     ----------
     observed : array, shape (N,)
         Left-hand sides, in units of the noise.
     columns : array, shape (N, J)
-        Change of each observation for a coefficient of one.
+        Change of each left-hand side for a coefficient of 1 Pa.
     nuisances : array, shape (N, q)
-        Change of each observation for a nuisance amplitude of one.
+        Change of each left-hand side for a nuisance amplitude of one.
     groups : array of int, shape (N,)
-        Group of each row. Cross-validation leaves out the rows of one group at the same time.
+        Group of each equation. Cross-validation omits all equations of a group at the same time.
     """
 
     observed: Array
@@ -41,13 +41,14 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the same equations for a noise that is larger by this factor."""
+        """Return the same equations for a noise that is larger by ``factor``."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the non-negative coefficients (J,) and the amplitudes (q,) that minimise the residual.
+        """Return the coefficients (J,) >= 0 in Pa and the amplitudes (q,) that minimise residuals and amplitudes.
 
-        The amplitudes are written as differences of two non-negative numbers, because the solver allows no others.
+        The minimum is that of |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two non-negative
+        numbers, because the solver accepts non-negative unknowns only.
         """
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
@@ -57,7 +58,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all parts together; a part without the common nuisances gets zeros for them."""
+        """Return the equations of all parts together; a part with fewer nuisances gets zeros for the others."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(

@@ -1,18 +1,18 @@
 """Fit every small set of terms, and find the sets that the data cannot distinguish from the best set.
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
-2. Each set gets a cross-validation error: every row is predicted by a fit without its group, in at most 20 folds
+2. Each set gets a cross-validation error: every equation is predicted by a fit without its group, in at most 20 folds
    (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10).
-3. A set is compatible with the data if the sum S of its squared prediction errors is close to the smallest one:
+3. A set is compatible with the data if the sum S of its squared prediction errors is close to the smallest sum S_best:
 
        S - S_best <= 1.5 * 2 |delta|,
 
-   where delta is the difference of the two vectors of predictions. If one of the two sets is right and the noise has
-   unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
-   one-standard-error rule of the same section, for paired errors. A set that contains the right one is preferred to it
-   only if |delta| exceeds 3, that is three standard deviations of the noise.
-4. The answer is the compatible sets that contain no smaller compatible set. If there is only one such set, every
-compatible set contains it, and `upper_coefficients` tests how large each further term could be.
+   where delta is the difference between the predictions of the two sets. If one of the two sets is right and the noise
+   has unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
+   one-standard-error rule of the same section, for paired errors. A larger set that contains the right set is preferred
+   to it only if |delta| exceeds 3, which is three standard deviations of the noise.
+4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
+   compatible set contains it, and `upper_coefficients` computes how large each further term could be.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ _STANDARD_ERRORS = 1.5
 
 @dataclass(frozen=True)
 class Support:
-    """Hold a set of k terms and its fit.
+    """A set of k terms with its least-squares fit to N equations.
 
     Parameters
     ----------
     terms : tuple of int
         Indices of the terms in the library.
     coefficients, standard_errors : array, shape (k,)
-        Coefficients and their standard errors, on the assumption that the law has exactly these terms.
+        Coefficients and their standard errors in Pa, on the assumption that the law has exactly these terms.
     amplitudes : array, shape (q,)
-        Amplitudes of the nuisances.
+        Amplitudes of the q nuisances.
     prediction_errors : array, shape (N,)
-        Error of the prediction of each row by a fit without its group, in units of the noise.
+        Error of the prediction of each equation by a fit without its group, in units of the noise.
     excess : float
-        Sum of squared prediction errors minus that of the best set.
+        Sum of squared prediction errors minus the smallest such sum of all sets.
     excess_error : float
         Standard error of ``excess``.
     """
@@ -62,26 +62,32 @@ class Support:
 
     @property
     def held_out_error(self) -> float:
-        """Return the root mean square of the prediction errors. It is 1 if only noise remains."""
+        """Root mean square of the prediction errors, in units of the noise; about 1 if only noise remains."""
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
     def is_compatible(self) -> bool:
-        """Whether noise can explain that this set of terms predicts worse than the best set."""
+        """Whether noise can explain that this set of terms predicts worse than the best set (see the module)."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 
 def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Support, ...]:
-    """Return every set with positive coefficients and a non-zero initial modulus, the smallest prediction error first.
+    """Fit every set of up to ``most_terms`` terms, and return the sets with positive coefficients.
 
     Parameters
     ----------
     rows : Rows
-        The equations.
+        The equations for the coefficients of J terms.
     has_modulus : array of bool, shape (J,)
         Whether each term contributes to the initial shear modulus.
     most_terms : int
         Largest number of terms in a set.
+
+    Returns
+    -------
+    tuple of Support
+        The sets with positive coefficients and an initial shear modulus above zero, the smallest prediction error
+        first.
     """
     fitted = [
         support
@@ -104,12 +110,13 @@ def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
 
 
 def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """Return the largest coefficient that each term could have if that term were added to ``terms``.
+    """Return the largest coefficient that each of J terms could have if this term were added to ``terms``.
 
     Returns
     -------
     array, shape (J,)
-        Upper end of the 95 % interval; 0 for ``terms``, infinity if the rows cannot distinguish a term from ``terms``.
+        Upper end of the 95 % interval of the coefficient in Pa. 0 for ``terms``, and infinity if the equations cannot
+        distinguish a term from ``terms``.
     """
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):
@@ -124,7 +131,7 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """Return the least-squares fit of a set of terms, or None if its columns are linearly dependent."""
+    """Return the least-squares fit of a set of terms; None if its columns are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
     prior = np.column_stack([np.zeros((q, k)), np.eye(q)])
@@ -140,7 +147,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
     folds = rows.groups % _FOLDS
     for fold in np.unique(folds):
         inside = folds == fold
-        # With H = Q Q^T for the rows of the fold, the prediction error of a fit without them is (I - H)^-1 residuals.
+        # With H = Q Q' for the rows of the fold, the prediction error of a fit without these rows is inv(I - H) r.
         fold_directions = directions[: len(columns)][inside]
         identity = np.eye(inside.sum())
         prediction_errors[inside] = np.linalg.solve(
@@ -151,7 +158,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return the set with its excess over the best set and the standard error of that excess."""
+    """Return a set with its excess over the best set (see `Support`) and the standard error of this excess."""
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

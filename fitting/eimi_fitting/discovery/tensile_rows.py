@@ -1,4 +1,4 @@
-"""Turn a tensile curve into linear equations: engineering stress is linear in the coefficients of the terms."""
+"""Turn a tensile curve into linear equations, because engineering stress is linear in the coefficients of the terms."""
 
 from __future__ import annotations
 
@@ -19,29 +19,38 @@ _FLOOR = 1e-4  # smallest noise, as a share of the largest stress (assumed: no t
 
 
 def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
-    """Return the engineering stress (m, J) of each of J terms with a coefficient of one, at the strains (m,)."""
+    """Return the engineering stress (m, J) at m strains of each of J terms, for a coefficient of one."""
     return engineering_stress(SumOfTerms(tuple(terms)), np.eye(len(terms)), strain).T
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 at the largest strain of an incompressible uniaxial test."""
+    """Return I1 - 3 = s^2 + 2 / s - 3 at the largest stretch s of an incompressible uniaxial test, from its strains."""
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 
 
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:
-    """Return the equations of a tensile curve, and the noise in Pa by which they are divided.
+    """Return linear equations for the coefficients of J terms from a tensile curve.
 
-    Neighbouring rows whose residuals are correlated form a group, which cross-validation leaves out as a whole.
+    Neighbouring rows of the curve with correlated residuals form a group, which cross-validation omits as a whole.
+
+    Returns
+    -------
+    Rows
+        One equation for each row of the curve.
+    float
+        The noise in Pa by which the equations are divided.
 
     Raises
     ------
     CannotFit
-        If the curve has no more rows than there are terms, or if every stress is zero.
+        If the curve does not have more rows than there are terms, or if every stress is zero.
     """
     count = len(curve.strain)
     if count <= len(terms):
-        raise CannotFit(f"{count} rows; a library of {len(terms)} terms needs at least {len(terms) + 1}")
+        raise CannotFit(
+            f"the curve has {count} rows; a library of {len(terms)} terms needs at least {len(terms) + 1} rows"
+        )
     columns = stress_columns(terms, curve.strain)
     coefficients = non_negative(columns, curve.stress_Pa)
     residuals_Pa = columns @ coefficients - curve.stress_Pa

@@ -1,7 +1,7 @@
-"""Find the terms of a law from bent beams and tensile curves, or state that they are not identifiable.
+"""Find the terms of a law from bent beams and tensile curves, or conclude that they are not identifiable.
 
 The steps are: linearise the bending tests about a law close to the solution, join them with the tensile curves, fit all
-small sets of terms, and keep the sets that the noise cannot distinguish from the best one.
+small sets of terms, and keep the sets that the noise cannot distinguish from the best set.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ _NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 @dataclass(frozen=True)
 class Alternative:
-    """Hold a set of k terms that agrees with the data.
+    """A set of k terms that agrees with the data.
 
     Parameters
     ----------
     terms : tuple of Term
         The terms.
     coefficients : array, shape (k,)
-        Their coefficients, Pa, on the assumption that the law has exactly these terms.
+        Coefficient of each term in Pa, on the assumption that the law has exactly these terms.
     intervals : array, shape (k, 2)
-        95 % intervals of the coefficients, Pa.
+        95 % intervals of the coefficients in Pa.
     initial_shear_modulus_Pa : float
-        Initial shear modulus of the law, Pa.
+        Initial shear modulus of the law in Pa.
     held_out_error : float
-        Root mean square error of the cross-validation, in units of the noise.
+        Root mean square prediction error of the cross-validation, in units of the noise.
     stable_to : float or None
-        See `laws.stability.stable_up_to`.
+        Largest stretch up to which the law is stable, see `laws.stability.stable_up_to`; None if no limit was met.
     """
 
     terms: tuple[Term, ...]
@@ -66,30 +66,30 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Discovery:
-    """Hold the sets of terms that agree with the data.
+    """The sets of terms that agree with the data.
 
     Parameters
     ----------
     alternatives : tuple of Alternative
-        The sets that noise cannot distinguish from the best one and that contain no smaller such set, fewest terms
+        The sets that noise cannot distinguish from the best set and that contain no smaller such set, fewest terms
         first.
     open_terms : dict of Term to float
-        If there is one alternative: the further terms that could carry more than 15 % of the stress at ``strain``, with
-        that share.
+        If there is one alternative: the further terms that could carry more than 15 % of the stress at ``strain``, each
+        with this share.
     strain : float
         Largest strain of the curves; 1 (100 %) if there is no curve.
     library : tuple of Term
         The terms that were tried.
     left_out : tuple of Term
-        The terms that were not tried, because their stress is not defined on all of the curves.
+        The terms that were not tried, because their stress is not defined at all strains of the curves.
     noise_mm : tuple of float
-        Noise of each experiment, mm.
+        Noise of each experiment in mm.
     noise_Pa : tuple of float
-        Noise of each curve, Pa.
+        Noise of each curve in Pa.
     compatible_sets : tuple of tuples of Term
-        All sets, of any size, that noise cannot distinguish from the best one.
+        All sets, of any size, that noise cannot distinguish from the best set.
     sets : int
-        Number of sets that were fitted with positive coefficients.
+        Number of sets whose fit has positive coefficients only.
     """
 
     alternatives: tuple[Alternative, ...]
@@ -109,7 +109,7 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise alone can explain the residual of the best set."""
+        """Return whether noise alone can explain the prediction error of the first alternative (below 1.5)."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
@@ -119,25 +119,25 @@ class Discovery:
 
     @property
     def statement(self) -> str:
-        """Return the result as one sentence."""
+        """Return the result as one sentence for people."""
         best = " + ".join(term.name for term in self.alternatives[0].terms)
         if not self.explained:
             return (
-                f"not identifiable: the best {best} leaves {self.alternatives[0].held_out_error:.2g} times the noise; "
-                "the law is not in the library"
+                f"not identifiable: the best set of terms, {best}, has a prediction error of "
+                f"{self.alternatives[0].held_out_error:.2g} times the noise; the law is not in the library"
             )
         if self.identified:
             return f"identified among the terms of this library: {best}"
         if self.open_terms:
             shares = ", ".join(f"{term.name} {100 * min(share, 1):.0f} %" for term, share in self.open_terms.items())
             return (
-                f"not identifiable: {best} follows the data, but at a strain of {100 * self.strain:.0f} % other terms "
-                f"could carry as much of the stress: {shares}"
+                f"not identifiable: {best} agrees with the data, but at a strain of {100 * self.strain:.0f} % further "
+                f"terms could carry as much of the stress: {shares}"
             )
         common = ", ".join(term.name for term in self.in_all)
         return (
-            f"not identifiable: {len(self.alternatives)} sets of terms follow the data equally well, {best} among "
-            f"them; {f'{common} is in all of them' if common else 'no term is in all of them'}"
+            f"not identifiable: {len(self.alternatives)} sets of terms agree equally well with the data, such as "
+            f"{best}; {f'all of them contain {common}' if common else 'no term is in all of them'}"
         )
 
 
@@ -151,7 +151,7 @@ def discover(
     modulus_Pa: float | None = None,
     seed: int = 1,
 ) -> Discovery:
-    """Find the terms of a library that the law consists of.
+    """Find the terms of a hyperelastic law among the terms of a library.
 
     Parameters
     ----------
@@ -166,9 +166,9 @@ def discover(
     lot : float
         Relative standard deviation between the moduli of the beams and those of the curves.
     modulus_Pa : float, optional
-        Shear modulus of a Neo-Hookean fit to the experiments, Pa. If it is missing, the fit is done here.
+        Shear modulus in Pa of a Neo-Hookean fit to the experiments. By default this function does the fit.
     seed : int
-        Seed of that fit.
+        Seed of the Neo-Hookean fit.
 
     Returns
     -------
@@ -178,14 +178,14 @@ def discover(
     Raises
     ------
     ValueError
-        If there is neither an experiment nor a curve, if the library contains a term twice, or if no term of it
-        contributes to the initial shear modulus.
+        If there is neither an experiment nor a curve, if the library contains a term twice, or if no term contributes
+        to the initial shear modulus.
     CannotFit
         If a tensile curve cannot be used.
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
-        Any error of `identify`, if no law explains the experiments.
+        Any exception of `identify`, if no law explains the experiments.
 
     Examples
     --------
@@ -226,9 +226,12 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Return the equations, the fitted sets, and the factor by which the noise had to be raised.
+    """Fit all small sets of terms, with a larger noise if even the best set predicts with an error above the noise.
 
-    The noise is raised if even the best set predicts with an error above the noise.
+    Returns
+    -------
+    tuple
+        The equations for this noise, the fitted sets, and the factor on the noise, at least 1.
     """
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
@@ -239,7 +242,7 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 
 
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
-    """Return the further terms that could carry more than `_SHARE` of the stress at this strain, with that share."""
+    """Return the further terms that could carry more than 15 % of the stress at a strain, each with this share."""
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns
     shares = stress / (stress + support.coefficients @ columns[list(support.terms)])
@@ -247,13 +250,19 @@ def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: flo
 
 
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Return the terms whose stress is defined on all of the curves, and the other terms. Raises ValueError."""
+    """Return the terms whose stress is defined at all strains of the curves, and the other terms.
+
+    Raises
+    ------
+    ValueError
+        If the library contains a term twice, or if no usable term contributes to the initial shear modulus.
+    """
     if len(set(library)) < len(library):
-        raise ValueError("the library holds a term twice")
+        raise ValueError("the library holds a term twice: give each term once")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
     terms = tuple(term for term in library if term.largest_x > most)
     if not any(term.has_modulus for term in terms):
-        raise ValueError("the library holds no term with stiffness at rest")
+        raise ValueError("the library holds no term with stiffness at rest that the curves allow: add i1, for example")
     return terms, tuple(term for term in library if term not in terms)
 
 
@@ -262,9 +271,9 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return the coefficients (J,) of a first law: the fit to the curves, scaled to the modulus of the beams.
+    """Return the coefficients (J,) in Pa of a first law: the fit to the curves, scaled to the modulus of the beams.
 
-    Without a curve the law has one term.
+    Without a curve, the first law has one term.
     """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
@@ -279,9 +288,12 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return `bending_rows`, linearised repeatedly about the fit of all terms until that fit no longer changes.
+    """Return `bending_rows`, linearised again about the fit of all terms until this fit hardly changes.
 
-    Raises NoEquilibrium.
+    Raises
+    ------
+    NoEquilibrium
+        If a beam has no equilibrium for a law close to the solution.
     """
     previous_noise_mm = np.zeros(0)
     rows, noise_mm = bending_rows(experiments, terms, about, lot)

@@ -1,10 +1,10 @@
-"""Check whether the residuals contradict the model, and weigh the possible causes.
+"""Check whether the residuals contradict the beam model, and weigh the possible causes of the residuals.
 
-checks                compare the residuals with the noise and with the deflection
-causes                weigh the possible causes of the residuals by their evidence
+checks                the comparison of the residuals with the noise and with the deflection
+causes                the probability of each possible cause of the residuals
 collinear_causes      classes of causes that the residuals do not distinguish
-edge_coefficients     residuals as few coefficients along each edge
+edge_coefficients     few coefficients along each edge that describe the residuals
 marginal_likelihood   the evidence of linear Gaussian models
 signatures            the change of the residuals by each possible cause
-possible_causes       the possible errors of a bench, and decisive measurements
+possible_causes       the possible errors of a bench, and the measurements that decide between them
 """

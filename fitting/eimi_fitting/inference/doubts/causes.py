@@ -1,39 +1,43 @@
 """Weigh the possible causes of the residuals against each other by the evidence of a linear Gaussian model.
 
-Let r be the residuals at the optimum with every input at its stated value, J their slopes in the unknowns x of the law,
-and C_a the signature of the cause a: the change of the residuals for its amplitudes s_a (`possible_causes`). With the
-causes of the hypothesis H,
+Let r be the residuals in mm at the optimum, with every input at its stated value, and J their slopes in the unknowns x
+of the law. The signature C_a of the cause a is the change of the residuals for its amplitudes s_a (`possible_causes`).
+A hypothesis H is a set of causes. The model of a hypothesis is
 
     -r = J dx + sum_{a in H} C_a s_a + d + e
     dx ~ N(0, inv(P)),   s_a ~ h(s_a / size_a) N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
 
-P is the prior of the fit, and size_a the usual size of such a mistake. The prior of s_a vanishes at zero, so that a
-second cause of negligible size does not repair small errors of the model (a non-local prior: Johnson and Rossell 2010,
-J. R. Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by (m / (m + 0.3^2))^2, where m is the
-posterior mean of |s_a / size_a|^2, the largest of the amplitudes that the value of the cause consists of. Above a third
-of the usual size the factor is near one. Causes with nearly the same signature share their probability equally
-(`inference.doubts.collinear_causes`). The columns of J contain the remaining
-errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
-correlation tau of neighbouring points. The error d is what no listed cause explains; it is smooth along an edge and
-over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and Gaussian, so that the
-evidence has a closed form. With L = sigma^2 tau + eta^2 G, the columns A of J and C_a, each times
-its prior standard deviation, and b = A' inv(L) r,
+with the inverse variance P of the priors of the fit and the usual size size_a of the cause. The noise e has the level
+sigma and the correlation tau of neighbouring points. The error d is the part that no listed cause explains. It has the
+size eta in mm and the covariance G, which is smooth along an edge and over the loads (Kennedy and O'Hagan 2001, J. R.
+Stat. Soc. B 63:425). The columns of J also contain the remaining errors of the finer mesh and of the solid.
+
+The evidence. The model is linear and Gaussian, so that the evidence has a closed form. Let L = sigma^2 tau + eta^2 G,
+let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L) r. For normal priors,
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
 
-(Bishop 2006, Pattern Recognition and Machine Learning, section 3.5; Woodbury's identity). It is averaged over eta from
-0 to 1 mm, uniformly in ln eta. The hypotheses are no cause, one cause, and two causes together. Each of the M causes is
-present with the prior probability 1 / M, so that the probability of a hypothesis is proportional to
-p(r | H) (M - 1)^-|H|. The probability of a cause is the sum over the hypotheses that contain it; that of `none` is the
-probability that the noise and d alone explain the residuals.
+(Bishop 2006, Pattern Recognition and Machine Learning, section 3.5; Woodbury's identity). The evidence is averaged over
+eta = 0 and 17 values from 1e-4 to 1 mm with equal distances in ln eta.
 
-Residuals are compared by their coefficients in orthonormal polynomials along each edge, which contain all that smooth
-signatures have; sigma and tau come from the remainder. A signature is linear only in small amplitudes. The probable
-hypotheses are therefore simulated at their amplitudes, and what differs from the linear model is added to r
-(Gauss-Newton). The errors of the simulation are added to the noise under every hypothesis: 1 per cent of each move of
-the most probable hypothesis, and the remaining error of the finer mesh and of the solid. They are smooth along an edge
-and alike in states of similar loads, as d is. As independent errors they would be underestimated: many states would
-average them out, and a second cause would explain them with a probability near one.
+The prior of the amplitudes. h vanishes at zero, so that a second cause of negligible size does not explain small errors
+of the beam model (a non-local prior: Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143). It multiplies the evidence
+of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a / size_a|^2, the largest among the
+amplitudes that make up the value of the cause. The factor is near one for amplitudes well above 0.3 of the usual size.
+
+The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes is present with
+the prior probability 1 / M, so that the probability of a hypothesis with |H| causes is proportional to
+p(r | H) (M - 1)^-|H|. The probability of a cause is the sum over the hypotheses that contain it. The probability of
+`none` is that of the hypothesis without a cause. Causes with nearly the same signature share their probability equally
+(`inference.doubts.collinear_causes`).
+
+The computation. Residuals are compared by their coefficients in orthonormal polynomials along each edge, which describe
+smooth signatures completely. The remainder gives sigma and tau. A signature is linear only in small amplitudes. The
+probable hypotheses are therefore simulated at their amplitudes, and the difference from the linear model is added to r
+(Gauss-Newton). Errors of the simulation are added to the noise under every hypothesis. They are 1 per cent of each
+change by the most probable hypothesis, and the remaining error of the finer mesh and of the solid. These errors are
+smooth along an edge and alike in states of similar loads, as d is. Independent errors would be too small on average
+over many states, and a second cause would then explain the rest with a probability near one.
 """
 
 from __future__ import annotations
@@ -81,7 +85,7 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """One possible cause of the residuals.
+    """One possible cause of the residuals, with its probability.
 
     Parameters
     ----------
@@ -90,13 +94,13 @@ class Cause:
     probability : float
         Probability that the cause is present.
     value : float
-        Most probable amplitude of the cause in ``unit``; for several amplitudes the root of their sum of squares, with
-        the sign of the largest. Zero for ``"none"``.
+        Expected amplitude of the cause in ``unit`` if the cause is present. For several amplitudes, the root of the sum
+        of their squares, with the sign of the largest. Zero for ``"none"``.
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus, in per cent, if this cause is taken into account, or the change that was
-        made if the fit already takes the cause into account.
+        Change of the initial shear modulus in per cent if a fit takes this cause into account. If the fit has already
+        done this, the change by which its modulus differs from a fit without the cause.
     decide_by : str
         The measurement that decides whether the cause is present.
     like : tuple of str
@@ -114,15 +118,17 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The causes in the order of their probability, and the residuals that would remain.
+    """The possible causes in the order of their probability, and the residuals that each cause would leave.
 
     Parameters
     ----------
     causes : tuple of Cause
+        The causes, the most probable first.
     in_the_fit : frozenset of str
-        Causes that the fit has taken into account, because they were freed or measured.
+        Names of the causes that the fit has taken into account, because the inputs were freed or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        Root mean square residual of each state, for each experiment, if the cause is taken into account alone.
+        For each cause and each experiment, the root mean square residual in mm of each of the K states if this cause
+        alone is taken into account.
     """
 
     causes: tuple[Cause, ...]
@@ -136,14 +142,14 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Weigh the possible causes of the residuals at an optimum.
+    """Return the probabilities of the possible causes of the residuals at an optimum.
 
     Parameters
     ----------
     problem : Problem
-        The problem of the fit, corrections included.
+        The problem of the fit, with the corrections of its residuals.
     optimum : Optimum
-        Its optimum.
+        The optimum of the problem.
     effects : sequence of Effect
         The corrections in the problem. Their remaining errors explain residuals under every hypothesis.
     possible : sequence of PossibleCause
@@ -152,8 +158,9 @@ def weighed_causes(
     Returns
     -------
     Weighed
-        The causes; empty if the coarse model has no equilibrium at the optimum. An input that was freed or measured is
-        a cause, too: its deviation counts from the stated value.
+        The causes with probabilities of at least 0.001. An input that was freed or measured is a cause, too, and its
+        value is the deviation from the stated value. Empty if the coarse model has no equilibrium at the optimum, or if
+        no cause changes the residuals.
     """
     about = About.of(problem, optimum, possible)
     if not about.solved:
@@ -193,7 +200,7 @@ def weighed_causes(
 
 
 class _Weighing:
-    """The hypotheses about one optimum: their columns, and the residuals that each hypothesis has to explain."""
+    """The hypotheses about the residuals at one optimum, with their columns and the residuals that they explain."""
 
     def __init__(
         self, about: About, effects: Sequence[Effect], columns_by_cause: Mapping[PossibleCause, Sequence[Column]]
@@ -244,12 +251,12 @@ class _Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes that make up the value of a cause."""
+        """Return the number of amplitudes that make up the value of the cause with the index ``cause``."""
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return the causes in classes that cannot be told apart, each with the most probable one first."""
+        """Return classes of causes that the residuals do not distinguish, each with the most probable cause first."""
         alone = slice(1 + len(self._causes))  # no cause, and each cause alone
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         variance = self._variance + posterior.error_squared[best] * self._project.error
@@ -263,7 +270,7 @@ class _Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def posterior(self) -> Posterior:
-        """Return evidence and amplitudes of all hypotheses; the probable ones are simulated (Gauss-Newton)."""
+        """Return evidence and amplitudes of all hypotheses, after simulations of the probable ones (Gauss-Newton)."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -293,19 +300,20 @@ class _Weighing:
         return result
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance (N,) of the error of the residuals that is due to errors of moves (C, N).
+        """Return the variance (N,) of the N coefficients due to errors of C changes by a hypothesis, ``moves`` (C, N).
 
-        The error that remains after the corrections is included. A part of the error is smooth along edges and loads.
+        The sum contains the error that remains after the corrections. A part of these errors is smooth along edges and
+        loads.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the remaining residuals, divided by the variance of the noise."""
+        """Return the mean of the squared remaining coefficients over the variance of the noise, for one hypothesis."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the amplitudes of one hypothesis after Gauss-Newton steps, with slopes at the present amplitudes."""
+        """Return the amplitudes of the hypothesis ``row`` after Gauss-Newton steps with renewed slopes."""
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
         active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
@@ -346,7 +354,7 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the rows of the best hypotheses of one and of two causes, and of the one without freed inputs."""
+        """Return the rows of the most probable hypotheses: of one cause, of two causes, and without freed inputs."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far
@@ -368,7 +376,7 @@ class _Weighing:
         return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual (K,) in mm of each experiment, in the linear model."""
+        """Return the root mean square residual (K,) in mm of each experiment for given amplitudes, linearised."""
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(
             zip(self._stated, self._about.slopes, self._about.used, strict=True)

@@ -1,9 +1,10 @@
 """Decide whether a fit can be believed: compare its residuals with the deflection and with the noise.
 
-A state is not explained if its root mean square residual exceeds a twentieth of the largest deflection or half the
-width of the beam. The edges of another beam, a wrong scale or a wrong sign of the field cause such residuals; the fit
-is then refused. Residuals that are many times the stated uncertainty of the edges leave a result with a doubt. So does
-a probable cause of the residuals that concerns the modulus (`causes`).
+The beam model does not explain a state if the root mean square residual of the state exceeds three times the stated
+uncertainty, and exceeds a twentieth of the largest deflection or half the width of the beam. The edges of another beam,
+a wrong scale or a wrong sign of the field cause such residuals. The fit is then refused. Residuals that are many times
+the stated uncertainty of the edges cause a doubt about the result. A probable cause of the residuals is also a doubt if
+it concerns the modulus (`causes`).
 """
 
 from __future__ import annotations
@@ -51,16 +52,16 @@ _CONTRADICTS = 3.0  # standard deviations
 
 
 class NotExplained(Exception):
-    """Report that the best candidate does not explain the edges of one state.
+    """The exception for a fit whose best candidate does not explain the edges of one state.
 
     Parameters
     ----------
     experiment, state : int
-        The experiment, and the state in it, counted from 0.
+        Index of the experiment and index of the state in this experiment, counted from 0.
     error_mm : float
-        Root mean square residual of the state.
+        Root mean square residual of the state in mm.
     deflection_mm : float
-        Largest measured deflection of the experiment.
+        Largest measured deflection of the experiment in mm.
     curves : bool
         Whether the fit contains tensile curves, which may be the reason.
     """
@@ -71,20 +72,20 @@ class NotExplained(Exception):
         self.experiment, self.state = experiment, state
         self._arguments = (experiment, state, error_mm, deflection_mm, curves)
         super().__init__(
-            f"the best candidate is {error_mm:.3g} mm off (root mean square), but the beam moves by "
-            f"{deflection_mm:.3g} mm at most: "
-            f"no material explains this{' and the tensile curves' if curves else ''}; check that state's edges, the "
-            "sign of the field, the scale of the picture, and specimen and calibration"
+            f"the smallest error of this state is {error_mm:.3g} mm (root mean square), but the largest deflection of "
+            f"the beam is {deflection_mm:.3g} mm: "
+            f"no material explains this{' and the tensile curves' if curves else ''}; check the edges of this state, "
+            "the sign of the field, the scale of the picture, the specimen and the calibration"
             + (", and material, unit and weight of the curves" if curves else "")
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """Return the arguments that rebuild the exception in another process; pickle would pass only the message."""
+        """Return the class and its arguments, which rebuild the exception in another process."""
         return NotExplained, self._arguments
 
 
 def deflection_mm(experiment: Experiment) -> float:
-    """Return the largest distance of a measured point, in any state, from the beam at rest, in mm."""
+    """Return the largest distance in mm of a measured point, in any state, from the simulated beam at rest."""
     model: BeamModel = experiment.model
     k = len(experiment.loads)
     rest = Shapes(
@@ -108,27 +109,27 @@ def check_explained(
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
-    """Refuse a fit that leaves a state unexplained.
+    """Raise an exception if the beam model does not explain one of the states.
 
     Parameters
     ----------
     final : Comparison
-        The residuals of the optimum, its first candidate.
+        The residuals of the optimum, which is its first candidate.
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        The error of each experiment's states in mm without the part that a displaced clamp explains. That part is not
-        counted here: a displaced clamp is a doubt.
+        For each experiment, the error of its K states in mm without the part that a displaced clamp explains. A
+        displaced clamp is a doubt and no reason to refuse the fit.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether the optimum lies where the simulation is not valid (`Evaluation.beyond`); then every state counts as
-        unexplained.
+        Whether priors or tensile curves exclude the optimum (`Evaluation.beyond`). Every state then counts as not
+        explained.
 
     Raises
     ------
     NotExplained
-        For the worst state of the first experiment that has an unexplained state.
+        For the worst state of the first experiment with a state that is not explained.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
@@ -160,21 +161,22 @@ DoubtKind = Literal[
     "modulus_open",
     "unstable",
 ]
-"""The subject of a doubt. The last four belong to tensile fits; "perspective" belongs to pictures."""
+"""The subject of a doubt. "perspective" belongs to pictures, and the four subjects after it belong to tensile fits."""
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to distrust a result; it concerns a dataset, one of its states, or a tensile curve.
+    """A reason to distrust a result: of a dataset, of one of its states, or of a tensile curve.
 
     Parameters
     ----------
     words : str
         The doubt in English, for a person. Programs decide by `kind`.
     dataset, state, curve : int, optional
-        Index from 0; all three are None if the doubt concerns the fit as a whole.
+        Index of the dataset, of the state in it, or of the curve, counted from 0. All three are None if the doubt
+        concerns the fit as a whole.
     kind : DoubtKind, optional
-        Subject of the doubt; None if the doubt was read from a file, which does not store the kind.
+        Subject of the doubt; None if the doubt was loaded from a file, which does not store the subject.
     """
 
     words: str
@@ -185,16 +187,16 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """Report that a single state does not determine the initial shear modulus."""
+    """The exception for a fit to a single state that does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Refuse a fit to a single state that does not determine the initial shear modulus.
+    """Raise an exception if there is a single state and it does not determine the initial shear modulus.
 
     Raises
     ------
     NotDetermined
-        If there is one state and the interval of the modulus is open.
+        If there is one state, and the upper end of the modulus's interval exceeds four times the lower end.
     """
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
@@ -205,16 +207,24 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each tensile curve that this fit follows far worse than a fit to the curve alone.
+    """Return a doubt for each tensile curve with more than three times the residuals of a fit to this curve alone.
 
     Parameters
     ----------
     curves : sequence of TensileEvidence
-        The tensile curves; `noise_Pa` is the root mean square residual of the fit to the curve alone.
+        The tensile curves, with the noise of a fit to each curve alone.
     rmse_Pa : sequence of float
-        The root mean square residual of each curve in this fit.
+        Root mean square residual of each curve in this fit, in Pa.
+
+    Returns
+    -------
+    tuple of Doubt
+        The doubts; empty if there is none.
     """
-    words = "this curve and the edges contradict each other: is it the same material, and its unit right?"
+    words = (
+        "this curve and the edges contradict each other: check that both belong to the same material and that the unit "
+        "of the curve is right"
+    )
     return tuple(
         Doubt(words, curve=index, kind="curve_contradicts")
         for index, (curve, rmse) in enumerate(zip(curves, rmse_Pa, strict=True))
@@ -223,11 +233,11 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior that differs by more than three standard deviations from the data's estimate."""
+    """Return a doubt for each prior whose distance from the other evidence exceeds three standard deviations."""
     return tuple(
         Doubt(
-            f"the estimate from the data alone lies {abs(distance):.1f} standard deviations from the "
-            f"prior on {prior.parameter}, {prior.mean:.5g} ± {prior.standard_deviation:.3g}: one of the two is wrong",
+            f"the estimate from the data alone differs from the prior on {prior.parameter}, {prior.mean:.5g} ± "
+            f"{prior.standard_deviation:.3g}, by {abs(distance):.1f} standard deviations: data or prior are wrong",
             kind="prior_contradicts",
         )
         for prior, distance in zip(priors, distances, strict=True)
@@ -236,11 +246,11 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each mistake in the stated loads whose correction would reduce the error much."""
+    """Return a doubt for each possible mistake in the stated loads; its correction would reduce the error much."""
     return tuple(
         Doubt(
-            f"is there {slip.words}? without it the mean error would be about {slip.error_without_mm:.2g} mm instead "
-            f"of {slip.error_mm:.2g} mm",
+            f"check the stated loads for {slip.words}: without it the mean error would be about "
+            f"{slip.error_without_mm:.2g} mm instead of {slip.error_mm:.2g} mm",
             slip.experiment,
             kind="loads",
         )
@@ -251,11 +261,17 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
 def cause_doubts(
     weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> tuple[Doubt, ...]:
-    """Return a doubt that names the most probable cause of the residuals and its rivals, if it concerns the modulus.
+    """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
 
-    A cause concerns the modulus if it would move it out of its 95 % interval, or if it explains more than half of the
-    mean error. A cause that the fit has taken into account is no doubt. If no cause explains residuals that are far
-    above the stated noise, the doubt says so.
+    A cause concerns the modulus if the corrected modulus would lie outside the 95 % interval, or if the cause explains
+    more than half of the mean error. The doubt also names the causes that the residuals do not distinguish from it. A
+    cause that the fit has taken into account is no doubt. If residuals are more than ten times the stated noise and the
+    most probable hypothesis is that no listed cause explains them, the doubt says so.
+
+    Returns
+    -------
+    tuple of Doubt
+        One doubt or none.
     """
     if not weighed.causes:
         return ()
@@ -263,7 +279,7 @@ def cause_doubts(
     none = next(cause for cause in weighed.causes if cause.name == NONE)
     if none.probability >= _NONE_IMPROBABLE:
         if none is weighed.causes[0] and any(_noise_ratio(e, m) > _OF_NOISE for e, m in _pairs(experiments, final)):
-            words = "none of the listed causes, alone or two together, explains the residuals"
+            words = "no listed cause and no pair of listed causes explains the residuals"
             return (Doubt(words, dataset, kind="cause"),)
         return ()
     # A cause that is like one of the fit explains nothing that the fit does not take into account.
@@ -282,12 +298,11 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the rivals: the causes that the data do not distinguish from the first cause.
+    """Return the rivals of the first cause: at most two other causes that the data do not distinguish from it.
 
-    The rivals are the causes of its class, whose signatures are nearly collinear (`collinear_causes`). Without a class,
-    they are causes that together with the first cause have a probability of about one, each with at least a tenth of
-    the probability of the first cause. At most two are returned. A second cause that is probable together with the
-    first cause is no rival.
+    The rivals are the causes of the same class, whose signatures are nearly collinear (`collinear_causes`). Without a
+    class, a rival has more than a tenth of the probability p of the first cause, and the sum of its probability and p
+    is below 1.2. If this sum is larger, both causes are probably present together.
     """
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
@@ -300,7 +315,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the words of a doubt: the first cause with its rivals, or with a second cause that is also present."""
+    """Return the text of a doubt: the first cause with its rivals, or with a second cause that is also present."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 
@@ -327,17 +342,17 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     Parameters
     ----------
     final : Comparison
-        The residuals of the optimum, its first candidate.
+        The residuals of the optimum, which is its first candidate.
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     missing : sequence of str
-        A sentence for each correction (a finer mesh, the solid) that could not be computed.
+        A sentence for each error that the intervals do not contain, such as the error of the mesh.
 
     Returns
     -------
     tuple of Doubt
-        For each dataset: the missing corrections, residuals far above the stated uncertainty, and single states whose
-        error stands out.
+        For each dataset: the sentences of ``missing``, residuals of more than ten times the stated uncertainty, and
+        states with more than five times the median error.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
@@ -346,12 +361,12 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
         ratio = _noise_ratio(experiment, misfit)
         if ratio > _OF_NOISE:
             words = (
-                f"the residuals are {ratio:.0f} times the uncertainty that the measured places state: law, "
-                "geometry, scale or loads differ from those of the specimen, and the intervals do not include this"
+                f"the residuals are {ratio:.0f} times the stated uncertainty of the measured places: law, geometry, "
+                "scale or loads differ from those of the specimen, and the intervals do not contain this error"
             )
             result.append(Doubt(words, index, kind="beyond_noise"))
         for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > _OF_NOISE * stated)):
-            words = f"its error is {error[k] / np.median(error):.0f} times that of the median state"
+            words = f"the error of this state is {error[k] / np.median(error):.0f} times the median error of all states"
             result.append(Doubt(words, index, int(k), kind="state_stands_out"))
     return tuple(result)
 
@@ -361,12 +376,15 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of the ratio of residuals to noise."""
+    """Return the median over the states of the error divided by the noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return `_stated_mm` without the widening by flags, which could hide a wrong law, (K,)."""
+    """Return the stated noise of each state in mm, (K,), without the part that flags have added to the uncertainty.
+
+    This part could hide a wrong law.
+    """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
         observed = replace(observed, sigma_mm=observed.noise_mm)
@@ -374,7 +392,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square of the stated uncertainty of each state's points, (K,); infinite without points."""
+    """Return for each state the root mean square of its points' uncertainties in mm, (K,); infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -1,22 +1,23 @@
 """Find causes whose signatures are nearly collinear, and let them share their probability equally.
 
-Let e_0 be what remains of the residuals without a cause, and e_a what remains with the cause a alone at its most
-probable amplitudes, both after the most probable changes of the law and in units of the noise. S_a = e_0 - e_a is the
-part of the residuals that the cause explains and the law does not. For two causes with the angle phi between S_a and
-S_b and the same length |S|,
+Let e_0 be the remaining residuals without a cause, and e_a the remaining residuals with the cause a alone at its most
+probable amplitudes. Both are computed after the most probable changes of the law, in units of the noise. The difference
+S_a = e_0 - e_a is the part of the residuals that the cause explains and the law does not. For two causes a and b with
+the angle phi between S_a and S_b and the same length |S|,
 
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2)
 
-The logarithm of the odds between a and b is half of this square on average if one of the two is true (normal noise).
-Two causes are alike if the data favour the true one by less than 9 to 1, that is if the square is below 2 ln 9 plus the
-number of their amplitudes, each of which adds 1 by noise. Probable causes are simulated at their amplitudes, so that
-the angle does not depend on the size for which signatures are linear. Causes that are alike form a class of at most
-three. A cause of negligible size, whose secondary amplitudes explain the residuals, belongs to no class.
+If one of the two causes is true and the noise is normal, the logarithm of the odds between them is half of this square
+on average. The causes are alike if the data favour the true cause by less than 9 to 1. The square is then below 2 ln 9
+plus the number of their amplitudes, because noise adds 1 for each amplitude. Probable causes are simulated at their
+amplitudes, so that the angle does not depend on the size for which signatures are linear. Causes that are alike form a
+class of at most three. A cause of negligible size, whose secondary amplitudes explain the residuals, is alone in its
+class.
 
-The data do not decide between the causes of a class. The evidence still differs by the prior sizes, which are assumed.
-It would give a uniform error of scale of 3 per cent, which is three usual sizes, to a beam that is 9 mm nearer. The
-hypotheses that differ only by the choice within a class therefore share their probability equally, as their prior
-probabilities are equal.
+The data do not decide between the causes of a class. Their evidence differs by the prior sizes, which are assumed. If
+the scale were wrong by 3 per cent, which is three usual sizes, the evidence would favour a beam that is 9 mm nearer.
+The hypotheses that differ only by the choice within a class therefore share their probability equally, because their
+prior probabilities are equal.
 """
 
 from __future__ import annotations
@@ -36,18 +37,24 @@ _LARGEST_CLASS = 3
 def classes(
     remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
 ) -> list[tuple[int, ...]]:
-    """Return the classes of causes, each with the cause of the largest evidence first.
+    """Return the classes of causes that the residuals do not distinguish.
 
     Parameters
     ----------
     remaining : ndarray, shape (1 + M, N)
-        What remains of the residuals without a cause, and with each cause alone, in units of the noise.
+        The N remaining residuals without a cause, then those with each of M causes alone, in units of the noise.
     amplitudes : sequence of int, length M
         Number of amplitudes of each cause.
     evidence : ndarray, shape (M,)
         Logarithm of the evidence of each cause alone.
     negligible : ndarray of bool, shape (M,)
-        Whether the size of a cause is negligible.
+        Whether the size of each cause is negligible.
+
+    Returns
+    -------
+    list of tuple of int
+        The indices of the causes in each class, the cause with the largest evidence first. Every cause belongs to one
+        class, which may have one member.
     """
     counts = np.asarray(amplitudes)
     explained = remaining[0] - remaining[1:]
@@ -65,16 +72,21 @@ def classes(
 
 
 def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
-    """Return the logarithms of the probabilities (H,), shared by hypotheses that differ within classes only.
+    """Return the logarithms of the probabilities after hypotheses of the same classes have shared them equally.
 
     Parameters
     ----------
     score : ndarray, shape (H,)
-        Logarithm of the probability of each hypothesis by its evidence.
+        Logarithm of the probability of each of H hypotheses by its evidence.
     hypotheses : sequence of tuple of int
-        The causes of each hypothesis.
+        Indices of the causes of each hypothesis.
     of_causes : sequence of tuple of int
-        The classes.
+        The classes of causes.
+
+    Returns
+    -------
+    ndarray, shape (H,)
+        Logarithm of the probability of each hypothesis.
     """
     number = {cause: i for i, members in enumerate(of_causes) for cause in members}
     groups: dict[tuple[int, ...], list[int]] = {}

@@ -1,8 +1,9 @@
-"""Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each.
+"""Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
 
-A few coefficients represent the smooth signatures of causes completely (`inference.doubts.causes`). Level and
-correlation of the noise come from the remainder. States and edges are combined so that an error of the model, which is
-alike in states of similar loads and on both edges, has independent coefficients.
+A few coefficients describe the smooth signatures of causes completely (`inference.doubts.causes`). The remainder of the
+residuals gives level and correlation of the noise. An error of the beam model is alike in states of similar loads and
+on both edges. States and edges are therefore rotated to combinations in which the coefficients of such an error are
+independent.
 """
 
 from __future__ import annotations
@@ -30,16 +31,18 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 
 @dataclass(frozen=True)
 class Projection:
-    """The coefficients of residuals along the edges, and their variances.
+    """The map from residuals to N coefficients, and the variances of these coefficients.
 
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
-        Orthonormal polynomials of each experiment; zero where a point is not used.
+        For each experiment, D orthonormal polynomials along each of G groups of m points in K states; zero for a point
+        that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        Rotation of the states, and of the two edges, of each experiment to independent combinations.
+        For each experiment, the rotation of the states and of the two edges to independent combinations.
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient due to noise, and due to the error d with eta of 1 mm.
+        Variance of each coefficient in mm^2 due to noise, and due to an unnamed error d of the size eta = 1 mm
+        (`inference.doubts.causes`).
     """
 
     bases: tuple[Array, ...]
@@ -49,7 +52,7 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the coefficients (..., N) of residuals (..., K, G, m) of each experiment; None stands for zero."""
+        """Return the coefficients (..., N) in mm of residuals (..., K, G, m) by experiment; None stands for zero."""
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
         for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
@@ -61,7 +64,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance (N,) of smooth errors that are as large as moves (C, N), for each experiment."""
+        """Return the variance (N,) of smooth errors that have the same sum of squares as C changes ``moves`` (C, N)."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -70,13 +73,19 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the coefficients that describe residuals, with the variances of noise and of an unnamed error.
+    """Return the map from residuals to coefficients, with the variances of noise and of an unnamed error.
 
     Parameters
     ----------
     experiments : sequence of Experiment
+        The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        Residuals at the optimum in mm, and a positive number for every point that counts.
+        Residuals at the optimum in mm, and a positive number for every point that is used.
+
+    Returns
+    -------
+    Projection
+        The map and the variances.
     """
     bases, turns, mixes, noises, errors = [], [], [], [], []
     for experiment, residual, weights in zip(experiments, residuals, used, strict=True):
@@ -98,7 +107,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return polynomials (K, G, m, D) along each edge that are orthonormal over the used points of the edge."""
+    """Return D polynomials along each edge, (K, G, m, D), that are orthonormal over the used points of the edge."""
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
@@ -108,11 +117,11 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance (G, D) of the coefficients due to noise, from the remainder of the residuals.
+    """Return the variance (G, D) of the coefficients due to noise, in mm^2.
 
-    If the remainder is too short, the stated uncertainty gives the variance.
-
-    The stated uncertainty of tracked points is common to all points of a state.
+    For edges, level and correlation of the remainder of the residuals give the variance. If the remainder has fewer
+    than ten points, and for tracked points, the stated uncertainty gives the variance. The stated uncertainty of
+    tracked points is common to all points of a state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())
@@ -127,7 +136,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) of the unnamed error over the states; it is high for states of similar loads."""
+    """Return the covariance (K, K) of an unnamed error of unit variance over the states; large for similar loads."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

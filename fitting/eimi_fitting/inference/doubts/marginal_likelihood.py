@@ -1,4 +1,4 @@
-"""The evidence of linear Gaussian models that share their data, in closed form; equations in `doubts.causes`."""
+"""The evidence of linear Gaussian models of the same data, in closed form; `doubts.causes` has the equations."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
 
 @dataclass(frozen=True)
 class Posterior:
-    """The result of the comparison of hypotheses, with normal priors of all coefficients.
+    """The evidence of H hypotheses and their C coefficients, for normal priors of all coefficients.
 
     Parameters
     ----------
     log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence of each hypothesis, averaged over eta.
+        Logarithm of the evidence of each hypothesis, averaged over the size eta of the unnamed error.
     means : ndarray, shape (H, C)
-        Mean of each coefficient, in its prior standard deviations; zero for columns that are not in the hypothesis.
+        Posterior mean of each coefficient, in its prior standard deviations; zero for a coefficient that the hypothesis
+        does not have.
     squares : ndarray, shape (H, C)
-        Mean square of each coefficient, in the same units.
+        Posterior mean square of each coefficient, in squared prior standard deviations.
     error_squared : ndarray, shape (H,)
-        Mean of eta squared in mm^2.
+        Posterior mean of eta^2 in mm^2.
     """
 
     log_evidence: Array
@@ -35,18 +36,24 @@ class Posterior:
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence of hypotheses and the means of their coefficients; the module has the equations.
+    """Return the evidence of H hypotheses and the posterior means of their coefficients.
 
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        The columns A', each times the prior standard deviation of its coefficient; the last one is zero.
+        The columns A of all hypotheses as rows, each times the prior standard deviation of its coefficient. The last
+        row is zero.
     members : ndarray, shape (H, q)
-        Columns of each hypothesis; the last column, which is zero, fills unused places.
+        Indices of the columns of each hypothesis. Unused places have the index of the last column.
     y : ndarray, shape (H, N)
-        Minus the residuals, for each hypothesis.
+        Minus the N residuals that each hypothesis explains, -r.
     noise, error : ndarray, shape (N,)
-        Variance of the noise, and of the unnamed error for eta of 1 mm.
+        Variance of the noise, and of the unnamed error for eta = 1 mm.
+
+    Returns
+    -------
+    Posterior
+        Evidence and coefficients.
     """
     h, q = members.shape
     logs, means, squares = np.zeros((len(_ERRORS_MM), h)), *np.zeros((2, len(_ERRORS_MM), h, q))

@@ -1,7 +1,7 @@
-"""Possible errors of a bench: each possible cause with its usual size, its effect, and a decisive measurement.
+"""The possible errors of a bench: each with its usual size, its effect, and the measurement that decides about it.
 
 A cause changes the assumptions of a candidate about an experiment: the specimen, the loads, the picture or the law. The
-change of the residuals that the cause makes at the optimum is its signature (`inference.doubts.causes`).
+resulting change of the residuals at the optimum is the signature of the cause (`inference.doubts.causes`).
 """
 
 from __future__ import annotations
@@ -35,12 +35,16 @@ class Assumed:
     Parameters
     ----------
     law : Law
+        The hyperelastic law.
     parameters : ndarray, shape (1, n)
+        The n parameters of the law.
     bulk_modulus_Pa : ndarray, shape (1,), or None
+        Bulk modulus in Pa; None for an incompressible material.
     experiment : Experiment
-        On the planar model of the coarse mesh.
+        The experiment with a planar model.
     deviations : tuple of (str, int, float)
-        Source, part and deviation of each number that differs from its stated value.
+        For each number that differs from its stated value: its source, its index among the parts of the source, and its
+        deviation in the unit of the source.
     """
 
     law: Law
@@ -51,7 +55,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the deviations of specimen, loads and lens."""
+        """The experiment with the deviations of specimen, directions of the loads, and lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -60,7 +64,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """Field factor and picture under the deviations."""
+        """The strength of the field and the map of the image that follow from the deviations."""
         return Setup.of(self.deviations, 1)
 
 
@@ -69,29 +73,30 @@ Change = Callable[[Assumed, Array], Assumed]
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """One possible error of a bench.
+    """One possible error of a bench, described by one or more amplitudes.
 
     Attributes
     ----------
     name : str
-        Its name in `fits.json`.
+        Name of the cause in `fits.json`.
     words : str
-        Its name for people.
+        Name of the cause for people.
     unit : str
-        Unit of its amplitudes; ``"1"`` for a share.
+        Unit of the amplitudes; ``"1"`` for a share.
     sizes : tuple of float
-        Standard deviation of the prior of each amplitude: the size of such a mistake in a laboratory.
+        Standard deviation of the prior of each amplitude, the usual size of the error in a laboratory.
     change : callable or None
-        Takes the assumptions of a candidate and the amplitudes, and returns the assumptions with this cause; None for
-        the section, whose signature is the difference between two models.
+        Takes the assumptions of a candidate and the amplitudes, and returns the assumptions with this cause. None for
+        the section, whose signature is the difference between a solid and a planar model.
     decide_by : str
         The measurement that decides whether the cause is present.
     source : str
-        The key of `SOURCES` that frees or budgets it; empty if there is none.
+        The key of `SOURCES` by which the cause is freed or stated as uncertain; empty if there is none.
     is_common : bool
         Whether all datasets share one amplitude.
     shown : int or None
-        Number of leading amplitudes that make up the value of the cause, if the others have another meaning; None: all.
+        Number of leading amplitudes that make up the value of the cause; the others have another meaning. None if all
+        amplitudes make up the value.
     """
 
     name: str
@@ -106,7 +111,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return the change that deviations of sources make; each argument states the deviations for an amplitude of 1."""
+    """Return a change of assumptions; the argument for each amplitude gives the deviations of sources for 1."""
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(
@@ -129,10 +134,21 @@ def _of_source(
 
 
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
-    """Return the change that a displacement (..., 2) of measured places (..., 2) in the picture makes.
+    """Return the change of assumptions for a displacement of the measured places in the picture.
 
-    The displacement is relative to the clamp. From the amplitude ``shift`` on, two amplitudes are the displacement of
-    the clamp itself in mm, if the clamp's place in the calibration was not taken from the same picture.
+    Parameters
+    ----------
+    displacement : callable
+        Takes an experiment, places (..., 2) in mm and the amplitudes. Returns the displacement of these places
+        (..., 2) in mm. The displacement of the clamp is subtracted.
+    shift : int, optional
+        Index of the first of two amplitudes that displace all places in x and y by a length in mm. They describe a
+        calibration in which the place of the clamp comes from another picture.
+
+    Returns
+    -------
+    callable
+        Takes the assumptions and the amplitudes, and returns the assumptions with displaced places.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -154,7 +170,7 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return the point in mm where the lens axis meets the beam's plane, or the middle of all used places."""
+    """Return the point (2,) in mm where the lens axis meets the plane of the beam, or the middle of all used places."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
@@ -169,11 +185,10 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement by a radial distortion.
+    """Return the displacement (..., 2) in mm of places (..., 2) by a radial distortion of the lens.
 
-    The first amplitude is the relative distortion at the farthest used place. The next two amplitudes are this relative
-    distortion times the displacement of the lens axis from the assumed centre, divided by the distance of the farthest
-    place.
+    The first amplitude is the relative distortion at the farthest used place. The next two amplitudes are this
+    distortion times the displacement of the lens axis from the assumed centre over the distance of the farthest place.
     """
     centre, radial, off_centre = _centre(experiment), amplitudes[0], amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
@@ -185,14 +200,14 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement in the picture by a camera that is pitched about two axes by angles in degrees."""
+    """Return the displacement (..., 2) in mm of places in the picture if the camera is tilted by angles in degrees."""
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement in the picture of a beam that is farther away than the plane of calibration, by mm."""
+    """Return the displacement (..., 2) in mm if the beam is farther away than the plane of calibration, by mm."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
@@ -205,7 +220,7 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that act on the stated beam as the stated loads act on a beam with stiffness factors (K,)."""
+    """Return loads that bend the stated beam as the stated loads bend a beam with K stiffness factors, one a state."""
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -213,18 +228,18 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Soften the beam in proportion to time; the states are assumed to have equal time steps."""
+    """Return loads that describe a beam whose stiffness decreases in proportion to time; time steps are equal."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the strength (K,) of the loads of each state: field and tip force, as shares of the largest."""
+    """Return field plus tip force of each state, (K,), both as shares of the largest."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return, (K,), 1 for a state after an increase of the load and -1 for a state after a decrease."""
+    """Return 1 for each state after an increase of the load and -1 for each state after a decrease, shape (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -232,12 +247,12 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Soften the beam in states after a decrease of the load."""
+    """Return loads that describe a softer beam in the states after a decrease of the load (hysteresis)."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Change the field's strength from place to place: by two gradients, and by a curvature along the coil's axis."""
+    """Return loads whose field varies in space, by two gradients and by a curvature along the coil's axis."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:
@@ -257,11 +272,14 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "mooney-rivlin": (("i1", "i2"), (2.0, 2.0)),
     "yeoh": (("i1", "i1^2", "i1^3"), (2.0, 1.0, 1.0)),
 }
-"""The terms of a law, and their coefficients over its parameters."""
+"""For some laws, the terms of the law, and the coefficient of each term over its parameter."""
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, as shares of the initial shear modulus, which is unchanged."""
+    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, with shares of the initial shear modulus as coefficients.
+
+    The initial shear modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
+    """
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed
     terms, factors = _AS_TERMS[assumed.law.name]
@@ -274,7 +292,7 @@ def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
     return replace(assumed, law=SumOfTerms.of(*coefficients), parameters=np.array([list(coefficients.values())]))
 
 
-_REST_PICTURE = "a picture without field, turned by 180 degrees about the beam's axis for a second one"
+_REST_PICTURE = "two pictures without field, the second with the beam turned by 180 degrees about its axis"
 _BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
 
 POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
@@ -342,11 +360,11 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
     ),
     PossibleCause(
         "hysteresis",
-        "softer way back",
+        "softening after a decrease of the load",
         "1",
         (0.05,),
         _by_loads(_lagging),
-        "the same currents upward and downward",
+        "the same currents with increasing and with decreasing steps",
     ),
     PossibleCause(
         "section",

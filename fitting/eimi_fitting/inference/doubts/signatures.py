@@ -1,7 +1,7 @@
 """The signature of each possible cause: the change of the residuals at an optimum for an amplitude of one.
 
-Signatures are differences of the planar model on the coarse mesh, like the changes by stated sources
-(`inference.interval.considered`). A cause that changes the picture alone costs no solution of the model.
+Signatures are finite differences of the planar model on the coarse mesh, as the changes by stated sources are
+(`inference.interval.considered`). A cause that changes the picture alone needs no new solution of the model.
 """
 
 from __future__ import annotations
@@ -35,20 +35,21 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """One amplitude of a cause.
+    """One amplitude of a cause, with its signature.
 
     Parameters
     ----------
     part : int
-        Index among the amplitudes of the cause.
+        Index of the amplitude among the amplitudes of the cause.
     datasets : tuple of int
-        The datasets that share it.
+        Indices of the datasets that share the amplitude.
     size : float
-        Standard deviation of the amplitude's prior.
+        Standard deviation of the prior of the amplitude.
     start : float
-        Value of the amplitude in the fit; above zero only for inputs that were freed or measured.
+        Value of the amplitude in the fit; zero unless the input was freed or measured.
     changes : tuple of ndarray or None
-        Change of the residuals (K, G, m) of each experiment for an amplitude of one, in mm.
+        For each experiment, the change of the residuals (K, G, m) in mm for an amplitude of one; None if the cause does
+        not belong to the experiment or the model finds no equilibrium.
     """
 
     part: int
@@ -60,7 +61,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The assumptions of a candidate about one experiment, with shapes and residuals on the coarse mesh."""
+    """The assumptions of a candidate about one experiment, with the simulated shapes and the residuals in mm."""
 
     assumed: Assumed
     bent: Experiment
@@ -69,11 +70,10 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Return the assumptions with the shapes of the beam and its residuals.
+        """Return the assumptions with the simulated shapes of the beam and the residuals.
 
-        The solver starts from the shapes of ``before``; if only the picture differs, these shapes are kept. The result
-        is None if there is no equilibrium, or if the specimen differs so much from the stated one that no mesh or no
-        tracked point fits it.
+        The solver starts from the shapes of ``before``. If only the picture differs, these shapes are used again. The
+        result is None if there is no equilibrium, or if the deviations make the specimen invalid.
         """
         try:
             return Solved._of(assumed, before)
@@ -121,19 +121,20 @@ class About:
     Parameters
     ----------
     problem : Problem
+        The problem of the fit.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     kept : ndarray of int, shape (l,)
-        Coordinates that every hypothesis varies: the coordinates of the law, and the freed inputs that are no possible
-        cause.
+        Indices of the l coordinates that every hypothesis varies: those of the law, and the freed inputs that are no
+        possible cause.
     law_spread : ndarray, shape (l,)
-        Prior standard deviations of these coordinates.
+        Prior standard deviation of each of these coordinates.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        Slopes of the residuals in these coordinates, in mm.
+        For each experiment, the derivatives of the residuals in these coordinates, in mm.
     residuals, used : tuple of ndarray, shape (K, G, m)
-        Residuals of each experiment at the optimum in mm, and a positive number for every point that counts.
+        For each experiment, the residuals at the optimum in mm, and a positive number for every point that is used.
     solved : tuple of Solved
-        The optimum on the coarse mesh; empty if an experiment has no equilibrium there.
+        The simulations of the optimum on the coarse mesh; empty if an experiment has no equilibrium on this mesh.
     """
 
     problem: Problem
@@ -147,7 +148,7 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Return the quantities of an optimum that the signatures of causes need."""
+        """Return the simulations, residuals and slopes of an optimum from which signatures of causes are computed."""
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -170,14 +171,14 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """The optimum on the planar meshes of the experiments."""
+        """The simulations of the optimum on the planar meshes of the experiments; None without an equilibrium."""
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude of a cause in the fit: its freed or measured value."""
+        """Return the amplitude of a cause in the fit: the freed or measured deviation from the stated value, else 0."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         start = float(measured[part]) if part < len(measured) else 0.0
         for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched):
@@ -188,19 +189,19 @@ class About:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Return the residuals (K, G, m) of each experiment for a move of the optimum and amplitudes of causes.
+        """Return the residuals (K, G, m) in mm of each experiment after a change of the optimum and of the causes.
 
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Move of the kept coordinates.
+            Change of the l coordinates ``kept``.
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            Amplitudes from the stated values.
+            Amplitudes of each cause, counted from the stated values.
 
         Returns
         -------
         list of ndarray or None
-            None if the model finds no equilibrium.
+            The residuals; None if the model finds no equilibrium.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -226,7 +227,7 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return the assumptions of a candidate about one dataset, on a planar model."""
+    """Return the assumptions of the candidate ``unit`` (n,) about one dataset, with a planar model."""
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
     freed = tuple(
@@ -238,7 +239,7 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the amplitudes of a cause with their signatures; none if the cause does not change the residuals."""
+    """Return the amplitudes of a cause with their signatures; empty if the cause does not change the residuals."""
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -253,7 +254,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the datasets that share an amplitude of a cause, with the stated uncertainty of its source, if any."""
+    """Return groups of datasets that share an amplitude, each with the stated uncertainty of the source, else 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -264,7 +265,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals (K, G, m) for an amplitude of one; None without equilibrium."""
+    """Return the change of the residuals (K, G, m) in mm for an amplitude of one; None without an equilibrium."""
     if cause.change is None:
         return _as_solid(here)
     for step in (_STEP, -_STEP):
@@ -277,7 +278,11 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals if the solid replaces a planar section; None if the fit uses the solid."""
+    """Return the change of the residuals (K, G, m) in mm if a solid replaces the planar section.
+
+    The result is None if the fit already uses the solid, if the solid does not support the specimen, or if no
+    equilibrium is found.
+    """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":
         return None
