@@ -1,7 +1,7 @@
-"""The live page for the bench: what `eimi dashboard` serves to a browser on the same computer.
+"""The live page for the bench, which `eimi dashboard` serves to a browser on the same computer.
 
 server         the routes, and the socket that they listen on
-admission      which requests are answered: the token, Host and Origin
+admission      decide which requests are answered: the token, Host and Origin
 redirect_file  a private file that opens the page without the token in a command line
 data_folder    the folder that the page may read and write
 tabs           the open tabs: one controls the run, the others watch
@@ -18,11 +18,11 @@ stored_runs    a dataset as the page shows it
 stored_fits    the fits of a result file as the page shows them
 fit_desk       the routes that fit a dataset, and the process of the fit
 phone_desk     the routes of "Weights and a phone"
-by_weights     photographs, clicks and typed numbers become a dataset
+by_weights     make a dataset from photographs, clicks and typed numbers
 picture_desk   the routes for pictures without instruments
-by_hand        edges with a calibration that a person drags into place
+by_hand        edges in images with a calibration that a person drags into place
 report_links   links to reports that a new tab can open
-worker         one process for work that is long or may fail
+worker         one process for work that is long or may crash
 
-The server does almost no work itself and therefore answers at once. `static` holds what the browser loads.
+The server does almost no work itself and therefore answers at once. `static` contains the files that the browser loads.
 """

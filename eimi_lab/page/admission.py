@@ -1,17 +1,21 @@
-"""Decide which requests the page answers, and what a browser may do with its answers.
+"""Decide which requests the page answers, and what a browser may do with the answers.
 
-Two kinds of people must get nothing: the author of a page of another site that is open in the same browser, and another
-user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if
+Two kinds of people must receive no data. The first is the author of a page of another site that is open in the same
+browser. The second is another user of the same computer, who can connect to every port of 127.0.0.1. A request is
+therefore answered only if all of these conditions are fulfilled:
 
-- its Host is a name of this page (under DNS rebinding, a foreign name resolves to this machine),
-- it carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page,
-- its Origin is this page if it is a POST or a WebSocket, and the browser does not report another site as its origin.
+- Its Host is a name of this page. (Under DNS rebinding, a foreign name resolves to this computer.)
+- It carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page.
+- If it is a POST or a WebSocket, its Origin is this page, and the browser does not report another site as its origin.
 
-A WebSocket cannot carry a header that a script has set. Its first message must be `{"token": ...}`; until that message
-has arrived, nothing is sent. There is no cookie, because a browser sends a cookie to every port of a host. The token
-stands in the fragment of the address (after `#`), which a browser does not send; a script moves it to sessionStorage,
-which belongs to one origin (host and port) and one tab. The empty page, its scripts and its styles need no token: they
-are part of the program and contain no data. A report is a link with a key of its own, see `report_links`.
+A script in a browser cannot set a header of a WebSocket. The first message of a WebSocket must therefore be `{"token":
+...}`; before this message nothing is sent. There is no cookie, because a browser sends a cookie to every port of a
+host.
+
+The token stands in the fragment of the address (after `#`), which a browser does not send. A script moves the token to
+sessionStorage, which belongs to one origin (host and port) and one tab. The empty page, its scripts and its styles need
+no token, because they are part of the program and contain no data. The link to a report contains a separate key, see
+`report_links`.
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ POLICY = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
-"""Policy of a report: its styles and images are part of the file, and it runs no script."""
+"""Content security policy of a report: its styles and images are part of the file, and no script runs."""
 
 HEADERS = {
     "Content-Security-Policy": POLICY,
@@ -48,11 +52,11 @@ HEADERS = {
 SAFE = ("GET", "HEAD")
 MOST_BODY_BYTES = 1 << 16
 RECEIVED_PICTURE = "/api/phone/receive"
-"""The route whose body is a photograph."""
+"""Path of the route that receives a photograph in the body of a request."""
 MOST_PICTURE_BYTES = 1 << 26
 CLOSED_BY_POLICY = 1008  # RFC 6455, 7.4.1
 INTRODUCED_WITHIN_S = 10.0
-"""Time that a WebSocket has to send the token."""
+"""Longest time (s) from the opening of a WebSocket to its message with the token."""
 
 
 def new_token() -> str:
@@ -62,12 +66,12 @@ def new_token() -> str:
 
 @dataclass(frozen=True)
 class Admission:
-    """ASGI middleware before everything else.
+    """ASGI middleware that checks every request before the application receives it.
 
     Parameters
     ----------
     app : ASGIApp
-        The application that answers what is admitted.
+        The application that answers the admitted requests.
     hosts : frozenset of str
         Allowed values of the header Host, with the port.
     token : str
@@ -79,7 +83,10 @@ class Admission:
     token: str = field(repr=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with a refusal, or with the answer of the application and the headers that restrict the browser."""
+        """Answer a request with a refusal, or with the answer of the application.
+
+        Headers that restrict the browser are added to the answer.
+        """
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -100,7 +107,7 @@ class Admission:
         headers = Headers(scope=scope)
         if headers.getlist("host") not in [[host] for host in self.hosts]:
             return PlainTextResponse(
-                "this page has another host name; open the address that `eimi dashboard` printed", 421
+                "the address has another host name than this page; open the address that `eimi dashboard` printed", 421
             )
         reads = scope["type"] == "http" and scope["method"] in SAFE
         if reads and scope["path"] == INDEX:  # also if a file, which has another origin, redirects to it
@@ -116,7 +123,7 @@ class Admission:
         return _refused_length(scope, headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
-        """Accept a WebSocket and return whether its first message is the token."""
+        """Accept a WebSocket, and return whether its first message contains the token."""
         await send({"type": "websocket.accept", "headers": []})
         try:
             message = await asyncio.wait_for(receive(), INTRODUCED_WITHIN_S)
@@ -136,7 +143,7 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that receives this message first, and afterwards the messages of `receive`."""
+    """Return a function that first receives the message ``first``, and then the messages of `receive`."""
     waiting = [first]
 
     async def received() -> Message:
@@ -146,7 +153,7 @@ def _after(first: Message, receive: Receive) -> Receive:
 
 
 def _without_accept(send: Send) -> Send:
-    """Return a function that sends everything except the acceptance of a WebSocket, which has been sent already."""
+    """Return a function that sends every message except the acceptance of a WebSocket, which was sent before."""
 
     async def sent(message: Message) -> None:
         if message["type"] != "websocket.accept":
@@ -156,7 +163,10 @@ def _without_accept(send: Send) -> Send:
 
 
 def with_headers(send: Send) -> Send:
-    """Return a function that adds the headers that restrict the browser, unless an answer sets them itself."""
+    """Return a function that sends an answer with the headers that restrict the browser.
+
+    A header that the answer itself contains is kept.
+    """
 
     async def bound(message: Message) -> None:
         if message["type"] == "http.response.start":

@@ -1,10 +1,13 @@
 """A run that the page started, seen from the server: its process, its events, and the ways to end it.
 
-The run is `eimi acquire` in a separate process, which ends with its coil off when the page ends. STOP uses signals,
-which do not wait for frames or messages. It sends two signals, because the second one skips the ramp. If no event
-confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches the coil off. The
-state of the run is derived only from its events and the events of its guardian. Its last line on standard error is
-shown to the person and not interpreted.
+The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
+
+STOP sends two signals, because signals do not wait for frames or messages and the second signal leaves out the ramp
+down. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches
+the coil off.
+
+The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
+standard error is shown to the person; no code interprets this line.
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ from eimi_lab.process.pipes import handed_down
 from eimi_lab.process.stopping import SIGNALS_BETWEEN_PROCESSES
 
 CONFIRMED_WITHIN_S = 4.0
-"""A run that has not confirmed the output as off within this time after STOP is killed; its guardian takes over."""
+"""Time (s) after STOP within which a run has to confirm that the coil is off. Otherwise the run is killed."""
 
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
@@ -72,7 +75,7 @@ AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """The inputs and options of a run, in the form for `eimi acquire`."""
+    """The inputs and options of a run, in the form in which `eimi acquire` takes them."""
 
     protocol: str
     specimen: str
@@ -83,7 +86,7 @@ class Order:
     note: str = ""
 
     def arguments(self) -> list[str]:
-        """Return the arguments of `eimi acquire`."""
+        """Return the command-line arguments for `eimi acquire`."""
         arguments = ["acquire", f"--specimen={self.specimen}", f"--rig={self.rig}", f"--output={self.dataset}"]
         arguments += [f"--note={self.note}"] if self.note else []
         arguments += ["--resume"] if self.resume else []
@@ -95,10 +98,26 @@ class Order:
 class Progress:
     """The state of a run as the page shows it.
 
-    The attribute ``number`` distinguishes two runs of one page, also if they write a dataset of the same name. ``coil``
-    is "off", "on", "switching off" (from STOP to the event that ends it) or "unknown"; ``off_by`` is "measured" or
-    "commanded" and says how it was confirmed as off; ``coil_A`` is the current that was measured for this, or None.
-    ``phase`` is "beginning", "running", "pausing", "paused", "ending" (with a ramp), "stopping" or "ended".
+    Attributes
+    ----------
+    number : int
+        Number of the run on this page. It distinguishes two runs whose datasets have the same name.
+    phase : str
+        "beginning", "running", "pausing", "paused", "ending" (with a ramp), "stopping" or "ended".
+    coil : str
+        "off", "on", "switching off" (from STOP to the event with the result) or "unknown".
+    off_by : str
+        How the coil was confirmed off, "measured" or "commanded"; empty if it is not confirmed.
+    coil_A : float or None
+        The current that was measured for this confirmation, A; None if it was not measured.
+    left_s : float or None
+        Estimated remaining time, s; None before two states are stored.
+    last_words : str
+        The last line of the run on standard error.
+    said : deque of str
+        The last events, in words.
+
+    The other attributes are fields of the events of the run.
     """
 
     number: int
@@ -122,12 +141,12 @@ class Progress:
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state as a JSON object."""
+        """Return the state of the run as a JSON object."""
         return {**vars(self), "said": list(self.said)}
 
 
 class BenchRun:
-    """A run that is in progress or has ended.
+    """A run that the page started, in progress or ended.
 
     Parameters
     ----------
@@ -140,7 +159,7 @@ class BenchRun:
     changed : callable
         Called at every change of ``progress``.
     seen : callable
-        Called with each frame and with each set of edges.
+        Receives each frame of the run and each set of edges.
     """
 
     def __init__(
@@ -169,7 +188,7 @@ class BenchRun:
         return not self._ended.is_set()
 
     async def begin(self) -> None:
-        """Start the run and the two processes that look at its frames."""
+        """Start the process of the run, and the two processes that look at its frames."""
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
@@ -190,24 +209,27 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
-        """Ask for a pause after the current state."""
+        """Ask the run for a pause after the present state."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
 
     def go_on(self) -> None:
-        """End a pause."""
+        """End a pause of the run."""
         if self.progress.phase == "paused":
             self._type("")
 
     def end(self) -> None:
-        """Ask the run to end, with a ramp down. Stored states stay, and the run can be resumed."""
+        """Ask the run to end with a ramp down. The stored states stay in the dataset, and the run can be resumed."""
         if self.going_on:
             self._signal(signal.SIGINT)
             self._phase("ending")
 
     def stop(self) -> asyncio.Task[str]:
-        """Set the current to zero and switch the coil off at once; the returned task gives the outcome in words."""
+        """Set the current to zero and switch the coil off at once, without a ramp.
+
+        The result of the returned task is a sentence about the coil.
+        """
         if self.going_on:
             for number in AT_ONCE:
                 self._signal(number)
@@ -271,7 +293,7 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read events and messages until the run has ended, and until its guardian has ended if it took over."""
+        """Read events and messages until the run has ended. If the guardian took over, read until it has ended too."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil in (
@@ -283,7 +305,10 @@ class BenchRun:
         self._phase("ended")
 
     async def _hear_events(self, descriptor: int) -> None:
-        """Read events in a thread, because asyncio reads no pipe of this kind on Windows."""
+        """Read the events of the run until its pipe is closed.
+
+        A thread reads the pipe, because on Windows asyncio cannot read a pipe of this kind.
+        """
         loop = asyncio.get_running_loop()
         lines: asyncio.Queue[bytes] = asyncio.Queue()
 
@@ -299,7 +324,7 @@ class BenchRun:
                 self.heard(from_line(line))
 
     def heard(self, event: Event | None) -> None:
-        """Update the state from an event; None stands for an event that only a later release knows."""
+        """Update the state of the run from an event. None stands for an event that only a later release knows."""
         progress = self.progress
         match event:
             case RunBegun():
@@ -328,7 +353,10 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """Estimate the remaining time from the time per state, measured from the end of the first state on."""
+        """Estimate the remaining time from the mean time per state since the first stored state.
+
+        ``at_s`` is the time at which a state was stored, s.
+        """
         if self._taking is None:
             self._taking = at_s, self.progress.stored
             return
@@ -337,7 +365,7 @@ class BenchRun:
         self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
 
     async def _hear_words(self) -> None:
-        """Keep the last line of standard error, which the page shows to the person."""
+        """Store the last line of the run on standard error, which the page shows to the person."""
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():

@@ -1,6 +1,6 @@
 """Images taken without instruments: a person drags the calibration into place and saves it with the currents.
 
-The functions run in the process of the worker.
+The functions run in the worker process of the page.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WIDEST_PX = 1600
 
 
 def folders(folder: DataFolder) -> list[str]:
-    """Return the names of the folders that contain images, from the data folder to two levels below."""
+    """Return the names of the folders that contain images. The data folder and two levels below it are searched."""
     names = []
     for path in sorted({folder.root, *folder.root.glob("*/"), *folder.root.glob("*/*/")})[:MOST_FOLDERS]:
         name = folder.name_of(path)
@@ -55,12 +55,14 @@ def _has_pictures(path: Path) -> bool:
 
 
 def opened(path: Path) -> dict[str, Any]:
-    """Return the images of a folder, with the currents and the calibration that its files state.
+    """Return the images of a folder, with the currents and the calibration from the files in the folder.
+
+    Without a calibration file, a first guess is returned.
 
     Raises
     ------
     InputError
-        If the folder holds no image, or if a file in it cannot be read.
+        If the folder contains no image, or if a file in it cannot be read.
     """
     images = _in_order(path)
     height, width = read_image(images[0]).shape[:2]
@@ -78,7 +80,10 @@ def _in_order(path: Path) -> list[Path]:
 
 
 def _guess(width: int, height: int) -> dict[str, Any]:
-    """Return a first calibration to drag into place: a beam that hangs from the upper part of the image."""
+    """Return a first calibration for a person to drag into place.
+
+    It fits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
+    """
     return {
         "pixels_per_mm": round(height / 60.0, 3),
         "coil_constant_mT_per_A": 1.0,
@@ -97,7 +102,10 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return the calibration of the page; keys that the page cannot change come from the folder's calibration.toml."""
+    """Return the calibration with the values of the page.
+
+    The other values are those in calibration.toml of the folder, if this file exists.
+    """
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}
     return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
@@ -127,7 +135,7 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
-    """Return the edges of an image in its pixels, found with the calibration of the page.
+    """Return the edges of an image in pixels of the whole image, found with the calibration of the page.
 
     Raises
     ------
@@ -145,18 +153,19 @@ def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, A
 
 
 def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], replace: bool) -> dict[str, Any]:
-    """Write calibration.toml and states.csv into a folder of images; images without a current are left out.
+    """Write calibration.toml and states.csv into a folder of images. Images without a current are left out.
 
     Raises
     ------
     InputError
-        Before anything is written: if a file exists and ``replace`` is false, or if no image has a current.
+        If a file exists and ``replace`` is false, if no image has a current, or if a current is not a number. In these
+        cases nothing is written.
     """
     stated = _stated(path, calibration)
     names = [image.name for image in find_images(path)]
     rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
     if not rows:
-        raise InputError(f"{path.name}: no picture has a current; enter the current of at least one")
+        raise InputError(f"{path.name}: no picture has a current; enter the current of at least one picture")
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
     for name, text in ((CALIBRATION, to_toml(stated)), (STATES, csv_text([("frame", "current_A"), *rows]))):
@@ -175,6 +184,6 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset from the images of a folder and from its saved files; return the number of states."""
+    """Make a dataset from the images of a folder and the saved files, and return the number of its states."""
     stated = load_calibration(path / CALIBRATION)
     return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)

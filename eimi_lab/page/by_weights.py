@@ -34,10 +34,13 @@ from eimi_lab.vision.image_files import ENDINGS, read_image
 
 SPECIMEN, CALIBRATION, STATES = "specimen.toml", "calibration.toml", "states.csv"
 N_PER_GRAM = 9.80665e-3
-"""Weight of a gram at standard gravity (ISO 80000-4), N."""
+"""Weight of a mass of 1 g at standard gravity (ISO 80000-4), N."""
 
 FREED = ("axis", "clamp", "tilt")
-"""Inputs that a fit of clicked photographs frees: the pictures determine them better than clicks, level or eye."""
+"""Inputs that become unknowns in a fit of clicked photographs.
+
+The photographs determine these inputs better than a click, a spirit level or the eye of a person does.
+"""
 
 DENSITY_SIGMA_KG_M3 = 10.0
 _SIZES = ("length_mm", "width_mm", "depth_mm")
@@ -45,7 +48,7 @@ _TYPED = (*_SIZES, "density_kg_m3")
 
 
 def opened(path: Path) -> dict[str, Any]:
-    """Return the names of the photographs in a folder, and the values that its files already state.
+    """Return the names and the size of the photographs in a folder, and the values in the files of the folder.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def opened(path: Path) -> dict[str, Any]:
 
 
 def dataset_name(path: Path) -> str:
-    """Return the name of the dataset of a folder."""
+    """Return the name of the dataset that is made from a folder: the name of the folder with the ending .h5."""
     return f"{path.name or 'beam'}.h5"
 
 
@@ -86,7 +89,11 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def _written_beam(file: Path) -> dict[str, str]:
-    """Return the sizes, the density and their uncertainties in a specimen file, as text."""
+    """Return the values in a specimen file as texts, by key.
+
+    The keys are the name, the material, the sizes with their uncertainties, the density and the place of the thread.
+    The result is empty without a file.
+    """
     if not file.is_file():
         return {}
     table = parse_table(read_text(file), file)
@@ -112,22 +119,22 @@ def _written_grams(file: Path) -> dict[str, str]:
 
 
 def picture(path: Path) -> bytes:
-    """Return a photograph as JPEG in its full size, upright; raise InputError if it cannot be read."""
+    """Return a photograph as JPEG in its full size and upright. Raises InputError if the photograph cannot be read."""
     return jpeg(_image(path, path.stat().st_mtime_ns))
 
 
 def accepted(received: Path, target: Path) -> dict[str, Any]:
-    """Check a photograph that was received, and rename the file to the photograph's name.
+    """Check a received photograph, and rename the file ``received`` to the name of the photograph, ``target``.
 
     Raises
     ------
     InputError
-        If it is not a photograph that can be read, or if another file has its name.
+        If the file is not a photograph that can be read, or if a different file has the name of the photograph.
     """
     try:
         height, width = read_image(received).shape[:2]
         if target.exists() and target.read_bytes() != received.read_bytes():
-            raise InputError("another picture of this name is in the folder; rename one of them")
+            raise InputError("a different picture with this name is in the folder; rename one of the two pictures")
         move(received, target)
     except InputError as error:
         words = str(error).removeprefix(f"{received}: ")
@@ -186,7 +193,7 @@ def _day(file: Path) -> date:
 
 
 def _shown(measured: MeasuredBench) -> list[list[str]]:
-    """Return, for each number of the calibration: key, value with uncertainty, and source."""
+    """Return the numbers of the calibration as rows of text: key, value with standard uncertainty, and source."""
     table, sigma = measured.calibration.model_dump(), measured.calibration.uncertainty or {}
     return [[key, f"{_words(table[key])} ± {sigma[key]:g}", source] for key, source in measured.sources.items()]
 
@@ -201,10 +208,13 @@ def _typed(table: Mapping[str, Any], key: str) -> str:
 
 
 def _number(table: Mapping[str, Any], key: str) -> float:
-    """Return a typed number, which may have a decimal comma; raise InputError if it is missing or wrong."""
+    """Return the number that a person typed under a key; it may have a decimal comma.
+
+    Raises InputError if the number is missing or wrong.
+    """
     text = _typed(table, key)
     if not text:
-        raise InputError(f"{key} is missing")
+        raise InputError(f"{key} is missing; type a number")
     try:
         value = float(text.replace(",", "."))
     except ValueError:
@@ -215,7 +225,7 @@ def _number(table: Mapping[str, Any], key: str) -> float:
 
 
 def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
-    """Return specimen.toml with the typed numbers."""
+    """Return the text of a specimen file with the typed numbers."""
     sizes = {key: _number(beam, key) for key in _TYPED}
     sigmas = {key: _number(beam, f"{key}_sigma") for key in _SIZES}
     thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []
@@ -244,12 +254,13 @@ def saved(
 ) -> dict[str, Any]:
     """Write specimen.toml, calibration.toml and states.csv beside the photographs, and make the dataset.
 
-    Photographs without a weight are left out; a picture of the beam alone has the weight 0.
+    Photographs without a typed weight are left out. A photograph of the beam without a load has the weight 0.
 
     Raises
     ------
     InputError
-        If a number is wrong or missing, or if a file exists and ``replace`` is false. Nothing is written then.
+        If a number is wrong or missing, or if a file exists and ``replace`` is false. In these cases nothing is
+        written.
     """
     specimen_text = _specimen_text(beam, folder)
     specimen = parse(SpecimenFile, specimen_text, SPECIMEN)
@@ -257,10 +268,14 @@ def saved(
     names = [picture.name for picture in _pictures(folder)]
     weighed = [(name, _number(grams, name)) for name in names if _typed(grams, name)]
     if len({weight for _, weight in weighed}) < 2:
-        raise InputError("type the grams of at least two pictures with different weights; 0 is the beam alone")
+        raise InputError(
+            "at least two pictures with different weights are needed; type their weights in grams, 0 for no weight"
+        )
     calibration = measured.calibration
     if weighed[0][0] != names[0] and calibration.picture is not None and calibration.picture.along_px:
-        raise InputError(f"{names[0]}: points along the beam were clicked on it, so it needs its weight in grams")
+        raise InputError(
+            f"{names[0]}: points along the beam were clicked on this picture; type the weight on it in grams"
+        )
     rows = [(name, f"{N_PER_GRAM * weight:.7g}") for name, weight in weighed]
     texts = {
         SPECIMEN: specimen_text,

@@ -1,6 +1,6 @@
-"""The camera of a rig without a run: a process that writes its frames into the memory of the page.
+"""The camera of a rig without a run: a process that writes frames into the memory of the page.
 
-It opens the camera alone and sends nothing to the supply. It ends when its standard input closes.
+The process opens only the camera and sends nothing to the supply. It ends when its standard input closes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.pipes import never_wait_to_write, readable, received
 
 EVERY_S = 0.25
-"""Time between two frames: short enough for focusing, and little work for a computer that also fits."""
+"""Time (s) between two frames: short enough for focusing, but little work for a computer on which a fit runs."""
 
 FRAME_WITHIN_S = 5.0
 GIVES_WAY = 5  # nice
@@ -32,7 +32,14 @@ NO_CURRENT = {"state": None, "set_A": 0.0, "measured_A": 0.0, "on": False, "heat
 
 
 def show(memory: int, bell: int, rig: str, specimen: str) -> None:
-    """Write frames into the shared memory, and announce each frame through a pipe, until standard input closes.
+    """Write frames of the camera into the shared memory until standard input closes.
+
+    Parameters
+    ----------
+    memory, bell : int
+        Descriptors of the shared memory, and of a pipe through which each frame is announced.
+    rig, specimen : str
+        The files, as the command line takes them.
 
     Raises
     ------

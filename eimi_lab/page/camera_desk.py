@@ -1,4 +1,4 @@
-"""The routes that show the camera of a rig before a run, with its focus and its exposure."""
+"""The routes that show the live camera of a rig before a run, to set its focus and its exposure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.pipes import handed_down
 
 OF_NO_RUN = 0
-"""Number that is sent with the frames, in place of the number of a run."""
+"""Number that is sent with the frames of the live camera, in place of the number of a run."""
 
 CLOSED_WITHIN_S = 7.0  # a camera that hangs in a call gives up after 5.5 s
 LOOK_EVERY_S = 1.0
@@ -30,7 +30,11 @@ LOOK_EVERY_S = 1.0
 
 @dataclass
 class View:
-    """The live camera: the image that it shows, whether it is open, and the last line that its process wrote."""
+    """The state of the live camera.
+
+    `rig` and `specimen` are the names that a person chose. `open` is true while the camera is open. `last_words` is the
+    last line that the process of the camera wrote.
+    """
 
     rig: str
     specimen: str
@@ -39,16 +43,16 @@ class View:
 
 
 class CameraDesk:
-    """Show the live image of the camera of one rig.
+    """Shows the live image of the camera of one rig.
 
-    The camera is closed for a run, and when no tab is open any more.
+    The camera is closed when a run begins, and when no tab is open any more.
 
     Parameters
     ----------
     folder : DataFolder
         The data folder.
     tabs : Tabs
-        The open tabs; the one in control chooses the rig.
+        The open tabs. The tab in control chooses the rig.
     in_use : callable
         Returns whether a run uses the camera.
     """
@@ -62,15 +66,15 @@ class CameraDesk:
         self.view: View | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the camera."""
+        """Return the routes of the live camera."""
         return [Route("/api/camera", self._tabs.steered(self._show), methods=["POST"])]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the camera, which is sent to every tab."""
+        """Return the state of the live camera for every tab, as a JSON object."""
         return {"camera": asdict(self.view) if self.view else None}
 
     async def close(self) -> None:
-        """Close the camera, if it is open, and wait until a run can open it."""
+        """Close the camera if it is open, and wait until a run can open it."""
         async with self._changing:
             await self._close()
 
@@ -78,7 +82,7 @@ class CameraDesk:
         rig, specimen = (choices.chosen(self._folder, kind, asked.get(kind)) for kind in ("rig", "specimen"))
         async with self._changing:
             if self._in_use():
-                raise InputError("a run is under way and uses the camera")
+                raise InputError("a run is under way and uses the camera; wait for its end, or end it")
             await self._close()
             await self._open(rig, specimen, View(str(asked["rig"]), str(asked["specimen"])))
         return {}
@@ -103,7 +107,10 @@ class CameraDesk:
         self._watching = asyncio.create_task(self._watch(self._process, eyes, view))
 
     async def _watch(self, process: asyncio.subprocess.Process, eyes: OpenedEyes, view: View) -> None:
-        """Send the results of the eyes to the tabs until the camera is closed; close it when no tab is open."""
+        """Send frames and edges to the tabs until the process of the camera has ended.
+
+        The process is told to end when no tab is open any more.
+        """
         without_tabs = asyncio.create_task(self._end_without_tabs(process))
         seeing = asyncio.create_task(eyes.see())
         assert process.stderr is not None
@@ -134,6 +141,6 @@ class CameraDesk:
 
 
 def _let_go(process: asyncio.subprocess.Process) -> None:
-    """Close the standard input of the camera's process, which then closes the camera and ends."""
+    """Close the standard input of the camera's process. The process then closes the camera and ends."""
     assert process.stdin is not None
     process.stdin.close()

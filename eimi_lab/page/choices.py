@@ -1,4 +1,4 @@
-"""The protocols, specimens and rigs that the page offers, and the dry run of a choice."""
+"""The protocols, specimens and rigs that the page offers, and the dry run of the chosen files."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ MOST_FILES = 500
 
 
 def shipped(kind: str) -> list[str]:
-    """Return the names of the shipped files of a kind: "protocol", "specimen" or "rig"."""
+    """Return the names of the shipped files of a kind, which is "protocol", "specimen" or "rig"."""
     folder = Path(str(files("eimi_lab.protocols"))) / SHIPPED[kind]
     return sorted(file.stem for file in folder.glob("*.toml") if KEYS[kind] in parse_table(read_text(file), file))
 
 
 def choices(folder: DataFolder) -> Choices:
-    """Return the names to choose from by kind: TOML files of the data folder and its subfolders, then shipped ones.
+    """Return the names of the files that a person can choose, by their kind.
 
-    The list under `INCOMPLETE` names the files that a run would refuse, such as a template that is not filled in.
+    For each kind, the TOML files in the data folder and in its subfolders come first, then the shipped files. The list
+    under `INCOMPLETE` names files that a run would refuse, such as a template with missing values.
     """
     names: Choices = {kind: [] for kind in (*KEYS, INCOMPLETE)}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]
@@ -64,7 +65,7 @@ def _is_complete(kind: str, file: Path) -> bool:
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:
-    """Return a choice in the form for the command line: the path of a file, or the name of a shipped file.
+    """Return a chosen file in the form for the command line: the path of the file, or the name of a shipped file.
 
     Raises
     ------
@@ -77,12 +78,12 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
         return name
     file = folder.inside(name)
     if not file.is_file():
-        raise InputError(f"{name}: no such file in the folder of this page, and no shipped {kind} of this name")
+        raise InputError(f"{name}: no such file in the folder of this page, and no shipped {kind} with this name")
     return str(file)
 
 
 def dry(protocol: str, specimen: str, rig: str) -> list[str]:
-    """Return the steps of a dry run, without the messages to the supply.
+    """Return the steps of a dry run as lines of text, without the messages to the supply.
 
     Raises
     ------

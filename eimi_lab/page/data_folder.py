@@ -1,4 +1,4 @@
-"""The data folder: the page reads and writes datasets, images, TOML files, fits and reports only inside it."""
+"""The data folder. Only in this folder, the page reads and writes datasets, images, TOML files, fits and reports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KINDS = {".h5": "dataset", ".toml": "toml", ".json": "json", ".html": "report", 
 
 @dataclass(frozen=True)
 class Entry:
-    """A file or a folder.
+    """A file or a folder that the page lists.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class DataFolder:
-    """A folder whose files are named by a browser.
+    """The folder whose files the page may read and write. The names of the files come from a browser.
 
     Parameters
     ----------
@@ -49,14 +49,14 @@ class DataFolder:
     root: Path
 
     def inside(self, name: object) -> Path:
-        """Return the path of a name that came from the page; any value that is no text stands for the folder itself.
+        """Return the path of a name that came from the page. For a value that is not a text, return the data folder.
 
-        Links are followed before the check, so that a link to a place outside is refused in the same way as "..".
+        Links are followed before the check. A link to a place outside the folder is therefore refused, like "..".
 
         Raises
         ------
         InputError
-            If the path lies outside the folder.
+            If the path lies outside the data folder.
         """
         name = name if isinstance(name, str) else ""
         parts = PurePosixPath(name)
@@ -73,18 +73,21 @@ class DataFolder:
         return path
 
     def picture_in(self, folder: object, picture: object) -> Path:
-        """Return the path of a picture in a folder, both named by the page; raise InputError if there is none."""
+        """Return the path of a picture in a folder. The page gave both names.
+
+        Raises InputError if there is no such picture.
+        """
         path = self.inside(f"{self.name_of(self.inside(folder))}/{picture}")
         if not path.is_file():
             raise InputError(f"{picture}: no such picture in this folder")
         return path
 
     def name_of(self, path: Path) -> str:
-        """Return the name of a path; the inverse of `inside`."""
+        """Return the name of a path relative to the data folder. This is the inverse of `inside`."""
         return path.relative_to(self.root).as_posix()
 
     def listed(self, name: str = "") -> list[Entry]:
-        """Return the entries of a folder: folders first, then the newest files first.
+        """Return the entries of a folder: first the subfolders, then the files, the newest file first.
 
         Raises
         ------
@@ -105,7 +108,7 @@ class DataFolder:
         return sorted(listed, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
 
     def _kind(self, entry: os.DirEntry[str]) -> str:
-        """Return the kind of an entry, or an empty text if the page does not show it."""
+        """Return the kind of an entry. The text is empty if the page does not show the entry."""
         if entry.name.startswith("."):
             return ""
         try:

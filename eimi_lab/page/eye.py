@@ -1,7 +1,7 @@
-"""Two processes that look at the frames of a run: one encodes the newest frame as JPEG, one finds the edges in it.
+"""Two processes that look at the frames of a run.
 
-Their priority (nice) is lower than that of the run. The process of the edges has the lowest priority, because the edges
-take the longest.
+One process encodes the newest frame as JPEG. The other process finds the edges in the newest frame. Both have a lower
+priority (nice) than the run. The process for the edges has the lowest priority, because finding edges takes longest.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from eimi_lab.vision.flags import CHECK_OF
 from eimi_lab.vision.intensity import full_scale
 
 SIZES = struct.Struct(">II")
-"""Header of each message: the sizes of its JSON and of its JPEG in bytes."""
+"""Header of each message to the server: the sizes of its JSON and of its JPEG in bytes."""
 
 BINS = 32
 WIDEST_PX = 960
@@ -44,7 +44,10 @@ _EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes
 
 
 def show_frames(memory: int, bell: int, rig: str) -> None:
-    """Send each newest frame until the pipe `bell`, which announces the frames, is closed at the end of the run."""
+    """Send each new frame as JPEG on standard output until the pipe `bell` is closed.
+
+    A byte in the pipe announces a new frame. The run closes the pipe at its end.
+    """
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
         if not os.read(bell, 4096):
@@ -56,9 +59,10 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
 
 
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
-    """Send the edges of the newest frame repeatedly, until the descriptor `until_closed` is closed.
+    """Send the edges of the newest frame on standard output, repeatedly, until `until_closed` is closed.
 
-    The search for edges takes at most half of the time. The edges of the last frame are also sent.
+    `until_closed` is the descriptor of a pipe. Finding the edges takes at most half of the time. The edges of the last
+    frame are also sent.
     """
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
@@ -86,9 +90,10 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
 
 
 def light(image: NDArray[Any]) -> dict[str, Any]:
-    """Return the exposure of an image: the histogram of its pixels up to full scale, and the share of saturated pixels.
+    """Return the exposure of an image.
 
-    In a colour image the brightest channel of each pixel is used, because one saturated channel displaces an edge.
+    This is the histogram of its pixels up to full scale, and the share of saturated pixels. In a colour image the
+    brightest channel of each pixel is used, because a single saturated channel displaces an edge.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)
@@ -101,9 +106,21 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 
 
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
-    """Return the edges of an image in pixels, the direction of the tip with its standard uncertainty, and the blur.
+    """Return the edges of an image in pixels, the angle of the tip with its standard uncertainty, and the blur.
 
-    The search runs with a blur limit of 0, so that its flag for blur is always set and contains the blur.
+    The blur (px) is taken from the flag for blur. The search runs with a limit of 0 for the blur, so that this flag is
+    set whenever the blur can be measured. The returned flags contain it only above its usual limit.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The image.
+    calibration : Calibration
+        The calibration of this image.
+    specimen : SpecimenFile
+        The specimen.
+    place : BeamFrame
+        Conversion from the beam frame to the pixels of the result.
     """
     edge_set = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
     blur = next((flag for flag in edge_set.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)

@@ -1,4 +1,4 @@
-"""The routes that fit a dataset, and the process of the fit: `eimi fit`, then `eimi report`."""
+"""The routes that fit a dataset, and the processes of the fit: `eimi fit`, and then `eimi report`."""
 
 from __future__ import annotations
 
@@ -32,20 +32,22 @@ FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
 
 @dataclass
 class Fitting:
-    """A fit that is running or has ended.
+    """A fit that the page started, running or ended.
 
     Parameters
     ----------
     number : int
-        Number of the fit on this page, by which a tab distinguishes two fits of one dataset.
-    dataset, model : str
-        The dataset's name in the folder, and the law.
+        Number of the fit on this page. It distinguishes two fits of one dataset.
+    dataset : str
+        Name of the dataset in the data folder.
+    model : str
+        Name of the hyperelastic law.
     free : tuple of str
-        Uncertain quantities that the fit frees.
+        Uncertain quantities that the fit makes unknowns.
     phase : str
         "fitting", "reporting", "done" or "failed".
     generations : list of (int, float, float)
-        Number of the generation, its best and its mean error in mm.
+        For each generation of the search: its number, its best error and its mean error, mm.
     last_words : str
         The last line that the command wrote to standard error.
     """
@@ -60,7 +62,7 @@ class Fitting:
 
 
 class FitDesk:
-    """Run one fit at a time."""
+    """Runs the fits that the page starts, one at a time."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
         self._reports = reports
@@ -79,11 +81,11 @@ class FitDesk:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the fit, which is sent to every tab."""
+        """Return the state of the fit for every tab, as a JSON object."""
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
     async def close(self) -> None:
-        """End the fit, if one is running, and wait for its end."""
+        """End the fit if one is running, and wait for its end."""
         self._kill()
         if self._task is not None:
             await self._task
@@ -101,12 +103,14 @@ class FitDesk:
         name, model = str(asked.get("dataset", "")), str(asked.get("model", ""))
         dataset = self._folder.inside(name)
         if not dataset.is_file():
-            raise InputError(f"{name}: no such file")
+            raise InputError(f"{name}: no such file in the folder of this page")
         if model not in LAWS:
             raise InputError(f"model = {model!r} should be one of {', '.join(LAWS)}")
         free = asked.get("free", [])
         if not isinstance(free, list) or not all(name in SOURCES for name in free):
-            raise InputError(f"free = {free!r} should be a list of quantities such as axis and clamp")
+            raise InputError(
+                f"free = {free!r} should be a list of uncertain quantities; known are {', '.join(SOURCES)}"
+            )
         fits = dataset.with_suffix(FITS)
         if fits.exists() and asked.get("replace") is not True:
             raise InputError(f"{self._folder.name_of(fits)}: exists already; ask to fit again to replace it")
@@ -125,7 +129,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit and write the report; inform the tabs of the end, also after an error."""
+        """Run the fit and write the report. At the end, also after an error, send the new state to the tabs."""
         log = dataset.with_suffix(LOG)
         done = False
         try:
@@ -139,7 +143,7 @@ class FitDesk:
             self._changed()
 
     async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
-        """Run `eimi fit` and `eimi report`; return whether both succeeded."""
+        """Run `eimi fit` and then `eimi report`, and return whether both succeeded."""
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
         freed = [f"--free={name}" for name in fitting.free]
         fit = (f"--model={fitting.model}", *freed, f"--output={fits}", f"--checkpoint={log}", "--force")
@@ -154,7 +158,7 @@ class FitDesk:
         return await self._eimi(fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset))
 
     async def _eimi(self, fitting: Fitting, *arguments: str) -> bool:
-        """Run a command of `eimi`; return whether it succeeded."""
+        """Run a command of `eimi`, and return whether it succeeded."""
         self._process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", "eimi_lab", *arguments),
             stdin=asyncio.subprocess.DEVNULL,
@@ -170,7 +174,7 @@ class FitDesk:
         return await self._process.wait() == 0
 
     async def _follow(self, log: Path, fitting: Fitting) -> None:
-        """Read the log of generations as it grows."""
+        """Read the generations of the search from the log of the fit while the log grows."""
         read = 0
         while True:
             await asyncio.sleep(LOOK_EVERY_S)

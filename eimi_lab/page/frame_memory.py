@@ -1,7 +1,7 @@
 """The newest frame of a run, in memory that the run and the page share.
 
-The run fills two slots in turn and never waits. The page reads the newest slot. Two counters in the slot show whether
-the run overwrote it during the read; in this case the page reads again.
+The run writes into two slots in turn and never waits. The page reads the newest slot. Two counters in the slot show
+whether the run overwrote the slot during the reading. In this case the page reads again.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ _TRIES = 5
 
 @dataclass(frozen=True)
 class NewestFrame:
-    """A frame read from the shared memory.
+    """A frame that was read from the shared memory.
 
     Parameters
     ----------
     number : int
-        Number of the frame, counted by the memory from 1.
-    image : NDArray
-        (H, W) or (H, W, 3).
+        Number of the frame in the memory, from 1.
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The image.
     about : dict
-        Description of the frame by the run: state, set-point, measured current, output and heat.
+        Description of the frame by the run: state, set-point, measured current, output and heat of the coil.
     kept : int
-        1 if the image has every pixel, 2 if it has every second pixel in each direction, and so on.
+        1 if the image has every pixel of the frame, 2 if it has every second pixel in each direction, and so on.
     """
 
     number: int
@@ -50,7 +50,7 @@ class NewestFrame:
 
 
 def new_memory() -> int:
-    """Return the descriptor of new memory for `FrameMemory`; it is freed when the last process closes it."""
+    """Return the descriptor of new memory for `FrameMemory`. The memory is freed when the last process closes it."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("frames")
     else:
@@ -61,17 +61,22 @@ def new_memory() -> int:
 
 
 class FrameMemory:
-    """Shared memory with the newest frame: one process writes, others read."""
+    """Shared memory with the newest frame. One process writes frames, and other processes read them."""
 
     def __init__(self, descriptor: int) -> None:
         self._memory = mmap.mmap(descriptor, _FIRST + 2 * PLACE_BYTES)
 
     def newest(self) -> int:
-        """Return the number of the newest frame; 0 before the first frame."""
+        """Return the number of the newest frame, or 0 before the first frame."""
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Write a frame, (H, W) or (H, W, 3), into the slot with the older frame, without waiting for readers."""
+        """Write a frame, shape (H, W) or (H, W, 3), into the slot with the older frame.
+
+        The method does not wait for readers.
+
+        An image that is larger than the slot is made smaller.
+        """
         kept = 1
         while image.nbytes > PLACE_BYTES - ABOUT_BYTES - _PLACE.size:
             image, kept = image[::2, ::2], 2 * kept
@@ -90,7 +95,11 @@ class FrameMemory:
         _NEWEST.pack_into(self._memory, 0, number)
 
     def read(self, after: int) -> NewestFrame | None:
-        """Return the newest frame, or None if its number is not larger than `after`."""
+        """Return the newest frame.
+
+        None is returned if the number of this frame is not larger than `after`, or if the run overwrote every frame
+        while it was read.
+        """
         for _ in range(_TRIES):
             number = self.newest()
             if number <= after:

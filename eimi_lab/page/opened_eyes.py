@@ -18,14 +18,14 @@ Seen = Callable[[dict[str, Any], bytes], None]
 
 
 class OpenedEyes:
-    """Two processes that look at the frames in a shared memory.
+    """The two processes that look at the frames in a shared memory.
 
     Parameters
     ----------
     number : int
         Number of the run, which is sent with every frame; 0 for the live camera.
     seen : callable
-        Called with each frame and with each set of edges.
+        Receives each frame and each set of edges.
     """
 
     def __init__(self, number: int, seen: Seen) -> None:
@@ -33,14 +33,14 @@ class OpenedEyes:
         self._processes: list[asyncio.subprocess.Process] = []
 
     async def open(self, memory: int, bell: int, rig: str, specimen: str) -> None:
-        """Start both processes.
+        """Start the process for the frames and the process for the edges.
 
         Parameters
         ----------
         memory : int
             Descriptor of the shared memory.
         bell : int
-            End of the pipe from which the process of the frames reads.
+            Reading end of the pipe that announces new frames.
         rig, specimen : str
             The files of the rig and of the specimen, as the command line takes them.
         """
@@ -52,7 +52,10 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass on frames and edges until both processes have ended; the process of the frames ends first."""
+        """Pass frames and edges to `seen` until both processes have ended.
+
+        The process for the frames ends first. The process for the edges ends afterwards.
+        """
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)

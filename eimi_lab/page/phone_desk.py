@@ -1,4 +1,7 @@
-"""The routes of "Weights and a phone": receive photographs, show their edges, write the files of a dataset."""
+"""The routes of the page "Weights and a phone".
+
+They receive photographs, show the edges in them, and write the files of a dataset.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ LONGEST_NAME = 120
 
 
 class PhoneDesk:
-    """Show photographs to every tab; write files only for the tab in control."""
+    """Shows photographs to every tab, and writes files only for the tab in control."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._tabs = folder, worker, tabs
@@ -47,7 +50,7 @@ class PhoneDesk:
         return Response(await self._worker.do(by_weights.picture, path), media_type="image/jpeg")
 
     async def _receive(self, request: Request) -> Response:
-        """Store the photograph in the request's body; a different file of the same name is never replaced."""
+        """Store the photograph in the body of a request. A different file with the same name is never replaced."""
         self._tabs.check_control(request)
         folder = self._folder.inside(request.query_params.get("folder"))
         name = request.query_params.get("name", "")
@@ -55,9 +58,12 @@ class PhoneDesk:
             raise InputError(f"{self._folder.name_of(folder)}: is not a folder")
         if Path(name).suffix.lower() not in ENDINGS:
             endings = ", ".join(sorted(ENDINGS))
-            raise InputError(f"{name}: is not a picture that can be read ({endings}); save or export it as JPEG")
+            raise InputError(f"{name}: is not a picture that can be read ({endings}); save the picture as JPEG")
         if name.startswith(".") or "/" in name or len(name) > LONGEST_NAME:
-            raise InputError(f"{name[:LONGEST_NAME]}: should be the short name of a picture")
+            raise InputError(
+                f"{name[:LONGEST_NAME]}: should be a file name of at most {LONGEST_NAME} characters, without / and "
+                "without a dot at its beginning"
+            )
         target = self._folder.inside(f"{self._folder.name_of(folder)}/{name}")
         received = folder / f".{secrets.token_hex(8)}{target.suffix}"
         try:

@@ -15,7 +15,7 @@ from eimi_lab.page.worker import Worker
 
 
 class PictureDesk:
-    """Show images to every tab; write files only for the tab in control."""
+    """Shows images to every tab, and writes files only for the tab in control."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered

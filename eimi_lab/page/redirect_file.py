@@ -1,7 +1,7 @@
-"""A file that opens the page in a browser, so that the token does not appear on the command line of the browser.
+"""A file that opens the page in a browser, so that the token does not appear in the command line of the browser.
 
-On most systems every user can list the command lines of all processes. The command line of the browser names this file,
-which only its owner can read.
+On most systems every user can list the command lines of all processes. The command line of the browser contains only
+the name of this file, which no other user can read.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from pathlib import Path
 
 @contextmanager
 def redirect_file(address: str) -> Iterator[Path]:
-    """Write an HTML file (mode 0600, in a folder of mode 0700) that redirects to an address; remove it at the end."""
+    """Write an HTML file that redirects a browser to an address, and remove the file at the end of the context.
+
+    Only the user can read the file (mode 0600, in a folder of mode 0700).
+    """
     with tempfile.TemporaryDirectory(prefix="eimi-page-") as folder:
         path = Path(folder) / "open.html"
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

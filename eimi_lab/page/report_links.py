@@ -1,7 +1,8 @@
-"""Links to the reports of a folder: a browser opens a link in a new tab without the header that carries the token.
+"""Links to the reports of a folder.
 
-Each link holds a key that is computed from the name of the report and a secret of this page, so that it opens that
-report alone. The key differs from the token and gives no other right.
+A browser opens a link in a new tab without the header that carries the token. Each link therefore contains a key, which
+is computed from the name of the report and a secret of this page. The key opens only this report and gives no other
+right.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ REPORT = "/report"
 
 
 class ReportLinks:
-    """Make links to reports, and check the keys of links."""
+    """Makes links to reports, and checks the keys of the links."""
 
     def __init__(self) -> None:
         self._secret = secrets.token_bytes(32)
 
     def link_to(self, name: str) -> str:
-        """Return the path and the query that open a report."""
+        """Return the link that opens the report ``name``: its path and its query."""
         return f"{REPORT}?{urlencode({'file': name, 'key': self._key(name)})}"
 
     def opens(self, name: str, key: str) -> bool:
-        """Return whether a key belongs to the report of this name."""
+        """Return whether ``key`` is the key of the report ``name``."""
         return hmac.compare_digest(key.encode("utf-8", "replace"), self._key(name).encode())
 
     def _key(self, name: str) -> str:

@@ -1,4 +1,4 @@
-"""The routes that start, pause, end and stop a run."""
+"""The routes of the page that start, pause, end and stop a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from eimi_lab.process.errors import InputError
 
 
 class RunDesk:
-    """Run one protocol at a time. The tab in control steers the run; every tab can stop it."""
+    """Runs the protocols that the page starts, one at a time.
+
+    Only the tab in control may start, pause and end a run. Every tab can stop it.
+    """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self.tabs = folder, worker, tabs
@@ -38,13 +41,13 @@ class RunDesk:
         ]
 
     async def close(self) -> None:
-        """End the run, if one is under way, wait for its end, and close the camera."""
+        """End a run that is under way, wait for its end, and close the camera."""
         if self.run is not None:
             await self.run.closed()
         await self.camera.close()
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the run, which is sent to every tab."""
+        """Return the state of the run and of the live camera for every tab, as a JSON object."""
         return {"run": self.run.progress.as_json() if self.run else None, **self.camera.as_json()}
 
     async def _choices(self, request: Request) -> Response:
@@ -60,9 +63,9 @@ class RunDesk:
         name, resume = str(asked.get("dataset", "")), asked.get("resume") is True
         dataset = self._folder.inside(name)
         if not name or dataset.suffix.lower() != ".h5" or not dataset.parent.is_dir():
-            raise InputError(f"{name!r}: the name of the dataset should end in .h5, in a folder that exists")
+            raise InputError(f"{name!r}: the name of the dataset should end in .h5, and its folder should exist")
         if dataset.exists() and not resume:
-            raise InputError(f"{name}: exists already; give another name, or continue it")
+            raise InputError(f"{name}: exists already; give another name, or continue the run in this dataset")
         order = Order(
             protocol=protocol,
             specimen=specimen,
@@ -94,7 +97,7 @@ class RunDesk:
     async def _stop(self, request: Request) -> Response:
         if self.run is None:
             return JSONResponse(
-                {"words": "no run was started from this page, so it has switched nothing on", "off": True}
+                {"words": "no run was started from this page, so that the page has switched nothing on", "off": True}
             )
         words = await self.run.stop()
         return JSONResponse({"words": words, "off": self.run.progress.coil == "off"})

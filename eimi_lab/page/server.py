@@ -1,4 +1,4 @@
-"""The routes of the page, and the socket on which it listens."""
+"""The routes of the page, and the socket at which the page listens."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ CLOSE_WITHIN_S = 10
 
 
 class Page:
-    """The page: its routes, and the folder and the worker that the routes share."""
+    """The page: its routes, and the data folder, worker and tabs that the routes share."""
 
     def __init__(self, folder: Path) -> None:
-        """Open a data folder; raise InputError if it is not a folder."""
+        """Open a data folder. Raises InputError if ``folder`` is not a folder."""
         if not folder.is_dir():
             raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
         self.folder = DataFolder(followed(reachable(folder)))
@@ -56,7 +56,7 @@ class Page:
         self.phone = PhoneDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
-        """Return the routes as an application, without the check of requests (`Admission`)."""
+        """Return the routes as an application. The application does not check requests; `Admission` checks them."""
         routes = [
             Route("/", _index),
             Route("/api/folder", self._listing),
@@ -104,14 +104,15 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """Answer with the delays (s) of the last frames, from their capture to the confirmation by a tab."""
+        """Answer with the delay (s) of each of the last frames, from its arrival at the run to its display in a tab."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
-        """Answer with a report if the request carries the key of a link to this report."""
+        """Answer with a report if the request carries the key of the report."""
         if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
             return PlainTextResponse(
-                "open the report from the page; a link is valid until its `eimi dashboard` ends", 403
+                "this link is not valid; a link is valid until `eimi dashboard` ends; open the report from the page",
+                403,
             )
         file = self._file(request)
         if file.suffix.lower() != ".html" or not file.is_file():
@@ -134,12 +135,12 @@ async def _index(request: Request) -> Response:
 
 
 async def _error_answer(request: Request, error: Exception) -> Response:
-    """Answer with the message of an error, in one line."""
+    """Answer with the message of an error in one line."""
     return JSONResponse({"error": " ".join(str(error).split())}, 400)
 
 
 def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
-    """Return the application of the page behind the check of requests."""
+    """Return the application of the page behind the check of every request."""
     return Admission(page.application(), hosts, token)
 
 
@@ -151,13 +152,13 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     folder : Path
         The data folder.
     host : str
-        Address of this machine to listen on.
+        Address of this computer at which the page listens.
     port : int
-        Port to listen on; 0 takes any free port.
+        Port at which the page listens; 0 takes any free port.
     say : callable
         Receives the address to open in a browser.
     view : str
-        The view that the address opens, such as "phone"; by default the first one.
+        The view that the address opens, such as "phone". By default, the first view.
 
     Raises
     ------
@@ -194,9 +195,10 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
 
 
 class _Server(uvicorn.Server):
-    """A server that shuts down orderly after every signal that stops the program; uvicorn does not after SIGHUP.
+    """A server that shuts down in order after every signal that stops the program, also after SIGHUP.
 
-    The attribute ``asked`` lists the signals that came. After the first, closing takes at most `CLOSE_WITHIN_S`.
+    The server of uvicorn does not react to SIGHUP. The attribute ``asked`` lists the signals that came. After the first
+    signal, closing takes at most `CLOSE_WITHIN_S`.
     """
 
     def __init__(self, config: uvicorn.Config) -> None:
@@ -237,14 +239,19 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_host(host: str, open_to_network: bool) -> None:
-    """Raise InputError for an address that other machines can reach, unless --open-to-network was given."""
+    """Raise InputError if other computers can reach the address ``host``, unless ``open_to_network`` is true.
+
+    An address that stands for all addresses of this computer is always refused.
+    """
     if not _is_loopback(host) and not open_to_network:
         raise InputError(
-            f"--host {host}: other machines could reach this page and, with the token, see the pictures and drive the "
-            "coil over an unencrypted connection; use a tunnel (ssh -L), or allow it with --open-to-network"
+            f"--host {host}: other computers could reach this page over a connection without encryption; with the "
+            "token, they could see the pictures and switch the coil; use a tunnel (ssh -L), or add --open-to-network"
         )
     if host in ("0.0.0.0", "::"):
-        raise InputError(f"--host {host}: stands for all addresses of this machine; give the one that browsers use")
+        raise InputError(
+            f"--host {host}: stands for all addresses of this computer; give the address that the browsers will use"
+        )
 
 
 def _in_address(host: str) -> str:

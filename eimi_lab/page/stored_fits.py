@@ -1,4 +1,7 @@
-"""Read the fits of a result file for the page. The functions run in the process of the worker."""
+"""Read the fits of a result file for the page.
+
+The functions run in the worker process of the page.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ MOST_BUDGET = 6
 
 
 def summaries(path: Path) -> list[dict[str, Any]]:
-    """Return each bending fit: modulus in words, error by state, uncertainty budget, doubts and convergence.
+    """Return a summary of each bending fit in a result file, as JSON objects.
+
+    A summary contains the modulus and the parameters with their intervals, the error by state, the uncertainty budget,
+    the doubts and the convergence of the search.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Read a dataset for the page; the file is opened read-only, also while a run writes it.
+"""Read a dataset for the page. The dataset is opened read-only, also while a run writes it.
 
-The functions run in the process of the worker.
+The functions run in the worker process of the page.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Edges = dict[str, Any]
 
 
 def described(path: Path) -> dict[str, Any]:
-    """Return the specimen, the instruments and the states of a dataset, without edges.
+    """Return the specimen, the instruments and the states of a dataset, without its edges, as a JSON object.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def picture(path: Path, index: int) -> bytes:
-    """Return the mean frame of a state as JPEG.
+    """Return the mean of the frames of a state as JPEG.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def picture(path: Path, index: int) -> bytes:
 
 
 def edges(path: Path, index: int) -> Edges:
-    """Return the edges of a state in pixels; if the dataset has no edges, find them.
+    """Return the edges of a state in pixels. If the dataset has no edges, they are found in its frames.
 
     Raises
     ------
@@ -105,9 +105,10 @@ Identity = tuple[int, int, str]
 
 
 def _identity(dataset: Dataset) -> Identity:
-    """Return a key of the dataset that stays the same while states are appended; stored states do not change.
+    """Return a key that identifies a dataset and stays the same while states are appended.
 
-    The number of the file is not enough, because a new file can get the number of a file that was deleted.
+    Stored states never change, so that results for one state can be kept under the key. The inode number of the file is
+    not enough, because a new file can get the number of a deleted file.
     """
     about = dataset.path.stat()
     return about.st_dev, about.st_ino, dataset.start_time().isoformat()
@@ -125,7 +126,7 @@ _last_estimate: dict[Identity, ModulusSoFar] = {}
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
     """Estimate the shear modulus from the first states of a dataset.
 
-    The search starts from the last estimate for the same file.
+    The search starts at the last estimate for the same dataset.
 
     Parameters
     ----------
@@ -137,13 +138,13 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Modulus and 95 % interval in kPa, the largest contribution to the interval, and the error in mm; None if there
-        are too few states.
+        The modulus and its 95 % interval in kPa, the largest contribution to the interval, and the error in mm. None if
+        there are too few states.
 
     Raises
     ------
     InputError
-        If no load acts on the beam or the search does not converge.
+        If no load acts on the beam, or if the search does not converge.
     """
     with open_dataset(path) as dataset:
         identity = _identity(dataset)
@@ -169,7 +170,7 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
 
 
 def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
-    """Return both edges (n, 2), in pixels, and the flags of an edge set, for a browser."""
+    """Return both edges in pixels, shape (n, 2) each, and the flags of an edge set, as a JSON object."""
     return {
         "left": rounded(frame.to_px(edge_set.left.points_mm)),
         "right": rounded(frame.to_px(edge_set.right.points_mm)),
@@ -178,22 +179,25 @@ def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
 
 
 def shown_flags(flags: tuple[Flag, ...]) -> list[dict[str, Any]]:
-    """Return flags, each with name, value, limit, severity and remedy."""
+    """Return flags as JSON objects, each with its name, value, limit, severity and remedy."""
     return [{**asdict(flag), "value": finite(flag.value), "limit": finite(flag.limit)} for flag in flags]
 
 
 def rounded(points: NDArray[Any]) -> list[list[float]]:
-    """Return points (n, 2) as lists, rounded to a hundredth of a pixel."""
+    """Return points, shape (n, 2), as lists of numbers that are rounded to a hundredth of a pixel."""
     return np.round(points, 2).tolist()
 
 
 def finite(value: float) -> float | None:
-    """Return a number for JSON: None replaces NaN and infinity, which JSON does not have."""
+    """Return a number for JSON. NaN and infinity, which JSON does not have, become None."""
     return float(value) if np.isfinite(value) else None
 
 
 def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
-    """Return an image, (H, W) or (H, W, 3) of any depth, as JPEG, at most `widest_px` wide."""
+    """Return an image as JPEG, at most `widest_px` wide.
+
+    The image has the shape (H, W) or (H, W, 3) and any bit depth.
+    """
     shown = in_colour(image) if image.ndim == 3 else in_colour(image)[..., 0]
     if widest_px and shown.shape[1] > widest_px:
         share = widest_px / shown.shape[1]

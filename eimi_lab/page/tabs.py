@@ -1,6 +1,6 @@
-"""The open tabs: one of them is in control, the others watch, and each gets the newest frame.
+"""The open tabs: one tab is in control, the others watch, and every tab receives the newest frame.
 
-A tab that reads slowly gets fewer frames. Nothing waits for it, and older frames are not kept for it.
+A tab that reads slowly receives fewer frames. The run does not wait for it, and older frames are dropped.
 """
 
 from __future__ import annotations
@@ -32,30 +32,31 @@ Act = Callable[[dict[str, Any]], Awaitable[Any]]
 
 
 async def body_of(request: Request) -> dict[str, Any]:
-    """Return the JSON object in the body of a request; raise InputError if the body is not a JSON object."""
+    """Return the JSON object in the body of a request. Raises InputError if the body is not a JSON object."""
     try:
         asked = await request.json()
     except (ValueError, RecursionError) as error:
-        raise InputError("the body of the request is not JSON; it should be an object") from error
+        raise InputError("the body of the request is not JSON; it should be a JSON object") from error
     if not isinstance(asked, dict):
         raise InputError("the body of the request should be a JSON object")
     return asked
 
 
 def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
-    """Return the JSON object under a key of a request's body; raise InputError if there is none."""
+    """Return the JSON object under a key in the body of a request. Raises InputError if there is no JSON object."""
     table = body.get(key)
     if not isinstance(table, dict):
-        raise InputError(f"{key} is missing; it should be an object")
+        raise InputError(f"{key} of the request is missing; it should be a JSON object")
     return table
 
 
 @dataclass(eq=False)
 class Tab:
-    """A tab with its WebSocket.
+    """An open tab with its WebSocket.
 
-    The attribute ``waiting`` describes the frame that was sent but is not shown yet: the times at which it was sent and
-    captured, on the monotonic clock, in s. The attribute ``stale`` is true until the tab has received the newest state.
+    ``waiting`` describes the frame that was sent but that the tab has not yet shown: the times at which it was sent and
+    captured, on the monotonic clock (s). None if there is no such frame. ``stale`` is true until the tab has received
+    the newest state of the page. ``frame`` and ``edges`` are the newest frame and edges that are not yet sent.
     """
 
     socket: WebSocket
@@ -68,7 +69,7 @@ class Tab:
 
 
 class Tabs:
-    """The open tabs, one of which may be in control.
+    """The open tabs of the page, one of which may be in control.
 
     Parameters
     ----------
@@ -84,16 +85,19 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Return whether the tab with this name is in control."""
+        """Return whether the tab with the name ``name`` is in control."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:
-        """Raise InputError for a request that does not come from the tab in control."""
+        """Raise InputError if a request does not come from the tab in control."""
         if not self.may_steer(request.headers.get(TAB_HEADER, "")):
             raise InputError("this tab is not in control; take control first")
 
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
-        """Return a route that calls `act` with the JSON object of a request if the tab in control sent the request."""
+        """Return a route that calls `act` with the JSON object of a request and answers with the result.
+
+        A request that does not come from the tab in control is refused.
+        """
 
         async def answer(request: Request) -> Response:
             self.check_control(request)
@@ -106,13 +110,13 @@ class Tabs:
         return bool(self._open)
 
     def changed(self) -> None:
-        """Send the new state to every tab."""
+        """Send the new state of the page to every tab."""
         for tab in self._open:
             tab.stale = True
             tab.wake.set()
 
     def show(self, about: dict[str, Any], picture: bytes) -> None:
-        """Send a frame with its description, or the edges found in a frame, to every tab."""
+        """Send a frame with its description to every tab, or edges if `picture` is empty."""
         text = json.dumps(about)
         if picture:
             self._at_s = about["at_s"]
@@ -126,7 +130,7 @@ class Tabs:
             tab.wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one WebSocket until it closes."""
+        """Serve the WebSocket of one tab until it closes."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
             await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already")
@@ -152,7 +156,7 @@ class Tabs:
             self.changed()
 
     def _handle(self, tab: Tab, message: Any) -> None:
-        """Handle a message of a tab; raise TypeError if it is not a JSON object."""
+        """Handle a message of a tab. Raises TypeError if the message is not a JSON object."""
         if not isinstance(message, dict):
             raise TypeError(message)
         if message.get("take"):

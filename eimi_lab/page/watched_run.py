@@ -1,8 +1,8 @@
 """Connect a run that the page started to the page: send frames and events, and receive requests.
 
 This code runs in the process of `eimi acquire` and never delays the run. It writes frames into shared memory and events
-into a pipe (`event_lines`). The requests of the page arrive as lines on standard input, as if they were typed. When
-standard input closes, the page has ended, and the run ends with its coil off.
+into a pipe (`event_lines`). The requests of the page arrive as lines on standard input, like lines that a person types.
+When standard input closes, the program of the page has ended. The run then ends with its coil off.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from eimi_lab.process.pipes import never_wait_to_write, received
 from eimi_lab.process.stopping import signal_main_thread
 
 SIGNAL = "signal "
-"""Beginning of the line with which the page sends a signal on Windows; the number of the signal follows."""
+"""Beginning of a line with which the page sends a signal on Windows. The number of the signal follows."""
 
 SHOWN_EVERY_S = 1 / 40
 RATE_OVER_S = 1.0
@@ -43,7 +43,8 @@ RATE_OVER_S = 1.0
 class Descriptors:
     """File descriptors that a run inherits from the page.
 
-    memory: shared memory for the newest frame. bell: pipe that signals a new frame. events: pipe for events.
+    `memory` is the shared memory for the newest frame. `bell` is a pipe that announces each new frame. `events` is a
+    pipe for the events of the run.
     """
 
     memory: int
@@ -52,13 +53,20 @@ class Descriptors:
 
     @classmethod
     def of(cls, numbers: str) -> Descriptors:
-        """Receive three descriptors, whose names are separated by commas."""
+        """Return the three descriptors that the parent process passed.
+
+        Their names in ``numbers`` are separated by commas.
+        """
         return cls(*map(received, numbers.split(",")))
 
 
 @dataclass(frozen=True)
 class Watched:
-    """The arguments of `acquire` with which a person can watch and pause a run."""
+    """Arguments for `acquire` with which a person can watch and pause a run.
+
+    `bench` contains the instruments, `show` receives every frame, and `typed` returns the next line that a person
+    typed.
+    """
 
     bench: Bench
     show: Show = show_nothing
@@ -67,7 +75,7 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the arguments for a run that the page watches or, if `page` is None, for a run at a terminal."""
+    """Yield the arguments for a run that the page watches. If `page` is None, yield those for a run at a terminal."""
     if page is None:
         yield Watched(bench)
         return
@@ -95,7 +103,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that records its set-point, its last measurement and the heat of the coil."""
+    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the page."""
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig) -> None:
         self._supply, self._clock = supply, clock
@@ -116,11 +124,14 @@ class WatchedSupply:
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Largest current that the supply shows when no current flows, A."""
+        """Largest current that the meter of the supply shows when no current flows, A."""
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
     def values(self) -> dict[str, Any]:
-        """Return set-point, measured current, output, and heat as a fraction of the heat at the continuous current."""
+        """Return set-point (A), measured current (A), output, and heat of the coil, for the page.
+
+        The heat is a share of the heat at the continuous current; None if the rig file gives no rating of the coil.
+        """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
 
@@ -180,7 +191,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """Write frames into the shared memory, and announce each frame to the page through a pipe."""
+    """Writes frames into the shared memory, and announces each frame to the page through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

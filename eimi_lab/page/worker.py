@@ -1,6 +1,6 @@
-"""A separate process for work that is long or may crash: reading HDF5 files, finding edges, reading fits.
+"""A separate process for work that is long or may crash, such as reading HDF5 files and finding edges.
 
-If a library crashes on a damaged file, only this process ends; the page and a run continue.
+If a library crashes on a damaged file, only this process ends. The page and a run continue.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LONGEST_S = 120.0
 
 
 class Worker:
-    """A process that does one task after another.
+    """A process that carries out one task after another.
 
     The process is started when it is first needed, and again after a crash.
     """
@@ -30,7 +30,7 @@ class Worker:
         self._pool: ProcessPoolExecutor | None = None
 
     async def do(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function of a module in the process and return its result.
+        """Call a function of a module in the worker process, and return the result of the function.
 
         Raises
         ------
@@ -53,7 +53,7 @@ class Worker:
             raise InputError(f"the request took more than {LONGEST_S:g} s and was cancelled") from error
 
     def close(self) -> None:
-        """End the process, even during a task."""
+        """End the worker process, even during a task."""
         if self._pool is not None:
             self._drop(self._pool)
 

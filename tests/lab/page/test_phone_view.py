@@ -159,8 +159,8 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
         ("IMG_1.webp", b"RIFF\0\0\0\0WEBP", "IMG_1.webp: is not a picture that can be read"),
         ("IMG_1.HEIC", b"\0\0\0\x18ftypheic\0\0", "IMG_1.HEIC: is a HEIC picture"),
         ("IMG_1.jpg", b"\xff\xd8\xff\xe0 cut", "IMG_1.jpg: is truncated or damaged"),
-        ("../IMG_1.jpg", b"", "should be the short name of a picture"),
-        (".IMG_1.jpg", b"", "should be the short name of a picture"),
+        ("../IMG_1.jpg", b"", "should be a file name of at most"),
+        (".IMG_1.jpg", b"", "should be a file name of at most"),
     ],
 )
 def test_what_is_not_a_photograph_is_refused_and_not_kept(served: Any, name: str, body: bytes, words: str) -> None:
