@@ -2,9 +2,9 @@
 
 `open`, `acquire`, `import_pictures`, `import_points`, `import_motion` and `segment` lead from the bench or from a
 camera to a dataset. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`,
-`validate`, `plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` list
-what there is by name, and `LAWS[name] = law` adds one. The other names are the classes of the results and of the
-errors.
+`validate`, `plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` are
+tables of all laws, supply drivers and camera drivers by name, and `LAWS[name] = law` adds a law. The other names are
+the classes of the results and of the errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables
@@ -13,15 +13,15 @@ vision          the edges of the beam in its frames
 dataset         the HDF5 file of a run
 virtual         a rig that needs no hardware
 acquisition     a run on the bench
-fits            from datasets to laws
-reporting       the report, one HTML file
+fits            identify laws from datasets
+reporting       the report of a fit as one HTML file
 page            the live page on this computer
 publishing      an archive of runs and results for other people's programs
 study           the evaluation on virtual specimens and tensile data
 face            the public functions
-demonstration   the whole chain on the virtual rig
+demonstration   acquire, segment, fit and report on the virtual rig
 commands        the commands of `eimi`
-cli             the command line that collects them
+cli             the command line with all commands
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ __all__ = sorted([*_HOMES, "__version__"])
 if not TYPE_CHECKING:  # a type checker shall know the names above alone
 
     def __getattr__(name: str) -> Any:
-        """Return a public name; its module is loaded when the name is first used (PEP 562)."""
+        """Return the object with a public name. Its module is loaded when the name is first used (PEP 562)."""
         value: Any
         if name == "__version__":
             from importlib.metadata import version

@@ -1,6 +1,6 @@
 """The entry point of `eimi` and of `python -m eimi_lab`.
 
-It imports little, so that Ctrl-C gives one line instead of a traceback from the first moment.
+The module imports little, so that Ctrl-C never prints a traceback, even while the program starts.
 """
 
 import sys
@@ -9,7 +9,7 @@ from eimi_lab.process.garbage import collect_seldom
 
 
 def main() -> None:
-    """Import the command line and run it; Ctrl-C during the import ends the program with one line, as it does later."""
+    """Import the command line and run it. Ctrl-C during the import ends the program with a message of one line."""
     collect_seldom()
     try:
         from eimi_lab.cli import main as command_line

@@ -47,7 +47,7 @@ GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look": (showing.report, watching.dashboard, watching.phone, publishing.publish, showing.demo, studying.study),
 }
 SERVERS = (bench.emulate, watching.dashboard, watching.phone)
-"""Commands that print before they serve a page or an instrument; all other commands return a `Result`."""
+"""Commands that serve a page or an instrument and print text themselves. All other commands return a `Result`."""
 
 _LONGEST_SUMMARY = 200
 
@@ -57,7 +57,7 @@ def _name(command: Callable[..., Any]) -> str:
 
 
 class _CommandsInGroups(TyperGroup):
-    """Lists the commands in groups, each with its whole summary."""
+    """Lists the commands of `eimi --help` in groups, each command with its whole summary."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
@@ -103,7 +103,11 @@ def _before_any_command(
 
 
 def main() -> None:
-    """Run the command line and exit with 0 (success), 2 (wrong input), 1 (another failure) or 128 + n (signal n)."""
+    """Run the command line, and exit with a status.
+
+    The status is 0 for success, 2 for wrong input, 1 for another failure, and 128 + n if the signal with the number n
+    stopped the program.
+    """
     unwind_on_termination()
     one_thread_each()
     open_closed_streams()
@@ -121,7 +125,7 @@ def main() -> None:
 
 
 def _status() -> int:
-    """Run the command and return the exit status; write a failure to standard error in one line."""
+    """Run the command, and return the exit status. A failure is written to standard error in one line."""
     try:
         return app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except InputError as error:
@@ -151,19 +155,22 @@ def _status() -> int:
             error, "format_message"
         ):  # an error of typer's own copy of click: an unknown option, a missing argument
             message = error.format_message() + _rejected_value(error)
-            return _tell(f"{message} (eimi --help lists commands, eimi COMMAND --help options)", 2)
+            return _tell(f"{message} (eimi --help lists the commands, eimi COMMAND --help their options)", 2)
         raise
 
 
 def _rejected_value(error: Exception) -> str:
-    """Return the value that was rejected; typer's message lacks it if pydantic checked the value."""
+    """Return the rejected value for the end of a message.
+
+    If pydantic checked the value, typer's message does not contain it. Otherwise the text is empty.
+    """
     from pydantic import ValidationError
 
     return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""
 
 
 def _report_stop(stopped: Stopped) -> int:
-    """Write which signal stopped the program, and return the exit status."""
+    """Write to standard error which signal stopped the program, and return the exit status."""
     with leaving():
         return _tell(stopped.in_words(), 128 + stopped.number)
 

@@ -1,6 +1,6 @@
-"""Run the whole chain on the virtual rig: acquire, segment, fit and report, then compare the fits with the true law.
+"""Demonstrate the program on the virtual rig: acquire, segment, fit and report, and compare the fits with the true law.
 
-The truth that the virtual rig stores in the dataset is read here only after the last fit is written.
+The virtual rig stores the true law in the dataset. The true law is read only after the last fit is written.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """A fit, and the true initial shear modulus in Pa."""
+    """A fit, with the true initial shear modulus of the virtual rig, Pa."""
 
     fit: FitRecord
     truth_Pa: float
 
     @property
     def difference_percent(self) -> float:
-        """Return the deviation of the identified modulus from the true modulus, in per cent."""
+        """Deviation of the identified initial shear modulus from the true modulus, per cent of the true modulus."""
         return 100 * (self.fit.initial_shear_modulus.value / self.truth_Pa - 1)
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """The files of a demonstration, the true law, and the scores of the fits."""
+    """The result of a demonstration: its files, the true law, and the fits with the true modulus."""
 
     dataset: Path
     fits: Path
@@ -71,35 +71,42 @@ def demonstrate(
     force: bool,
     progress: Progress,
 ) -> Demonstration:
-    """Run the chain and write its files into a folder.
+    """Acquire, segment, fit and report on the virtual rig, and write the files into a folder.
 
     Parameters
     ----------
     folder : Path
+        The folder for the files.
     material : str
         Name of a silicone, such as `Dragon Skin 10`, or of its protocol.
     specimen, rig : str
         Names or paths of the specimen and of a virtual rig.
     quick : bool
-        Whether to fit one law to few states.
+        Whether to fit only one law to a few states.
     seed : int
         Seed of the searches.
     force : bool
-        Whether to overwrite existing files.
+        Whether to replace existing files.
     progress : callable
-        Receives a title and the number of steps, and gives a function that is called after each step.
+        Receives a title and the number of steps, and returns a context. The context yields a function that is called
+        after each step.
+
+    Returns
+    -------
+    Demonstration
+        The files, the true law and the fits.
 
     Raises
     ------
     InputError
-        If an input cannot be used, or if the folder exists and `force` is false.
+        If an input cannot be used, or if the folder is not empty and `force` is false.
     """
     protocol_name = re.sub(r"\W+", "_", material.strip().lower())
     protocol = load_protocol(f"{protocol_name}_quick" if quick else protocol_name)
     beam = _cast(load_specimen(specimen), protocol.material)
     bench_rig = load_rig(rig)
     if not bench_rig.simulated:
-        raise InputError(f"{rig}: is a real rig; the demonstration needs a virtual one (use `eimi acquire`)")
+        raise InputError(f"{rig}: is a real rig; the demonstration needs a virtual rig (use `eimi acquire`)")
     new_folder(folder, force)
     dataset, fits_file, report = folder / "dataset.h5", folder / "fits.json", folder / "report.html"
     _acquire(protocol, beam, bench_rig, dataset, force, progress)
@@ -115,7 +122,7 @@ def demonstrate(
     with open_dataset(dataset) as opened:
         truth = opened.truth()
     if truth is None:
-        raise InputError(f"{dataset}: does not hold the true law of a virtual rig")
+        raise InputError(f"{dataset}: does not contain the true law of a virtual rig")
     law, parameters = LAWS[truth["model"]], truth["parameters"]
     true_modulus = float(law.initial_shear_modulus(np.array(list(parameters.values()))))
     scores = tuple(Score(fit, true_modulus) for fit in fits)
@@ -131,6 +138,6 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
-    """Return the specimen with another material, also in its text, which the dataset stores."""
+    """Return a specimen with another material. The material is also changed in its text, which the dataset stores."""
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

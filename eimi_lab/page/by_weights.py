@@ -269,7 +269,7 @@ def saved(
     weighed = [(name, _number(grams, name)) for name in names if _typed(grams, name)]
     if len({weight for _, weight in weighed}) < 2:
         raise InputError(
-            "at least two pictures with different weights are needed; type their weights in grams, 0 for no weight"
+            "at least two pictures with different weights are needed; type the grams in each picture, 0 for no weight"
         )
     calibration = measured.calibration
     if weighed[0][0] != names[0] and calibration.picture is not None and calibration.picture.along_px:

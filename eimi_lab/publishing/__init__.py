@@ -1,6 +1,6 @@
 """Write results into an archive that other programs can open: an RO-Crate in a zip file with the ending .eln.
 
-contents   the files of an archive: kind, size and hash of each file
+contents   the files of an archive, with the kind, size and hash of each file
 metadata   the description of the archive, ro-crate-metadata.json
 archive    write the archive, and check every hash in it
 

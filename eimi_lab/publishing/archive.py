@@ -1,4 +1,4 @@
-"""Write an archive, and check every hash in it."""
+"""Write an archive of runs and results, and check the size and the hash of every file in it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Publication:
     path
         The archive.
     files
-        The files in it, without ro-crate-metadata.json.
+        The files in the archive, without ro-crate-metadata.json.
     remarks
         One line for each missing item: authors, licence, or the dataset of a fit.
     """
@@ -50,14 +50,16 @@ def publish(
     licence: str | None = None,
     force: bool = False,
 ) -> Publication:
-    """Write datasets, results and other files as an RO-Crate 1.1 in a zip file, and check every hash in it.
+    """Write datasets, results and other files into an archive, and check the size and the hash of every file in it.
+
+    The archive is an RO-Crate 1.1 in a zip file.
 
     Parameters
     ----------
     runs
-        Files, or folders that contain them.
+        Files, or folders that contain files.
     output
-        The archive; its name should end in ``.eln``.
+        The archive. Its name ends in ``.eln`` or ``.zip``.
     title
         Name of the archive; by default the name of the file without its ending.
     people
@@ -67,17 +69,22 @@ def publish(
     force
         Whether an existing file is replaced.
 
+    Returns
+    -------
+    Publication
+        The archive.
+
     Raises
     ------
     InputError
-        If a file cannot be published (`gather`), if the name of the archive has another ending, or if the licence
-        is neither an SPDX identifier nor a URL.
+        If a file cannot be published (`gather`), if the name of the archive has another ending, or if the licence is
+        neither an SPDX identifier nor a URL.
     OSError
-        If a file changed while it was written, or if the disk is full.
+        If a file changed while the archive was written, or if the disk is full.
     """
     root = output.stem
     if output.suffix.lower() not in (".eln", ".zip"):
-        raise InputError(f"{output}: the name of an archive ends in .eln (or .zip)")
+        raise InputError(f"{output}: the name of an archive should end in .eln or .zip")
     refuse_existing(output, force)
     files = gather(runs)
     check_distinct([file.source for file in files if file.source is not None], [output])
@@ -87,9 +94,9 @@ def publish(
         check(temporary)
     remarks = without_dataset(files)
     if people is None:
-        remarks += ("no authors are stated; --people people.toml names them",)
+        remarks += ("no authors are given; --people people.toml gives a file with their names",)
     if licence is None:
-        remarks += ("no licence is stated, so that nobody may use the data; --licence CC-BY-4.0 is one",)
+        remarks += ("no licence is given, so that nobody may use the data; --licence CC-BY-4.0 gives a licence",)
     return Publication(output, files, remarks)
 
 
@@ -113,7 +120,7 @@ def _is_packed(place: PurePosixPath) -> bool:
 
 
 def check(path: Path) -> int:
-    """Read an archive back, compare each file's size and hash with the description, and return the number of files.
+    """Compare the size and the hash of every file in an archive with its description, and return the number of files.
 
     Parameters
     ----------
@@ -123,7 +130,7 @@ def check(path: Path) -> int:
     Raises
     ------
     OSError
-        If a file is absent, or its size or hash differs from the description.
+        If a file is missing, is not described, or has another size or hash than its description gives.
     """
     with zipfile.ZipFile(path) as archive:
         (root,) = {name.split("/")[0] for name in archive.namelist()}
@@ -131,7 +138,10 @@ def check(path: Path) -> int:
         described = {unquote(node["@id"].removeprefix("./")): node for node in graph if node["@type"] == "File"}
         stored = {name.removeprefix(f"{root}/") for name in archive.namelist()} - {NAME}
         if stored != described.keys():
-            raise OSError(f"{path}: contains {sorted(stored ^ described.keys())[0]}, or describes it, but not both")
+            raise OSError(
+                f"{path}: {sorted(stored ^ described.keys())[0]} is only in the archive or only in its description; "
+                "publish again"
+            )
         for place, node in described.items():
             with archive.open(f"{root}/{place}") as content:
                 digest, size_bytes = hashlib.sha256(), 0

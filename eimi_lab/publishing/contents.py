@@ -1,4 +1,4 @@
-"""The files of an archive: kind, size and hash of each file."""
+"""The files of an archive, with the kind, size and hash of each file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from eimi_lab.process.paths import followed
 Kind = Literal["dataset", "fits", "text of a dataset", "other"]
 
 TEXTS = ("specimen", "calibration", "protocol", "rig")
-"""The TOML files of a run. Its dataset contains them; the archive holds each of them also as a file."""
+"""Names of the TOML files in the dataset of a run. The archive also contains each of them as a separate file."""
 
 MEDIA_TYPES = {
     ".h5": "application/x-hdf5",
@@ -35,24 +35,24 @@ MEDIA_TYPES = {
 
 @dataclass(frozen=True)
 class PublishedFile:
-    """A file of an archive.
+    """A file of an archive, with its description.
 
     Parameters
     ----------
     place
-        Place in the archive, relative to its root, with "/" between folders.
+        Path in the archive, relative to the root of the archive, with "/" between folders.
     source
-        The file on the disk; None for the text of a dataset.
-    text
-        The content of a text of a dataset.
+        The file on the disk; None for a TOML text from a dataset.
     kind
         Kind of the file.
     size_bytes, sha256
-        Size and hash of the content.
+        Size and SHA-256 hash of the content.
     changed
-        Time of the last change in ISO 8601; for a dataset, the start of its run.
+        Time of the last change in ISO 8601; for a dataset and its texts, the start of the run.
     about
         One sentence that describes the content.
+    text
+        The content of a TOML text from a dataset.
     fits
         The fits, if the file is a result file.
     """
@@ -69,37 +69,38 @@ class PublishedFile:
 
     @property
     def media_type(self) -> str:
-        """The media type that belongs to the ending of the name."""
+        """The media type of the file, from the ending of its name."""
         suffix = self.place.suffix.lower()
         return MEDIA_TYPES.get(suffix) or mimetypes.types_map.get(suffix, "application/octet-stream")
 
 
 def gather(runs: Sequence[Path]) -> tuple[PublishedFile, ...]:
-    """Return the files of an archive.
+    """Return the files of an archive with their descriptions.
 
     Parameters
     ----------
     runs
-        Datasets, results and other files, or folders that contain them. A folder stays a folder in the archive; hidden
-        files in it are left out.
+        Datasets, results and other files, or folders that contain such files. A folder becomes a folder of the archive.
+        Hidden files in a folder are left out.
 
     Raises
     ------
     InputError
-        If a file does not exist, cannot be read, or is given twice, or if a dataset is still being written.
+        If a file does not exist or cannot be read, if two files have the same path in the archive, or if a dataset is
+        still being written.
     """
     files: dict[PurePosixPath, PublishedFile] = {}
     for run in runs:
         for source, place in _files_of(run):
             for file in _described(source, place):
                 if file.place in files:
-                    raise InputError(f"{run}: the archive has a file {file.place} already; rename one of the two")
+                    raise InputError(f"{run}: the archive has a file {file.place} already; rename one of the two files")
                 files[file.place] = file
     return tuple(files.values())
 
 
 def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
-    """Yield the files of a run with their places in the archive."""
+    """Yield the files of a run with their paths in the archive. `run` is a file or a folder."""
     if run.is_file():
         yield run, PurePosixPath(run.name)
         return
@@ -114,7 +115,7 @@ def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
 
 
 def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
-    """Yield a file with its description; for a dataset, yield the TOML texts too."""
+    """Yield a file with its description. For a dataset, also yield the TOML texts that it contains."""
     try:
         with source.open("rb") as opened:
             sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -132,7 +133,7 @@ def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
 
 
 def _fits_of(source: Path) -> tuple[FitRecord | TensileRecord | RingDownRecord, ...]:
-    """Return the fits of a result file; an empty tuple if the file is of another kind."""
+    """Return the fits of a result file. The result is empty if the file is not a result file."""
     if source.suffix.lower() != ".json":
         return ()
     try:
@@ -144,7 +145,10 @@ def _fits_of(source: Path) -> tuple[FitRecord | TensileRecord | RingDownRecord, 
 def _dataset(source: Path, place: PurePosixPath, size_bytes: int, sha256: str) -> Iterator[PublishedFile]:
     with open_dataset(source) as dataset:
         if not dataset.finished:
-            raise InputError(f"{source}: is still being written, or its writer crashed; `eimi recover` helps")
+            raise InputError(
+                f"{source}: is still being written, or its run crashed; wait for the end of the run, or use "
+                "`eimi recover`"
+            )
         beam = dataset.specimen.specimen
         start = dataset.start_time().isoformat(timespec="seconds")
         recorded = "frames" if dataset.kind == "frames" else "tracked points"
@@ -168,7 +172,10 @@ def _dataset(source: Path, place: PurePosixPath, size_bytes: int, sha256: str) -
 
 
 def without_dataset(files: Sequence[PublishedFile]) -> tuple[str, ...]:
-    """Return one line for each fit whose dataset is not in the archive, or differs from the dataset in the archive."""
+    """Return one line for each fit whose dataset is not in the archive.
+
+    A changed dataset counts as a different dataset.
+    """
     published = {file.sha256 for file in files if file.kind == "dataset"}
     lines: dict[str, None] = {}
     for file in files:
@@ -176,7 +183,7 @@ def without_dataset(files: Sequence[PublishedFile]) -> tuple[str, ...]:
             for reference in fit.datasets if isinstance(fit, FitRecord) else ():
                 if reference.sha256 not in published:
                     lines[
-                        f"{file.place}: the fit is of {reference.path} with the SHA-256 {reference.sha256[:16]}..., "
-                        "and the archive has no such dataset"
+                        f"{file.place}: the archive does not contain the dataset of this fit, {reference.path} with "
+                        f"the SHA-256 {reference.sha256[:16]}..."
                     ] = None
     return tuple(lines)

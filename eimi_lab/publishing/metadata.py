@@ -27,7 +27,10 @@ Node = dict[str, Any]
 
 
 def licence_node(licence: str | None) -> Node | None:
-    """Return the entity of a licence, given by its SPDX identifier or its URL; raise InputError for any other text."""
+    """Return the entity that describes a licence; None without a licence.
+
+    Raises InputError if the text is neither an SPDX identifier nor a URL.
+    """
     if licence is None:
         return None
     if licence.startswith(("https://", "http://")):
@@ -48,9 +51,9 @@ def metadata(files: Sequence[PublishedFile], title: str, people: People | None, 
     title
         Name of the archive.
     people
-        The authors; None if they are not stated.
+        The authors; None if they are not known.
     licence
-        SPDX identifier or URL; None if no licence is stated.
+        SPDX identifier or URL; None without a licence.
 
     Raises
     ------
@@ -107,7 +110,7 @@ def _id(place: PurePosixPath) -> str:
 
 
 def _summary(files: Sequence[PublishedFile]) -> str:
-    """Return one sentence with the numbers of datasets, fits and files."""
+    """Return one sentence with the number of datasets, the number of fits and the number of files."""
     runs = sum(file.kind == "dataset" for file in files)
     fits = sum(len(file.fits) for file in files)
     return (
@@ -143,7 +146,7 @@ def _affiliation(person: Person) -> Node | None:
 
 
 def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
-    """Return an entity for each folder of the archive."""
+    """Return an entity for each folder of the archive, by the path of the folder."""
     parents = {parent for file in files for parent in file.place.parents if parent.parts}
     return {
         folder: {"@id": f"{_id(folder)}/", "@type": "Dataset", "name": folder.name, "hasPart": []}
@@ -152,7 +155,7 @@ def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
 
 
 def _nest(root: Node, folders: dict[PurePosixPath, Node], files: Sequence[PublishedFile]) -> None:
-    """Add every file and every folder to the list of parts of the folder that contains it."""
+    """Add every file and every folder to the parts of the folder that contains it."""
     places = {**folders, **{file.place: {"@id": _id(file.place)} for file in files}}
     for place, node in places.items():
         folders.get(place.parent, root)["hasPart"].append(_reference(node))
@@ -180,7 +183,7 @@ def _modulus_id(file: PublishedFile, number: int) -> str:
 
 
 def _modulus_nodes(file: PublishedFile) -> list[Node]:
-    """Return the initial shear modulus of each fit, with its 95 % interval."""
+    """Return one entity for each fit of a result file: the initial shear modulus with its 95 % interval."""
     return [_modulus(file, number, fit) for number, fit in enumerate(file.fits)]
 
 
@@ -200,7 +203,10 @@ def _modulus(file: PublishedFile, number: int, fit: FitRecord | TensileRecord | 
 
 
 def _action(file: PublishedFile, files: Sequence[PublishedFile]) -> list[Node]:
-    """Return the action that made a result file: its datasets, and the versions of the programs."""
+    """Return the entity of the computation that made a result file, as a list; empty for any other file.
+
+    The entity gives the datasets of the fits and the versions of the programs.
+    """
     if not file.fits:
         return []
     hashes = {d.sha256 for fit in file.fits if isinstance(fit, FitRecord) for d in fit.datasets}

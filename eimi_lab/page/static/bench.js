@@ -51,7 +51,7 @@ byId("order").addEventListener("submit", tried(async () => {
 for (const act of ["pause", "go-on", "end"]) byId(act).addEventListener("click", tried(() => steer(`/api/run/${act}`)));
 
 const minutes = (seconds) => seconds === null ? "—" : seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
-const percent = (share) => share === null || share === undefined ? "not rated in the rig" : `${number(100 * share)} %`;
+const percent = (share) => share === null || share === undefined ? "no rating in the rig file" : `${number(100 * share)} %`;
 const PHASES = { beginning: "starting", running: "▶ running", pausing: "will pause after this state", paused: "❚❚ paused, coil off",
   ending: "ending with a ramp down", stopping: "■ stopping", ended: "ended" };
 
@@ -81,8 +81,8 @@ function showState({ run, control, camera = null }) {
     ["protocol, specimen, rig", `${run.protocol}, ${run.specimen}, ${run.rig}`],
     ["states", `${run.stored} of ${run.states}`],
     ["time left", goingOn ? minutes(run.left_s) : "—"],
-    ["largest heat of the coil", run.hottest_share === null ? "not rated in the rig" : `${percent(run.hottest_share)} of the continuous rating`],
-    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if it is killed too, or the cable or the computer fails: " : "") + run.without_contact],
+    ["largest heat of the coil", run.hottest_share === null ? "no rating in the rig file" : `${percent(run.hottest_share)} of the allowed heat`],
+    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if the guardian is killed too, or the cable or the computer fails: " : "") + run.without_contact],
   ]);
   byId("said").replaceChildren(...run.said.slice().reverse().map((words) => el("li", {}, words)));
   showStates(run);
@@ -175,5 +175,5 @@ function showLight({ histogram, saturated_share: saturated }) {
     frame.append(svg("rect", { class: bin === histogram.length - 1 && saturated > 0 ? "column full" : "column", x: bin * step, width: step - 1, y: high - tall, height: tall }));
   });
   byId("light").replaceChildren(frame);
-  byId("light-words").textContent = `exposure, dark to bright; saturated ${number(100 * saturated, 2)} % of the pixels${saturated > 0.001 ? " ▲ too bright" : ""}`;
+  byId("light-words").textContent = `exposure, dark to bright; ${number(100 * saturated, 2)} % of the pixels are saturated${saturated > 0.001 ? " ▲ too bright" : ""}`;
 }

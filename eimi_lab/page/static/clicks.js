@@ -15,7 +15,7 @@ export class Clicks {
     const { figure } = picture;
     figure.append(this.loupe);
     figure.classList.add("clickable");
-    for (const [key, value] of Object.entries({ tabindex: 0, role: "application", "aria-label": "picture: arrow keys move the cross, with Shift by one pixel; Enter sets a point, Backspace takes it back" })) figure.setAttribute(key, value);
+    for (const [key, value] of Object.entries({ tabindex: 0, role: "application", "aria-label": "picture: arrow keys move the cross, with Shift by one pixel; Enter sets a point, Backspace removes the last point" })) figure.setAttribute(key, value);
     figure.addEventListener("pointermove", (event) => { if (event.pointerType === "mouse" && !event.target.closest(".mark, .handle")) this.look(this.placeOf(event)); });
     figure.addEventListener("pointerleave", () => this.look(null));
     figure.addEventListener("click", (event) => { if (this.size && !event.target.closest(".mark, .handle")) this.add(this.placeOf(event)); });

@@ -34,7 +34,7 @@ function result(fit) {
     ...fit.notes.map((words) => el("p", { class: "small" }, words)),
     ...fit.doubts.map((words) => el("p", { class: "warn" }, `▲ doubt: ${words}`)),
     el("h3", {}, "What makes the modulus uncertain"),
-    budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "only noise, because no other uncertainty was stated"),
+    budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "only noise, because no other uncertainty is given"),
   ];
 }
 

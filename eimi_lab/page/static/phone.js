@@ -6,7 +6,7 @@ import { Picture } from "./picture.js";
 import { openRun } from "./runs.js";
 
 const WAIT_MS = 250, MOST_ALONG = 5;
-const CLAMP = { one: ["middle of the line where the beam leaves its clamp"], two: ["one end of the clamp's edge, where the beam leaves it", "the other end of the clamp's edge"] };
+const CLAMP = { one: ["middle of the line where the beam leaves its clamp"], two: ["one end of the clamp's edge at which the beam leaves the clamp", "the other end of the clamp's edge"] };
 const THEN = ["middle of the tip", "first tick of the ruler", "second tick of the ruler"];
 const picture = new Picture(byId("phone-picture"));
 const clicks = new Clicks(picture, names, changed);
@@ -71,7 +71,7 @@ async function openFolder() {
 }
 
 function showLens() {
-  byId("phone-lens").textContent = folder.lens ? `Distance of the lens: from the ${folder.lens}.` : folder.pictures.length ? "The first picture states no focal length: type the distance from the lens to the beam." : "";
+  byId("phone-lens").textContent = folder.lens ? `Distance of the lens: from the ${folder.lens}.` : folder.pictures.length ? "The first picture contains no focal length. Type the distance of lens and beam." : "";
   byId("phone-stand-off").hidden = !folder.pictures.length || Boolean(folder.lens);
 }
 
@@ -117,7 +117,7 @@ function next() {
   const [count, all] = [clicks.points.length, needed()];
   byId("phone-next").textContent = !folder?.pictures.length ? "Drop the pictures first."
     : count < all.length ? `Click ${count + 1} of ${all.length}: ${all[count]}.`
-    : "All points are set. Drag a point to correct it. Where the edges are wrong, click up to five more points along the beam, from the clamp to the tip.";
+    : "All points are set. Drag a point to correct its place. If the edges are wrong, click up to five more points along the beam, from the clamp to the tip.";
   byId("phone-undo").disabled = byId("phone-clear").disabled = !count;
 }
 
@@ -161,7 +161,7 @@ async function findEdges() {
 async function saveAndFit() {
   const missing = [...byId("phone-form").querySelectorAll("[required]")].find((field) => !field.value.trim() && !field.closest("[hidden]"));
   if (missing) { missing.focus(); throw new Error(`${missing.dataset.key} is missing`); }
-  if (clicks.points.length < needed().length) throw new Error(`${needed()[clicks.points.length]}: click it on the picture`);
+  if (clicks.points.length < needed().length) throw new Error(`click this point on the picture: ${needed()[clicks.points.length]}`);
   words("writing the files and the dataset …");
   byId("phone-result").hidden = true;
   saved = await steer("/api/phone/save", { folder: folder.name, clicks: clicked(), beam: beam(), grams: grams(), replace: byId("phone-replace").checked || Boolean(saved) });

@@ -72,8 +72,8 @@ function showModulus(why) {
   if (!last) { byId("modulus-interval").textContent = ""; return; }
   const [low, high] = last.interval_95_kPa;
   byId("modulus-interval").textContent = `95 %: ${number(low)} to ${number(high)} kPa`;
-  byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Limited most by ${last.limited_by}. `
-    + "It is an estimate with a planar model; the result is that of the fit.";
+  byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Largest part of its uncertainty: ${last.limited_by}. `
+    + "This estimate uses a planar beam model. A fit gives the final result.";
   plot(byId("modulus-plot"), all.map((one) => ({
     x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,
     title: `${one.states} states: ${number(one.modulus_kPa)} kPa`,

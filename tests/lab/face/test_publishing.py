@@ -107,9 +107,9 @@ def test_a_changed_file_is_noticed(results: Path, tmp_path: Path) -> None:
 def test_what_a_reader_would_miss_is_said(results: Path, tmp_path: Path) -> None:
     remarks = eimi.publish([results / "fits.json"], tmp_path / "study.eln").remarks
     assert len(remarks) == 3
-    assert "the archive has no such dataset" in remarks[0]
-    assert "no authors are stated" in remarks[1]
-    assert "no licence is stated" in remarks[2]
+    assert "the archive does not contain the dataset of this fit" in remarks[0]
+    assert "no authors are given" in remarks[1]
+    assert "no licence is given" in remarks[2]
 
 
 @pytest.mark.parametrize(
