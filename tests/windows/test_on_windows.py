@@ -186,12 +186,12 @@ def test_files_in_a_folder_with_a_long_path_are_written_locked_and_read(tmp_path
     assert str(folder).startswith("\\\\?\\")
     assert {"calibration.toml", "protocol.toml", "specimen.toml"} <= {path.name for path in folder.iterdir()}
     assert load_protocol(plain / "protocol.toml").currents_A
-    (folder / "shape.csv").write_text("x_mm,y_mm\n0,0\n10,0.2\n20,0.5\n")
+    (folder / "shape.csv").write_text("x_mm,y_mm\n0,0\n10,0.2\n20,0.5\n30,0.9\n")
     (folder / "below").mkdir()
     shipped = Path(__file__).parents[2] / "protocols" / "specimens" / "type1.toml"
     text = shipped.read_text(encoding="utf-8").replace("[specimen]", '[specimen]\nrest_shape = "../shape.csv"', 1)
     (folder / "below" / "specimen.toml").write_text(text, encoding="utf-8")
-    assert "20.0, 0.5" in load_specimen(plain / "below" / "specimen.toml").text
+    assert "30.0, 0.9" in load_specimen(plain / "below" / "specimen.toml").text
     path = folder / "fits.json"
     write_file(path, "µ", force=False)
     lock = WriterLock(path)
