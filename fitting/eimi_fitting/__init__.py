@@ -10,8 +10,8 @@ correlation   the number of correlated residuals that count as one independent r
 randomness    tests of residuals for randomness along an edge
 suggestion    the existing name that is nearest to a misspelt name
 
-The names in ``__all__`` are public. Each of them is loaded when it is first used. This package reads no files and
-knows no instruments. It imports numpy, scipy and cma alone.
+The names in ``__all__`` are public. Each name is loaded when it is first used. This package reads no files and knows
+no instruments, and its only imports are numpy, scipy and cma.
 """
 
 from __future__ import annotations

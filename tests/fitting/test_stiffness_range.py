@@ -76,7 +76,7 @@ def test_a_dial_gauge_with_an_offset_is_a_doubt_and_not_refused():
     fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0], offset_mm=0.5)])
     (doubt,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
     assert "place of the clamp (+0.47 mm" in doubt.words
-    assert doubt.words.endswith("or free it (--free clamp=0.5)")
+    assert doubt.words.endswith("or free this quantity (--free clamp=0.5)")
 
 
 def test_a_displaced_clamp_is_a_doubt_with_its_remedy():
@@ -88,7 +88,7 @@ def test_a_displaced_clamp_is_a_doubt_with_its_remedy():
     assert (clamp_doubt.dataset, clamp_doubt.state) == (0, None)
     assert "place of the clamp (-0.9 mm, probability 1.00" in clamp_doubt.words
     assert "clamp_midpoint_px" in clamp_doubt.words
-    assert "or free it (--free clamp=0.9)" in clamp_doubt.words
+    assert "or free this quantity (--free clamp=0.9)" in clamp_doubt.words
     assert fit.causes[0].name == "clamp_offset"
     freed = identify("neo-hookean", [off], free=[NuisancePrior("clamp", 0.9)])
     assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []

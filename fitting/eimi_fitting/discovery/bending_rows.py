@@ -1,9 +1,9 @@
 """Turn the edges of bent beams into linear equations for the coefficients of the terms.
 
 The edges are linearised about a law that is close to the solution. The residuals for this law are those of the best
-model of the specimen: the solid, or the finer mesh of a planar section. Their derivatives are finite differences of the
-planar model, without the refinement. The error of the derivatives has little effect, because all laws that are compared
-bend the beam by almost the same amount.
+model of the specimen: the solid, or the finer mesh of a planar section. The derivatives of the residuals are finite
+differences of the planar model, without the refinement. The error of the derivatives has little effect, because all
+laws that are compared bend the beam by almost the same amount.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """The exception for a beam without an equilibrium for any law about which its edges could be linearised."""
+    """The exception if a beam has no equilibrium for any of the laws about which its edges could be linearised."""
 
 
 def scale_deviation(lot: float) -> float:

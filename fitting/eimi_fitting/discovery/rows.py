@@ -72,7 +72,7 @@ class Rows:
 def non_negative(columns: Array, observed: Array) -> Array:
     """Return the non-negative coefficients (J,) of the least-squares fit of ``columns`` (N, J) to ``observed`` (N,).
 
-    The columns are scaled to unit length first, so that their units do not matter.
+    The columns are scaled to unit length first, so that the units of the coefficients have no effect.
 
     References
     ----------

@@ -10,7 +10,7 @@
    where delta is the difference between the predictions of the two sets. If one of the two sets is right and the noise
    has unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
    one-standard-error rule of the same section, for paired errors. A larger set that contains the right set is preferred
-   to it only if |delta| exceeds 3, which is three standard deviations of the noise.
+   to the right set only if |delta| exceeds 3, which is three standard deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it, and `upper_coefficients` computes how large each further term could be.
 """

@@ -24,7 +24,7 @@ def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 = s^2 + 2 / s - 3 at the largest stretch s of an incompressible uniaxial test, from its strains."""
+    """Return I1 - 3 = s^2 + 2 / s - 3 in incompressible uniaxial tension at the largest stretch s = 1 + strain."""
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 

@@ -99,8 +99,8 @@ class Cause:
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus in per cent if a fit takes this cause into account. If the fit has already
-        done this, the change by which its modulus differs from a fit without the cause.
+        Change of the initial shear modulus in per cent if the cause is taken into account. If the fit has already taken
+        the cause into account, the change from a fit without the cause.
     decide_by : str
         The measurement that decides whether the cause is present.
     like : tuple of str

@@ -80,7 +80,7 @@ class NotExplained(Exception):
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """Return the class and its arguments, which rebuild the exception in another process."""
+        """Return the class and the arguments that rebuild the exception in another process."""
         return NotExplained, self._arguments
 
 
@@ -201,7 +201,7 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
         raise NotDetermined(
-            f"a single state does not determine the initial shear modulus: it may lie anywhere from {low:.4g} to "
+            f"a single state does not determine the initial shear modulus, which may lie anywhere from {low:.4g} to "
             f"{high:.4g} Pa; measure a state under another load"
         )
 
@@ -246,7 +246,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each possible mistake in the stated loads; its correction would reduce the error much."""
+    """Return a doubt for each mistake in the stated loads whose correction would more than halve the error."""
     return tuple(
         Doubt(
             f"check the stated loads for {slip.words}: without it the mean error would be about "
@@ -264,9 +264,9 @@ def cause_doubts(
     """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
 
     A cause concerns the modulus if the corrected modulus would lie outside the 95 % interval, or if the cause explains
-    more than half of the mean error. The doubt also names the causes that the residuals do not distinguish from it. A
-    cause that the fit has taken into account is no doubt. If residuals are more than ten times the stated noise and the
-    most probable hypothesis is that no listed cause explains them, the doubt says so.
+    more than half of the mean error. The doubt also names the causes that the residuals do not distinguish from
+    this cause. A cause that the fit has taken into account is no doubt. If residuals are more than ten times the stated
+    noise and most probably no listed cause explains these residuals, the doubt says so.
 
     Returns
     -------
@@ -298,7 +298,7 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the rivals of the first cause: at most two other causes that the data do not distinguish from it.
+    """Return the rivals of the first cause: at most two other causes that the data do not distinguish from this cause.
 
     The rivals are the causes of the same class, whose signatures are nearly collinear (`collinear_causes`). Without a
     class, a rival has more than a tenth of the probability p of the first cause, and the sum of its probability and p
@@ -333,7 +333,7 @@ def _causes_in_words(causes: Sequence[Cause]) -> str:
         words = f"the residuals show: {' and '.join(map(described, present or [first]))}"
     words += f"; decide by {first.decide_by}"
     source = possible[first.name].source
-    return words + (f", or free it (--free {source}={abs(first.value):.1g})" if source else "")
+    return words + (f", or free this quantity (--free {source}={abs(first.value):.1g})" if source else "")
 
 
 def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = ()) -> tuple[Doubt, ...]:

@@ -14,10 +14,10 @@ amplitudes, so that the angle does not depend on the size for which signatures a
 class of at most three. A cause of negligible size, whose secondary amplitudes explain the residuals, is alone in its
 class.
 
-The data do not decide between the causes of a class. Their evidence differs by the prior sizes, which are assumed. If
-the scale were wrong by 3 per cent, which is three usual sizes, the evidence would favour a beam that is 9 mm nearer.
-The hypotheses that differ only by the choice within a class therefore share their probability equally, because their
-prior probabilities are equal.
+The data do not decide between the causes of a class. The evidence of these causes differs by the prior sizes, which are
+assumed. If the scale were wrong by 3 per cent, which is three usual sizes, the evidence would favour a beam that is 9
+mm nearer. The hypotheses that differ only by the choice within a class therefore share their probability equally,
+because their prior probabilities are equal.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a change of assumptions; the argument for each amplitude gives the deviations of sources for 1."""
+    """Return the change of assumptions by deviations of sources; ``parts`` gives them for each amplitude of 1."""
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(
@@ -142,8 +142,8 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
         Takes an experiment, places (..., 2) in mm and the amplitudes. Returns the displacement of these places
         (..., 2) in mm. The displacement of the clamp is subtracted.
     shift : int, optional
-        Index of the first of two amplitudes that displace all places in x and y by a length in mm. They describe a
-        calibration in which the place of the clamp comes from another picture.
+        Index of the first of two amplitudes that displace all places in x and y by a length in mm. These amplitudes
+        describe a calibration in which the place of the clamp comes from another picture.
 
     Returns
     -------

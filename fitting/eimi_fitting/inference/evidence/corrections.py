@@ -7,8 +7,7 @@ the optimum of r. The fit is repeated with the residuals
 
 (deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R. The computation
 costs little more than one candidate on the better model. The changes R - r of several better models are added. A share
-of the change of the optimum remains uncertain. This share widens the interval: it counts as the 95 % bound of a normal
-error.
+of the change of the optimum remains uncertain. This share widens the interval as the 95 % bound of a normal error does.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
 the displacement at the distance r from the corner grows as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
@@ -20,7 +19,7 @@ Verification and Validation in Computational Science and Engineering, section 5.
 The solid. The model of the search is in plane stress. In the solid, the clamp and the magnet restrain the
 cross-section, and the cross-section bows. If the magnet is shallower than the beam, the silicone in front of the magnet
 and behind the magnet is soft. These effects change the modulus by some per cent and the edges by tens of micrometres,
-which no planar model reproduces. The change is much larger than the noise. It is therefore computed again at each new
+which no planar model reproduces. The change is much larger than the noise, and is therefore computed again at each new
 optimum until the modulus hardly changes. The residuals are those of the solid on its own mesh. The change by a finer
 planar mesh is not added, because the corner singularities differ: the cross-section at the clamp is free in plane
 stress and restrained in the solid. A solid of 20 x 2 elements gives a modulus within 0.1 % of the modulus of 36 x 4
@@ -210,7 +209,7 @@ def correction(
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        Comparison of the candidate on the models of the experiments. Further candidates in it are ignored.
+        Comparison of the candidate on the models of the experiments. Further candidates of this comparison are ignored.
     compare : callable
         Takes experiments and returns the comparison of the candidate with these experiments.
     near : sequence of Correction

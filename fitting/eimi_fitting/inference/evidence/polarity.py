@@ -1,9 +1,9 @@
 """The field in both polarities, which separates the modulus from a tilted magnetisation and from a background field.
 
-If the current is reversed, the odd part of the deflection is reversed; it is caused by the field of the coil. The even
-part of the deflection is unchanged; it does not depend on the current, or depends on its square. The modulus follows
-from the odd part. The direction of magnetisation and the background field follow from the even part. A fit therefore
-frees both sources if both polarities were measured.
+The odd part of the deflection is caused by the field of the coil and is reversed with the current. The even part does
+not depend on the current, or depends on the square of the current, and stays the same. The modulus follows from the odd
+part. The direction of magnetisation and the background field follow from the even part. A fit therefore frees both
+sources if both polarities were measured.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class Quantity:
     interval_95 : tuple of float
         Lower and upper end of the 95 % interval from noise, mesh and all stated uncertainties, in the same unit.
     interval_95_fit : tuple of float, optional
-        Lower and upper end of the 95 % interval from noise and mesh alone; None if it was not computed.
+        Lower and upper end of the 95 % interval from noise and mesh alone; None if this interval was not computed.
 
     Examples
     --------

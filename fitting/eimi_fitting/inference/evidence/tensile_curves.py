@@ -38,7 +38,7 @@ class TensileCurve:
     stress_Pa : ndarray, shape (m,)
         Engineering stress in Pa.
     weight : float
-        Weight w of the curve in a joint fit; with 1, the noise of the curve alone determines its weight.
+        Factor w on the weight that the curve has in a joint fit because of its noise; 1 by default.
 
     Examples
     --------

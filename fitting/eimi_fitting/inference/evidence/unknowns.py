@@ -127,7 +127,7 @@ class Setup:
         Returns
         -------
         Setup
-            Field factor and image map; deviations that change neither of them are ignored.
+            Field factor and image map; deviations that change neither field nor image are ignored.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -215,7 +215,7 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     -------
     tuple of SharedUnknowns
         One for each group. Datasets that state the same object for the source form a group. The datasets that do not
-        state the source form a group if ``Source.common`` is true, else each of them is a group.
+        state the source form a group if ``Source.common`` is true, else each of these datasets is a group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -296,9 +296,9 @@ class Unknowns:
         return (*self.space.names, *(nuisance.name for nuisance in self.freed))
 
     def modulus_percent(self, moved: float) -> float:
-        """Return the change of the modulus in per cent if its unit coordinate, the first one, changes by ``moved``.
+        """Return the change of the modulus in per cent if the first unit coordinate changes by ``moved``.
 
-        The coordinate is proportional to the logarithm of the modulus.
+        The first coordinate is that of the modulus and is proportional to its logarithm.
         """
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 
@@ -314,7 +314,7 @@ class Unknowns:
     def prior(self) -> Array:
         """The inverse of the prior variance of each unit coordinate, shape (n,).
 
-        It is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance it is
+        The value is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance it is
         (2 RANGE)^2.
         """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)

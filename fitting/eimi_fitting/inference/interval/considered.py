@@ -236,7 +236,7 @@ def changes_by(
     numbers : sequence of (str, int, float)
         For each deviation, its source, its index among the parts of the source, and its size in the unit of the source.
     near : Configuration, optional
-        Shapes near the solution, one for each state. The solver starts from them.
+        Shapes near the solution, one for each state, from which the solver starts.
 
     Returns
     -------

@@ -67,7 +67,8 @@ def draw_noise(
     covariance : ndarray, shape (n, n)
         Covariance of the optimum due to noise and priors.
     ends : Ends
-        Ends of the intervals. If the profile likelihood gives the ends of a coordinate, its draws are scaled to them.
+        Ends of the intervals. If the profile likelihood gives the ends of a coordinate, its draws are scaled to these
+        ends.
     model_errors : ndarray, shape (C, n)
         Standard deviations of C errors of the beam models. Each error changes all unknowns in proportion.
     modulus_errors : ndarray, shape (C,)

@@ -260,10 +260,10 @@ def _effects_percent(
 def _widened(problem: Problem, about: Linearisation) -> float:
     """Return the factor by which the estimated noise level widens the intervals.
 
-    It is the 97.5 % quantile of Student's t over that of the normal distribution. Level and correlation of the noise of
-    edges are estimated from the residuals. Each edge is one cluster of correlated residuals, so that E edges give at
-    most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics 165:137). The factor is 1 for tracked
-    points, because their uncertainty is stated.
+    The factor is the 97.5 % quantile of Student's t over that of the normal distribution. Level and correlation of the
+    noise of edges are estimated from the residuals. Each edge is one cluster of correlated residuals, so that E edges
+    give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics 165:137). The factor is 1 for
+    tracked points, because their uncertainty is stated.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         return 1.0

@@ -9,10 +9,10 @@ The unknowns x and the deviations s of the sources, in standard uncertainties, a
     minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
 
 for the residuals r_k of state k in mm, their slopes J_k in x, their changes C_k for one standard uncertainty of each
-source, and the weights w_k of `inference.interval.covariance`. The remaining residuals are the noise. Their level and
-correlation determine w_k, and the fit is repeated until the level stays the same. The effect of a source on the
-residuals is only approximately linear, and an error of a few per cent of this effect may exceed the noise. Residuals
-and slopes are therefore evaluated again at the minimum (Gauss-Newton). Laws are compared by the noise.
+source, and the weights w_k of `inference.interval.covariance`. The remaining residuals are the noise. The level and
+correlation of the noise determine w_k, and the fit is repeated until the level stays the same. The effect of a source
+on the residuals is only approximately linear, and an error of a few per cent of this effect may exceed the noise.
+Residuals and slopes are therefore evaluated again at the minimum (Gauss-Newton). Laws are compared by the noise.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     Notes
     -----
     Let the noise have N independent points and the mean error e, and let E be the mean error of all residuals. The
-    likelihood uses N (E / e)^2 points, so that its weights are those of the noise.
+    likelihood uses N (E / e)^2 points, so that the weights w_k are those of the noise.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:

@@ -61,7 +61,7 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of this law, and the unit coordinates of the parameters among them.
+        """Return the unknowns of a fit of this law, and the unit coordinates of its parameters.
 
         Returns
         -------

@@ -1,8 +1,8 @@
 """Estimate the error of a modulus due to a planar section: fit a planar model to the outline of a solid.
 
-The error depends on the proportions of the specimen. It does not depend on noise, illumination or law. Two bent states
-of a Neo-Hookean solid are enough to compute it to one per cent of the modulus. `benchmarks.hidden_solids` compares this
-estimate with complete fits.
+The error depends on the proportions of the specimen, and not on noise, illumination or law. Two bent states of a
+Neo-Hookean solid are enough to compute the error to one per cent of the modulus. `benchmarks.hidden_solids` compares
+this estimate with complete fits.
 """
 
 from __future__ import annotations

@@ -6,11 +6,12 @@ belong to the shape. Let r(q, a) be the residuals of the edges for a simulation 
 steps minimise |r|^2 with normal priors on q and a, so that q describes the stress-free shape. Because the unknowns are
 few and smooth, the noise of single edge points has little influence.
 
-The simulation needs a modulus. It is the modulus at which a planar Neo-Hookean model of the measured shape explains the
-states with load best. Shape and modulus are computed in turn, three times.
+The simulation uses the modulus for which a planar Neo-Hookean model of the measured shape explains the states with load
+best. Shape and modulus are computed in turn, three times.
 
 A mode is accepted if its amplitude exceeds three standard deviations and a least amplitude. The least amplitude is
-0.005 mm for a bend and 0.003 mm for a change of width. They change the modulus by about 0.05 % and 0.2 %.
+0.005 mm for a bend and 0.003 mm for a change of width. Modes of these sizes
+change the modulus by about 0.05 % and 0.2 %.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class MeasuredRestShape:
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with the measured shape, and with its uncertainty instead of a stated uncertainty.
+        """Return the experiment with the measured shape; the uncertainty of this shape replaces a stated uncertainty.
 
         Parameters
         ----------
@@ -171,7 +172,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the modes that exceed three standard deviations and their least amplitude."""
+    """Return the indices of the significant modes: above three standard deviations and above the least amplitude."""
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
@@ -267,7 +268,7 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return for each of S moduli the root mean square over the states of their errors, shape (S,) in mm."""
+    """Return the root mean square of the errors of all states for each of S moduli, shape (S,) in mm."""
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))
     return np.where(shapes.converged, error, DISCARDED_MM)

@@ -1,7 +1,7 @@
 """Name a mistake in the stated loads if no material explains the measurement but corrected loads do.
 
-The check runs before the search. The smallest error of a scan over moduli is compared with the error of an unbent beam.
-If their ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in
+The check runs before the search. The smallest error of a scan over moduli is divided by the error of an unbent beam.
+If this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in
 the loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the
 error to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds
 0.2. Otherwise the mistake becomes a doubt about the fit.
@@ -89,7 +89,7 @@ class NamedCause(Exception):
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
-        """Return the class and its arguments, which rebuild the exception in another process."""
+        """Return the class and the arguments that rebuild the exception in another process."""
         return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
