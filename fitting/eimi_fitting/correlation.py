@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """Return the integrated autocorrelation length tau of residuals, in points: tau points count as one.
+    """Return the integrated autocorrelation length tau of residuals: tau neighbouring points count as one.
 
     Parameters
     ----------

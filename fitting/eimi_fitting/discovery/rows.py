@@ -45,7 +45,7 @@ class Rows:
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the coefficients (J,) >= 0 in Pa and the amplitudes (q,) that minimise residuals and amplitudes.
+        """Return non-negative coefficients (J,) in Pa and nuisance amplitudes (q,) by least squares.
 
         The minimum is that of |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two non-negative
         numbers, because the solver accepts non-negative unknowns only.

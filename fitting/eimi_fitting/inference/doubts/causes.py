@@ -354,7 +354,7 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the rows of the most probable hypotheses: of one cause, of two causes, and without freed inputs."""
+        """Return the rows of the hypotheses to simulate: probable ones, and no cause if the fit has freed inputs."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far

@@ -376,7 +376,7 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of the error divided by the noise."""
+    """Return the median over the states of the error divided by the stated noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 

@@ -111,7 +111,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return the change of assumptions by deviations of sources; ``parts`` gives them for each amplitude of 1."""
+    """Return the change of assumptions by sources; each of ``parts`` has the deviations for one amplitude of 1."""
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(
@@ -200,14 +200,14 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement (..., 2) in mm of places in the picture if the camera is tilted by angles in degrees."""
+    """Return the displacement (..., 2) in mm of places if the camera is tilted about two axes, in degrees."""
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement (..., 2) in mm if the beam is farther away than the plane of calibration, by mm."""
+    """Return the displacement (..., 2) in mm if the beam is some mm farther away than the plane of calibration."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
@@ -220,7 +220,7 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return loads that bend the stated beam as the stated loads bend a beam with K stiffness factors, one a state."""
+    """Return loads that bend the stated beam as the stated loads bend a beam with K factors on its stiffness."""
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -228,12 +228,12 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return loads that describe a beam whose stiffness decreases in proportion to time; time steps are equal."""
+    """Return loads that describe a beam that softens in proportion to time, for states with equal time steps."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return field plus tip force of each state, (K,), both as shares of the largest."""
+    """Return the strength of the load in each of K states, (K,): field plus tip force, as shares of the largest."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 

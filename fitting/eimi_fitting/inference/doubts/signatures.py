@@ -254,7 +254,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return groups of datasets that share an amplitude, each with the stated uncertainty of the source, else 0."""
+    """Return the groups of datasets that share an amplitude, each with the stated uncertainty of the source or 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]

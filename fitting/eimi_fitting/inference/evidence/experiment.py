@@ -83,7 +83,7 @@ class Experiment:
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with the states of the indices ``states``; an index may occur more than once."""
+        """Return the experiment with the states that have the indices ``states``; an index may occur more than once."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -92,9 +92,9 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return a misfit of ``before`` with the change of this experiment, which is added to the residuals.
+        """Return the misfit with the correction of this experiment in place of that of the experiment ``before``.
 
-        This experiment and ``before`` may differ only in their change (`inference.evidence.corrections`).
+        A correction (``change``) is added to the residuals. The two experiments may differ only in their corrections.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -182,7 +182,7 @@ class Comparison:
 
     @property
     def objective_mm(self) -> Array:
-        """Mean error over the states in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
+        """Mean error over the states in mm of P candidates, (P,); `DISCARDED_MM` if one is unconverged or unstable."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:

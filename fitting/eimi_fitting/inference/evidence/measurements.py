@@ -209,7 +209,7 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """Return the observation with the states of the indices ``states``."""
+        """Return the observation with the states that have the indices ``states``."""
         noise = None if self.noise_mm is None else self.noise_mm[states]
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
@@ -288,7 +288,7 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """Return the observation with the states of the indices ``states``."""
+        """Return the observation with the states that have the indices ``states``."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 

@@ -60,22 +60,22 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the solver finds no equilibrium of a candidate in at least one state, shape (P,)."""
+        """Whether the solver finds no equilibrium in at least one state, for each of P candidates, shape (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether a candidate has equilibria in all states but its law is unstable in at least one state, (P,)."""
+        """Whether each candidate has equilibria in all states but an unstable law in at least one, shape (P,)."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """The standardised residuals of tensile curves (m), nuisances (f) and priors on the law (q), (P, m + f + q)."""
+        """Residuals of m rows of curves, f nuisances and q priors over their standard deviations, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The objective in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
+        """The objective of P candidates in mm, (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
         # Beyond x = 5 a straight line continues the exponential, which would overflow.
@@ -90,7 +90,7 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether priors or tensile curves make the objective reach its limit, 0.99 `DISCARDED_MM`, shape (P,)."""
+        """Whether priors or tensile curves make a candidate's objective reach its limit, 0.99 `DISCARDED_MM`, (P,)."""
         return self.objective_mm == _MOST_MM
 
     @property
@@ -145,9 +145,9 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an evaluation of the problem ``before`` with the changes of this problem.
+        """Return the evaluation with the corrections of this problem in place of those of the problem ``before``.
 
-        The changes are corrections that are added to the residuals. Both problems may differ in these changes only.
+        Corrections are added to the residuals. The two problems may differ only in the corrections.
         """
         comparison = evaluation.comparison
         misfits = tuple(

@@ -21,7 +21,7 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether a state has a field opposite to the strongest field, with at least 0.2 times its strength."""
+    """Return whether a state has a field component opposite to the strongest field, above 0.2 of its strength."""
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 

@@ -103,10 +103,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return simulated minus measured stresses in Pa, shape (P, m), of P candidates with parameters (P, n)."""
+        """Return simulated minus measured stresses in Pa, (P, m), at m rows for P candidates with parameters (P, n)."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the standardised residuals z, shape (P, m), of P candidates with parameters (P, n)."""
+        """Return the standardised residuals z (see the module), (P, m), at m rows for P candidates (P, n)."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

@@ -322,25 +322,25 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values, u = 1/2."""
+        """Return P candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the parameters of the law for unit coordinates (P, n), shape (P, number of parameters)."""
+        """Return the m parameters of the law, shape (P, m), for P candidates in unit coordinates (P, n)."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa for unit coordinates (P, n); None if the bulk modulus is not searched."""
+        """Return the bulk moduli (P,) in Pa of P candidates (P, n); None if the bulk modulus is not searched."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of the f freed nuisances, divided by their standard deviations, (P, f)."""
+        """Return the deviations of f freed nuisances over their standard deviations, (P, f), for candidates (P, n)."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return field strength and image map of each dataset for candidates (P, n); None if no nuisance is freed."""
+        """Return field strength and image map by dataset for P candidates (P, n); None if no nuisance is freed."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]

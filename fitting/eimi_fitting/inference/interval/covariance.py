@@ -64,11 +64,11 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The contribution of this experiment to the information A = sum_k w_k J_k' J_k, shape (n, n)."""
+        """The contribution sum_k w_k J_k' J_k to the information A, (n, n), with weights w_k and slopes J_k."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the score sum_k w_k J_k' r_k, shape (n,), for residuals r_k of shape (K, G, m) in mm."""
+        """Return sum_k w_k J_k' r_k, (n,), with weights w_k and slopes J_k, for residuals r_k (K, G, m) in mm."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
@@ -151,12 +151,12 @@ class Linearisation:
 
     @property
     def hessian(self) -> Array:
-        """The Hessian A + P of minus the log-likelihood, shape (n, n), with all priors."""
+        """The Hessian of minus the log-likelihood with all priors, A + P of the module, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the log-likelihood, shape (n,); zero at an optimum inside the bounds."""
+        """The gradient of minus the log-likelihood in n unknowns, shape (n,); zero at an optimum inside the bounds."""
         total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
         for states in self.states:
             total = total + states.score(states.residuals)

@@ -236,7 +236,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return ln(upper bound / lower bound) of the modulus, whose logarithm is proportional to the first coordinate."""
+    """Return the range of the logarithm of the modulus between its bounds, which is that of the first coordinate."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 

@@ -83,7 +83,7 @@ class _End:
 
     @property
     def off(self) -> float:
-        """The relative difference of the deviance from its target."""
+        """The relative difference of the deviance from its target, |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property
@@ -93,7 +93,7 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the candidate to the place where a quadratic deviance, minimised over the others, reaches the target."""
+        """Move the candidate to where a quadratic deviance, minimised over other coordinates, reaches the target."""
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf

@@ -89,7 +89,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return the criteria of each candidate relative to their smallest values, in the order of the candidates."""
+    """Return AICc and BIC of each law minus their smallest values, and Akaike weights, in the order of the laws."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

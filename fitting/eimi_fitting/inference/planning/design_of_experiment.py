@@ -140,8 +140,8 @@ class EdgeNoise:
 class Candidates:
     """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
 
-    The goal is the quantity whose interval is to be narrow: the initial shear modulus or a parameter of the law. The
-    module defines w, J, C and P.
+    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. The module
+    defines w, J, C and P.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the variance of the goal over the square of its value, (D,), for D choices of K states, (D, K)."""
+        """Return the variance of the goal quantity over its squared value, (D,), for D choices of K states, (D, K)."""
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -189,19 +189,19 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the expected 95 % interval of the goal, in per cent of its value.
+        """Return the half-width of the expected 95 % interval of the goal quantity, in per cent of its value.
 
         ``choice`` has the indices of the chosen states.
         """
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal due to each source by name, in per cent, the largest first."""
+        """Return the standard deviation of the goal quantity due to each source by name, in per cent, largest first."""
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal by name of the source, in per cent, for one standard uncertainty of each."""
+        """Return the change of the goal quantity for one standard uncertainty of each source, in per cent, by name."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
@@ -467,7 +467,7 @@ def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivative of the goal in the unknowns over its value, (n,); raise KeyError for an unknown goal."""
+    """Return the relative derivative of the goal quantity in n unknowns, (n,); raise KeyError for an unknown name."""
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

@@ -32,7 +32,7 @@ class Criterion(Protocol):
 
 
 def equally_spaced(states: int, count: int) -> Choice:
-    """Return the indices of ``count`` candidates that are equally spaced from the first to the last of ``states``."""
+    """Return the indices of ``count`` states at equal distances, from the first to the last of ``states`` states."""
     return np.unique(np.round(np.linspace(0, states - 1, count)).astype(int))
 
 

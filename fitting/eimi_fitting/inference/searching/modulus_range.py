@@ -56,7 +56,7 @@ class Scan:
 
     @property
     def best_mm(self) -> float:
-        """The smallest objective in mm."""
+        """The smallest objective of all moduli, in mm."""
         return float(self.objective_mm.min())
 
     @property

@@ -43,7 +43,7 @@ class Evaluation(Protocol):
 
     @property
     def objective_mm(self) -> Array:
-        """The objective in mm, (P,)."""
+        """The objective of P candidates in mm, shape (P,)."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:

@@ -42,15 +42,15 @@ class Values(Protocol):
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives in mm, shape (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
+        """The objectives of P candidates in mm, (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the solver finds no equilibrium of a candidate in at least one state, shape (P,)."""
+        """Whether the solver finds no equilibrium in at least one state, for each of P candidates, shape (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether a candidate has equilibria in all states but its law is unstable in at least one state, (P,)."""
+        """Whether each candidate has equilibria in all states but an unstable law in at least one, shape (P,)."""
 
 
 @dataclass(frozen=True)
