@@ -140,8 +140,8 @@ class EdgeNoise:
 class Candidates:
     """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
 
-    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. The module
-    defines w, J, C and P.
+    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. The
+    module defines w, J, C and P.
 
     Attributes
     ----------
