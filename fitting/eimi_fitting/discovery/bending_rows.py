@@ -122,10 +122,10 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the misfit of the best model, and the standard deviation (K, G, m) of its remaining error in mm.
+    """Return the misfit of the best model, and the standard deviation of its remaining error in mm.
 
-    The standard deviation is `Refinement.remaining_share` times the change of the residuals by the best model
-    (`inference.evidence.corrections`).
+    The standard deviation, with the shape (K, G, m) for G groups of m points in K states, is
+    `Refinement.remaining_share` times the change of the residuals by the best model (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -150,7 +150,10 @@ def _misfit(
 
 
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return the derivatives (J, K, G, m) of the residuals in the coefficients, in mm/Pa, by finite differences."""
+    """Return the derivatives of the residuals in J coefficients, in mm/Pa, by finite differences.
+
+    The shape is (J, K, G, m) for G groups of m points in K states.
+    """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
     steps = _STEP * (unit_stress @ about) / unit_stress
@@ -163,8 +166,9 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
     """Return the changes of the residuals by the stated sources of uncertainty.
 
-    The list has an entry for each part of a source. An entry has, for each experiment, the change (K, G, m) of the
-    residuals in mm for one standard uncertainty, or None if the source does not belong to the experiment.
+    The list has an entry for each part of a source. An entry has, for each experiment, the change of the
+    residuals in mm for one standard uncertainty, with the shape (K, G, m) for G groups of m points in K states. It is
+    None if the source does not belong to the experiment.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))

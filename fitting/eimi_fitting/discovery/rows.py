@@ -70,7 +70,7 @@ class Rows:
 
 
 def non_negative(columns: Array, observed: Array) -> Array:
-    """Return the non-negative coefficients (J,) of the least-squares fit of ``columns`` (N, J) to ``observed`` (N,).
+    """Return J non-negative coefficients (J,) of the least-squares fit of ``columns`` (N, J) to N numbers ``observed``.
 
     The columns are scaled to unit length first, so that the units of the coefficients have no effect.
 

@@ -376,7 +376,10 @@ class _Weighing:
         return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual (K,) in mm of each experiment for given amplitudes, linearised."""
+        """Return the root mean square residual in mm of each of K states, (K,), for each experiment.
+
+        The residuals are those of the linear model for given amplitudes.
+        """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(
             zip(self._stated, self._about.slopes, self._about.used, strict=True)

@@ -315,7 +315,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt: the first cause with its rivals, or with a second cause that is also present."""
+    """Return the text of a doubt: the first cause with causes that are like it, or with a second present cause."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 
@@ -381,7 +381,7 @@ def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of each state in mm, (K,), without the part that flags have added to the uncertainty.
+    """Return the stated noise of each of K states in mm, (K,), without the part that flags have added.
 
     This part could hide a wrong law.
     """
@@ -392,7 +392,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return for each state the root mean square of its points' uncertainties in mm, (K,); infinite without points."""
+    """Return the root mean square uncertainty of the points in each of K states, (K,) in mm; infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -52,7 +52,10 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the coefficients (..., N) in mm of residuals (..., K, G, m) by experiment; None stands for zero."""
+        """Return the N coefficients in mm, shape (..., N), of the residuals of each experiment.
+
+        Residuals have the shape (..., K, G, m) for G groups of m points in K states. None stands for zero.
+        """
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
         for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
@@ -64,7 +67,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance (N,) of smooth errors that have the same sum of squares as C changes ``moves`` (C, N)."""
+        """Return the variance (N,) of N coefficients of smooth errors as large as C changes ``moves`` (C, N)."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -80,7 +83,8 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
     experiments : sequence of Experiment
         The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        Residuals at the optimum in mm, and a positive number for every point that is used.
+        Residuals at the optimum in mm, and a positive number for every point that is used, for G groups of m points in
+        K states.
 
     Returns
     -------
@@ -107,7 +111,10 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return D polynomials along each edge, (K, G, m, D), that are orthonormal over the used points of the edge."""
+    """Return D polynomials along each edge that are orthonormal over the used points of the edge.
+
+    The shape is (K, G, m, D) for G edges of m points in K states.
+    """
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
@@ -117,7 +124,7 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance (G, D) of the coefficients due to noise, in mm^2.
+    """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups of points.
 
     For edges, level and correlation of the remainder of the residuals give the variance. If the remainder has fewer
     than ten points, and for tracked points, the stated uncertainty gives the variance. The stated uncertainty of
@@ -136,7 +143,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) of an unnamed error of unit variance over the states; large for similar loads."""
+    """Return the covariance (K, K) over K states of an unnamed error of unit variance; large for similar loads."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

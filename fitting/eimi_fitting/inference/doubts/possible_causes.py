@@ -239,7 +239,7 @@ def strengths(loads: Loads) -> Array:
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for each state after an increase of the load and -1 for each state after a decrease, shape (K,)."""
+    """Return 1 for each of K states after an increase of the load and -1 for each after a decrease, shape (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]

@@ -48,8 +48,9 @@ class Column:
     start : float
         Value of the amplitude in the fit; zero unless the input was freed or measured.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals (K, G, m) in mm for an amplitude of one; None if the cause does
-        not belong to the experiment or the model finds no equilibrium.
+        For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
+        groups of m points in K states. None if the cause does not belong to the experiment or the model finds no
+        equilibrium.
     """
 
     part: int
@@ -130,7 +131,8 @@ class About:
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of these coordinates.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals in these coordinates, in mm.
+        For each experiment, the derivatives of the residuals in these coordinates, in mm, for G groups of m points in K
+        states.
     residuals, used : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals at the optimum in mm, and a positive number for every point that is used.
     solved : tuple of Solved
@@ -189,7 +191,7 @@ class About:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Return the residuals (K, G, m) in mm of each experiment after a change of the optimum and of the causes.
+        """Return the residuals in mm of each experiment after a change of the optimum and of the causes.
 
         Parameters
         ----------
@@ -201,7 +203,8 @@ class About:
         Returns
         -------
         list of ndarray or None
-            The residuals; None if the model finds no equilibrium.
+            The residuals, shape (K, G, m), of G groups of m points in K states. None if the model finds no
+            equilibrium.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -265,7 +268,10 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals (K, G, m) in mm for an amplitude of one; None without an equilibrium."""
+    """Return the change of the residuals in mm for an amplitude of one; None without an equilibrium.
+
+    The shape is (K, G, m) for G groups of m points in K states.
+    """
     if cause.change is None:
         return _as_solid(here)
     for step in (_STEP, -_STEP):
@@ -278,10 +284,10 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals (K, G, m) in mm if a solid replaces the planar section.
+    """Return the change of the residuals in mm if a solid replaces the planar section.
 
-    The result is None if the fit already uses the solid, if the solid does not support the specimen, or if no
-    equilibrium is found.
+    The shape is (K, G, m) for G groups of m points in K states. The result is None if the fit already uses the solid,
+    if the solid does not support the specimen, or if no equilibrium is found.
     """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":

@@ -225,7 +225,7 @@ class EdgeObservation:
         setup : Setup, optional
             The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the residuals.
+            Correction by a better model in mm, which is added to the residuals of the K states.
 
         Returns
         -------
@@ -248,7 +248,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of given residuals (P, K, 2, n) in mm, with error and deviation of each state."""
+        """Return the misfit of residuals (P, K, 2, n) in mm, with error and deviation of P candidates in K states."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -304,7 +304,7 @@ class PointObservation:
         setup : Setup, optional
             The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the residuals.
+            Correction by a better model in mm, which is added to the residuals of the K states.
 
         Returns
         -------
@@ -326,7 +326,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of given residuals (P, K, 2, n) in mm in the groups x and y, with error and deviation."""
+        """Return the misfit of residuals (P, K, 2, n) in mm in x and y, with error and deviation in K states."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

@@ -65,7 +65,7 @@ class Evaluation:
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each candidate has equilibria in all states but an unstable law in at least one, shape (P,)."""
+        """Whether each of P candidates has equilibria in all states but an unstable law in at least one, (P,)."""
         return self.comparison.unstable
 
     @property
@@ -90,7 +90,7 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether priors or tensile curves make a candidate's objective reach its limit, 0.99 `DISCARDED_MM`, (P,)."""
+        """Whether priors or curves make the objective of each of P candidates reach its limit, 0.99 `DISCARDED_MM`."""
         return self.objective_mm == _MOST_MM
 
     @property

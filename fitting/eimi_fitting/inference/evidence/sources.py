@@ -31,8 +31,8 @@ File = Literal["specimen", "calibration", "rig"]
 class Source:
     """A quantity that may be uncertain, and its effect on an experiment.
 
-    A source has one or more numbers, its parts: the background field has the parts x and y. P is the number of
-    candidates.
+    A source has one or more numbers, its parts: the background field has the parts x and y. The shapes are
+    those for P candidates.
 
     Parameters
     ----------

@@ -336,7 +336,7 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of f freed nuisances over their standard deviations, (P, f), for candidates (P, n)."""
+        """Return f freed nuisances over their standard deviations, (P, f), for P candidates of n unknowns (P, n)."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
@@ -355,7 +355,7 @@ class Unknowns:
         Parameters
         ----------
         unit : ndarray, shape (P, n)
-            Candidates in unit coordinates.
+            P candidates in unit coordinates.
         datasets : int
             Number of datasets.
 

@@ -100,7 +100,7 @@ class Moves:
         of_noise : float
             Factor on the changes by noise, priors and model errors.
         of_sources : float or ndarray, shape (S,)
-            Factor on the error of each source.
+            Factor on the errors of all S sources, or on the error of each source.
 
         Returns
         -------

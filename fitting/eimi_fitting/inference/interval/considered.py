@@ -55,8 +55,8 @@ class ConsideredSources:
     part : int
         Index of the number among the parts of its source.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm, shape (K, G, m); None if the number does not belong to
-        the experiment or the model finds no equilibrium.
+        For each experiment, the change of the residuals in mm, with the shape (K, G, m) for G groups of m points in K
+        states. None if the number does not belong to the experiment or the model finds no equilibrium.
     """
 
     name: str
@@ -90,9 +90,10 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the decisive sources that no file states and that are not freed, with their usual uncertainty.
+    """Return sources that are important although no file states them, with their usual uncertainty.
 
-    A source is returned only if it changes the specimen and if the specimen is in a field.
+    They are the sources with ``Source.is_decisive`` that are not freed. A source is returned only if it changes the
+    specimen and if the specimen is in a field.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -162,8 +163,8 @@ def changes_of(
     Returns
     -------
     list of list
-        For each experiment and each number, the change in mm, shape (K, G, m). None if the number does not belong to
-        the experiment or the model finds no equilibrium.
+        For each experiment and each number, the change in mm, with the shape (K, G, m) for G groups of m points in K
+        states. None if the number does not belong to the experiment or the model finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -241,7 +242,8 @@ def changes_by(
     Returns
     -------
     list of ndarray or None
-        For each deviation of full size, the change in mm, shape (K, G, m). None if the model finds no equilibrium.
+        For each deviation of full size, the change in mm, with the shape (K, G, m) for G groups of m points in K
+        states. None if the model finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)

@@ -68,15 +68,19 @@ class LinearStates:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return sum_k w_k J_k' r_k, (n,), with weights w_k and slopes J_k, for residuals r_k (K, G, m) in mm."""
+        """Return the score sum_k w_k J_k' r_k, shape (n,), with the weights w_k and slopes J_k of the states k.
+
+        The residuals r_k in mm have the shape (K, G, m) for G groups of m points in K states.
+        """
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
         """Return the contribution of this experiment to the variance B of the score, shape (n, n).
 
-        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k. Tracked points are assumed to have one common error in x and one
-        in y in each state: B = sum_k w_k^2 v_k S_k' S_k. S_k are the slopes summed over the points, for x and for y.
-        The variance v_k is the mean square of the stated uncertainties or e_k^2 / 2, whichever is larger.
+        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k with the symbols of the module. Tracked points are assumed to have
+        one common error in x and one in y in each state: B = sum_k w_k^2 v_k S_k' S_k. S_k are the slopes summed over
+        the points, for x and for y. The variance v_k is the mean square of the stated uncertainties or e_k^2 / 2,
+        whichever is larger.
         """
         if isinstance(observed, EdgeObservation):
             tau = point_correlation(self.residuals, self.used, observed)

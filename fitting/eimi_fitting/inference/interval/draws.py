@@ -77,7 +77,7 @@ def draw_noise(
     Returns
     -------
     ndarray, shape (D, n)
-        The changes in unit coordinates.
+        D draws of the changes, in unit coordinates.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -94,7 +94,7 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of the 400 of 4000 draws that are stored, from the modulus (D,) of each draw.
+    """Return the indices of the 400 of D = 4000 draws that are stored, from the modulus (D,) of each draw.
 
     The draws are sorted by the modulus, and every tenth draw is stored. The quantiles of the modulus therefore hardly
     change.
@@ -124,7 +124,7 @@ def draw_parameters(
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
-        Takes parameters (D, n) and returns their initial shear moduli (D,).
+        Takes D draws of the parameters, (D, n), and returns their initial shear moduli (D,).
     seed : int
         Seed of the random numbers.
 

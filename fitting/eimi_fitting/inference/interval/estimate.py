@@ -121,8 +121,8 @@ class Estimate:
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Decisive sources that no file states, with the effect of their usual uncertainty. The intervals do not contain
-        this effect.
+        Important sources that no file states (``Source.is_decisive``), with the effect of their usual uncertainty. The
+        intervals do not contain this effect.
     draws : Draws or None
         Draws from the joint distribution of all uncertain quantities. The intervals are quantiles of these draws. None
         in result files of earlier releases.
@@ -209,7 +209,7 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effects on the modulus of decisive sources that no file states, for their usual uncertainty."""
+    """Return the effects on the modulus of important sources that no file states, for their usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))

@@ -160,7 +160,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation in mm of the remaining model error in each state, (K,) for each experiment."""
+    """Return the standard deviation in mm of the remaining error of the beam model, (K,) for K states by experiment."""
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -251,14 +251,20 @@ def _value(
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """Return the slopes of the residuals (n, K, G, m) in mm by central differences, see `difference_batch`."""
+    """Return the slopes of the residuals in n unit coordinates, in mm, by central differences (`difference_batch`).
+
+    The shape is (n, K, G, m) for G groups of m points in K states.
+    """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
     return np.asarray((ahead - behind) / distance[:, None, None, None])
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Return the slopes of the residuals in the unit coordinates of unknowns and sources, shape (n + S, K, G, m)."""
+    """Return the slopes of the residuals in the unit coordinates of n unknowns and S sources, in mm.
+
+    The shape is (n + S, K, G, m) for G groups of m points in K states.
+    """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
 
@@ -290,7 +296,7 @@ def _least(
     prior : ndarray, shape (n + S, n + S)
         Inverse variance of the priors.
     model_mm : sequence of ndarray, shape (K,)
-        Standard deviation of the error of the beam model in each state, in mm, for each experiment.
+        Standard deviation of the error of the beam model in each of K states, in mm, for each experiment.
 
     Returns
     -------
@@ -327,11 +333,11 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return sqrt(error^2 + model error^2) of each state in mm, shape (K,) for each experiment."""
+    """Return sqrt(error^2 + error of the beam model^2) in mm, shape (K,) for K states of each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals (K, G, m) in mm, and with the errors of these residuals."""
+    """Return the states with other residuals in mm, and with the errors of these residuals."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

@@ -178,14 +178,14 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the minimum of a quadratic within the unit cube for a given value of coordinate i.
+    """Return the point of the unit cube at which a quadratic is smallest, for a given value of coordinate i.
 
     Parameters
     ----------
     point : ndarray, shape (n,)
-        The centre of the quadratic, in unit coordinates.
+        A point in unit coordinates.
     score, hessian : ndarray, shape (n,) and (n, n)
-        Gradient and Hessian of the quadratic at the centre.
+        Gradient and Hessian of the quadratic at this point.
     i : int
         Index of the coordinate that has a given value.
     to : float
@@ -194,7 +194,7 @@ def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> A
     Returns
     -------
     ndarray, shape (n,)
-        The minimum over the other coordinates.
+        The point with the smallest value of the quadratic.
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]

@@ -434,7 +434,10 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in the n unit coordinates, shape (n, K, 2, m), in mm."""
+    """Return the derivatives of the residuals in n unit coordinates, (n, K, 2, m) in mm, for m points of two edges.
+
+    K is the number of states.
+    """
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -442,9 +445,10 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the residuals by the remaining error of the mesh, (K, 2, m) in mm, by name.
+    """Return the standard deviation of the residuals by the remaining error of the mesh, under the name of this source.
 
-    The result is empty if the finer mesh finds no equilibrium.
+    The standard deviation has the shape (K, 2, m), in mm, for m points of two edges in K states. The result is empty if
+    the finer mesh finds no equilibrium.
     """
     mesh_correction = correction(
         FINER_MESH,

@@ -60,7 +60,7 @@ _NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate i
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect that later estimates use again, and the modulus in Pa for which it was first solved."""
+    """The displacements of a solid minus those of its planar model, and the modulus in Pa of the first solution."""
 
     effect: DepthEffect
     modulus_Pa: float

@@ -50,7 +50,7 @@ class Values(Protocol):
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each candidate has equilibria in all states but an unstable law in at least one, shape (P,)."""
+        """Whether each of P candidates has equilibria in all states but an unstable law in at least one, (P,)."""
 
 
 @dataclass(frozen=True)
