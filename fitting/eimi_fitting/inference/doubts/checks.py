@@ -392,7 +392,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square uncertainty of the points in each of K states, (K,) in mm; infinite without points."""
+    """Return the root mean square uncertainty of the points in each of K states, (K,) in mm; inf without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)
