@@ -132,7 +132,7 @@ class Discovery:
             shares = ", ".join(f"{term.name} {100 * min(share, 1):.0f} %" for term, share in self.open_terms.items())
             return (
                 f"not identifiable: {best} agrees with the data, but at a strain of {100 * self.strain:.0f} % further "
-                f"terms could carry as much of the stress: {shares}"
+                f"terms could carry these shares of the stress: {shares}"
             )
         common = ", ".join(term.name for term in self.in_all)
         return (

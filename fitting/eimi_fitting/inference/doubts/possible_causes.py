@@ -305,7 +305,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "mm",
         (0.3,),
         _by_sources({("length", 0): 1.0, ("clamp", 0): -1.0}),
-        "the angle of the beam at the clamp under load, in an enlarged picture; a stiffer clamp",
+        "the angle of the beam at the clamp under load in an enlarged picture, or a stiffer clamp",
     ),
     _of_source("scale", "scale", (0.01,), "a scale in the plane of the beam (pixels_per_mm)"),
     PossibleCause(
@@ -314,7 +314,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "mm",
         (5.0,),
         _by_picture(_farther),
-        "a scale in the plane of the beam; the distance of beam and calibration target from the lens",
+        "a scale in the plane of the beam, or the distances of beam and calibration target from the lens",
     ),
     PossibleCause(
         "distortion",
@@ -337,7 +337,9 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
     _of_source("taper", "taper", (0.06,), "the width at both ends of the beam"),
     _of_source("width", "width", (0.05,), "the width at several places"),
     _of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
-    _of_source("moment", "moment", (0.05,), "the field of the magnet at a stated distance; weights instead of a field"),
+    _of_source(
+        "moment", "moment", (0.05,), "the field of the magnet at a stated distance, or weights instead of a field"
+    ),
     PossibleCause(
         "field_gradient",
         "uneven field of the coil",
@@ -348,7 +350,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "field-gradient",
     ),
     _of_source(
-        "background_field", "background-field", (0.05, 0.05), f"{_BOTH_POLARITIES}; a gaussmeter at zero current"
+        "background_field", "background-field", (0.05, 0.05), f"{_BOTH_POLARITIES}, or a gaussmeter at zero current"
     ),
     PossibleCause(
         "creep",
@@ -381,7 +383,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "1",
         (0.1, 0.3),
         _with_terms,
-        "a fit of the other laws; larger fields or a tensile curve",
+        "a fit of the other laws, larger fields, or a tensile curve",
         is_common=True,
     ),
 )
