@@ -104,5 +104,5 @@ def test_loads_with_a_new_kind_of_load_can_be_pickled():
 
 
 def test_a_load_with_another_number_of_states_is_refused():
-    with pytest.raises(ValueError, match="TipMoment has 3 states, the other loads have 2"):
+    with pytest.raises(ValueError, match="TipMoment has 3 states, but the other loads have 2"):
         Loads.along([0.0, 1.0]).plus(TipMoment(np.zeros(3)))

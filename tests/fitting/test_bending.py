@@ -67,13 +67,13 @@ def test_a_wrong_name_of_a_law_and_a_wrong_number_of_parameters_are_refused():
     beam = Beam(replace(BEAM, section="plane-stress"), 4, 1)
     with pytest.raises(KeyError, match="did you mean 'neo-hookean'"):
         beam.solve("neohookean", [46e3], LOADS)
-    with pytest.raises(ValueError, match=r"yeoh takes \(3,\) or \(P, 3\) values"):
+    with pytest.raises(ValueError, match=r"the law yeoh needs the shape \(3,\) or \(P, 3\)"):
         beam.solve("yeoh", [46e3], LOADS)
 
 
 def test_a_point_in_depth_is_refused_in_a_plane():
     bent = Beam(replace(BEAM, section="plane-stress"), 4, 1).solve("neo-hookean", [46e3], LOADS)
-    with pytest.raises(ValueError, match="takes points \\(n, 2\\)"):
+    with pytest.raises(ValueError, match="needs points of shape \\(n, 2\\)"):
         bent.positions([[1.0, 0.0, 1.0]])
 
 

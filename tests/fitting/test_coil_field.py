@@ -168,7 +168,7 @@ def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever(
 
 
 def test_a_coil_that_passes_through_the_beam_is_refused():
-    with pytest.raises(ValueError, match="a loop of radius 20 mm passes within"):
+    with pytest.raises(ValueError, match="a coil loop of radius 20 mm lies"):
         FieldTable.of_loops(20.0, 0.0, (28.0, 0.0), ACROSS, 34.0)
 
 

@@ -92,7 +92,7 @@ def test_a_nan_in_any_parameter_is_a_status(specimen):
 def test_loads_that_are_nan_or_far_too_large_give_a_status(specimen, what):
     model = BeamModel(SPECIMENS[specimen], 6)
     if what == "pressure_Pa" and model.solid.face is None:
-        with pytest.raises(ValueError, match="names no face"):
+        with pytest.raises(ValueError, match="has no pressure_face"):
             model.solve(NEO, np.array([[46e3]]), Loads.along(FIELD, pressure_Pa=FIELD))
         return
     for value in (np.nan, 1e300):

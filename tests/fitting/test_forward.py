@@ -202,7 +202,7 @@ def test_points_outside_the_beam_are_refused():
 
 
 def test_a_magnet_as_long_as_the_beam_is_refused():
-    with pytest.raises(ValueError, match="leaves no soft part"):
+    with pytest.raises(ValueError, match="no flexible part is left"):
         BeamModel(Specimen(4.0, 3.0, 1.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)))
 
 

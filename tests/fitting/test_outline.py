@@ -87,5 +87,5 @@ def test_with_the_depth_held_it_is_the_edge_of_plane_strain():
 def test_a_pupil_within_the_specimen_is_refused():
     model = SolidModel(replace(MAGNETIC, magnet=None), 4, 1)
     shapes = model.solve(NEO, MODULUS, LOADS)
-    with pytest.raises(ValueError, match="stand-off of 2 mm"):
+    with pytest.raises(ValueError, match="stand_off_mm = 2 lies inside"):
         outline(model, shapes, View(np.zeros(2), 2.0))

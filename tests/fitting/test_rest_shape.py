@@ -106,9 +106,9 @@ def test_points_of_a_centre_line_give_its_angles():
     ("points", "words"),
     [
         ([[0, 0], [10, 0], [30, 0]], "at least 4 points"),
-        ([[5, 0], [10, 0], [20, 0], [30, 0]], "not at the clamp"),
+        ([[5, 0], [10, 0], [20, 0], [30, 0]], "should begin at the clamp"),
         ([[0, 0], [10, 0], [10, 0], [30, 0]], "are the same"),
-        ([[0, 0], [10, 0], [20, 0], [25, 0]], "25 mm long; its length should be length_mm = 30"),
+        ([[0, 0], [10, 0], [20, 0], [25, 0]], "25 mm long, but the beam has length_mm = 30"),
     ],
 )
 def test_a_centre_line_that_cannot_be_the_beams_is_refused(points, words):

@@ -122,7 +122,7 @@ def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
     ("keys", "words"),
     [
         ({"rest_shape": '"bent"'}, "rest_shape"),
-        ({"rest_shape": "[[0, 0], [10, 0], [20, 0], [25, 0]]"}, "25 mm long; its length should be length_mm = 30"),
+        ({"rest_shape": "[[0, 0], [10, 0], [20, 0], [25, 0]]"}, "25 mm long, but the beam has length_mm = 30"),
         ({"width_mm": "[[0.0, 3.0]]"}, "at least two rows"),
         ({"width_mm": "[[1.0, 3.0], [30.0, 2.5]]"}, "first is at arc length 0"),
         ({"width_mm": "[[0.0, 3.0], [20.0, 2.5], [10.0, 2.5]]"}, "should rise, but 10 follows 20"),

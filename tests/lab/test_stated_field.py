@@ -81,7 +81,7 @@ def test_a_field_that_contradicts_itself_is_refused_in_one_line(field, said):
 
 def test_a_loop_through_the_beam_is_refused():
     text = CALIBRATION + "[field]\nradius_mm = 20.0\ngap_mm = 0.0\n"
-    with pytest.raises(InputError, match="a loop of radius 20 mm passes within"):
+    with pytest.raises(InputError, match="a coil loop of radius 20 mm lies"):
         stated_coil(parse(Calibration, text, "calibration.toml"), load_specimen("type1").mechanics())
 
 

@@ -3,7 +3,7 @@
 bending        `Beam`, the public model for every section
 specimen       the beam and its magnet
 rest_shape     the stress-free shape of a beam that is not a straight strip
-rest_modes     smooth deviations of the rest shape
+rest_modes     smooth deviations from the given rest shape
 strip          the map from a straight strip to the shape at rest
 loads          the loads of all states, composed of actuations
 actuation      the interface of one kind of load
@@ -19,15 +19,15 @@ solid_grid     the solid mesh of a specimen
 bricks         structured meshes of hexahedra
 brick          the solid element with 27 nodes
 isotropy       stress and tangent of an isotropic law at many points
-beside         `SolidBeside`, the solid found from its planar model
-depth_effect   the difference between a solid and its planar model
+beside         `SolidBeside`, the solid model, solved with its planar model as the start
+depth_effect   the difference between the shape of a solid model and the shape of its planar model
 rigid          the magnet as a rigid body
 equilibrium    Newton's method for a batch of candidates
 system         the linear system of a Newton step
 band           band matrices of a whole batch
-path           one state after another, or all at once
+path           solution of a sequence of states, one after another or all at once
 inertia        masses of the silicone and of the magnet
-transient      the motion in time, with inertia and internal variables
+transient      the motion of the beam in time, with inertia and with the internal variables of viscoelastic laws
 vibration      small vibrations about an equilibrium, and their complex frequencies
 outline        the edges that a camera sees
 view           the perspective of a camera

@@ -1,13 +1,15 @@
-"""The interface of an actuation: one kind of load, in every state, and how it loads a mesh.
+"""The interface of an actuation: one kind of load, with its values in every state and its forces on a mesh.
 
-A dead load (a force that keeps its direction and its size) enters the potential of the beam linearly. On a node with
-the displacement u a force f has the potential -f . u. On the rigid magnet, with the translation U of its reference
-point, the rotation matrix R(theta) and the angle theta, every dead load has the potential
+A dead load is a force that keeps its direction and its size. The potential of a dead load is linear in the following
+quantities. A force f on a node with the displacement u has the potential -f . u. Every dead load on the rigid magnet
+has the potential
 
-    -F . U - Q : R(theta) - M theta
+    -F . U - Q : R(theta) - M theta.
 
-with a force F (2,), a tensor Q (2, 2) and a moment M. For example a dipole m in a uniform field B has the energy
--B . R m, so that Q = B m'; a force f at the distance s from the reference point has F = f and Q = f s'.
+Here U is the translation of the magnet's reference point, theta is the magnet's rotation in rad, and R(theta) is the
+matrix of this rotation. The load is given by a force F (2,), a tensor Q (2, 2) and a moment M. For example, a dipole m
+in a uniform field B has the energy -B . R m, which means Q = B m'. A force f at the distance s from the reference point
+has F = f and Q = f s'. The prime denotes the transpose.
 """
 
 from __future__ import annotations
@@ -30,38 +32,40 @@ Array = NDArray[np.float64]
 class Actuation(Protocol):
     """One kind of load in K states. Any class with these members can be added to `Loads`.
 
-    The forces must be linear in the numbers of a state, and zero numbers must mean no load: between two states the
-    solver interpolates the numbers. The class has to be importable where fits run in several processes.
+    The forces must be linear in the numbers that describe the load in a state, and zero numbers must mean no load. The
+    solver interpolates these numbers between two states. If fits run in several processes, each process must be able to
+    import the class.
     """
 
     @property
     def numbers(self) -> Array:
-        """Return (K, m) numbers that describe the load in each state, in any unit."""
+        """Return the numbers that describe the load in each of K states, shape (K, m), in any unit."""
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
-        """Return the same kind of load in some of the states, in the order given."""
+        """Return the same kind of load in the given states only, in the given order."""
         ...
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the load of one state to the total.
+        """Add the load of one state to the sum of all loads.
 
         Parameters
         ----------
         numbers : ndarray, shape (m,)
-            The numbers of the state.
+            The numbers that describe the load in this state.
         field_factor : ndarray, shape (B,)
-            Factor of each candidate on loads that a magnetic field causes.
+            Factor on loads that a magnetic field causes, for each of B candidates.
         mesh : LoadedMesh
-            What the specimen's mesh offers to loads.
+            The mesh with the integrals that are needed to compute forces.
         total : SolidLoads
-            The arrays to add to, one row for each candidate. All forces are multiplied by ``mesh.share``.
+            The sum, to which the load is added; one row for each candidate. The forces on the whole specimen are
+            multiplied by ``mesh.share``.
         """
         ...
 
 
 class Places(Protocol):
-    """The part of `Grid` and `SolidGrid` that loads need."""
+    """The members of `Grid` and `SolidGrid` that loads need."""
 
     specimen: Specimen
     strip: Strip
@@ -72,52 +76,55 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest."""
+        """Return the points (n, 2) of the straight strip that correspond to points (n, 2) of the rest shape, in mm."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether points (n, 2) of the straight strip move with the magnet, (n,)."""
+        """Return, for points (n, 2) of the straight strip in mm, whether each moves with the magnet, shape (n,)."""
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that spread a force along the line in depth through a point (2,)."""
+        """Return the nodes and weights that distribute a force over the depth at a point (2,) of the straight strip."""
 
 
 def _turned(vector: Array, angle_rad: Array | float) -> Array:
-    """Return a vector (2,) rotated by one angle, (2,), or by n angles, (2, n)."""
+    """Return a vector (2,) rotated by an angle, shape (2,), or by each of n angles, shape (2, n)."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 
 class LoadedMesh:
-    """The mesh of a specimen with the integrals that loads need.
+    """The mesh of a specimen, with the integrals over the silicone and the magnet that are needed to compute loads.
+
+    The mesh has N nodes with d coordinates, and E elements with n nodes each.
 
     Attributes
     ----------
     specimen : Specimen
     share : float
-        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm for a planar mesh, one half for a
-        solid mesh, which covers half of the depth.
+        The fraction of a load on the whole specimen that acts on the mesh. It is 1 / depth in 1/mm for a planar mesh,
+        and 1/2 for a solid mesh, which covers half of the depth. Masses, forces and moments below contain this factor.
     nodal_mass : ndarray, shape (N,)
-        Mass of the silicone, in kg (per mm of depth for a planar mesh), distributed to the nodes.
+        Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
     slopes : ndarray, shape (N, d)
         Integrals of the derivatives of the nodes' shape functions over the silicone.
     nodal_dipole : ndarray, shape (N,)
-        Product of ``slopes`` and the magnetisation of the silicone: the nodal force in a field of 1 T.
+        The nodal force in N in a field of 1 T: the product of ``slopes`` and the magnetisation of the silicone.
     element_dipole : ndarray, shape (E, n)
-        The nodal dipole forces, by element.
+        The contribution of each element to ``nodal_dipole``.
     element_share : ndarray, shape (E, n)
-        Weights of the nodes in the middle of each element.
+        Weights of an element's nodes, whose weighted mean is the middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
-        Nodes of the elements at rest.
+        Places of the elements' nodes at rest.
     field_place_mm : ndarray, shape (2,)
-        The place at rest where the strength of a field is stated.
+        The place at rest to which the strength of a field refers.
     magnet_mass : float
-        Mass, in kg, of the magnet and of the silicone that it carries rigidly.
+        Mass of the rigid body, that is the magnet and the silicone that moves rigidly with the magnet, in the same unit
+        as ``nodal_mass``.
     magnet_face_mm : ndarray, shape (2,)
-        The reference point of the rigid body at rest.
+        The reference point of the rigid body at rest: the middle of the magnet's inner face.
     magnet_centre_mm : ndarray, shape (2,)
-        Centre of mass from the reference point of the rigid body, which is the middle of the magnet's inner face.
+        The vector from the reference point to the centre of mass of the rigid body, at rest.
     magnet_dipole : ndarray, shape (2,)
-        Magnetic moment at rest in N mm / T.
+        Magnetic moment at rest in N mm/T.
     """
 
     def __init__(self, grid: Places, solid: Solid) -> None:
@@ -154,21 +161,31 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the place at rest (2,) of a point (2,) of the straight strip."""
+        """Return the place (2,) in the shape at rest of a point (2,) of the straight strip, in mm."""
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
     def has_pressure_face(self) -> bool:
-        """Whether a pressure can act on the mesh."""
+        """Whether the specimen has a face on which a pressure can act."""
         return self._solid.face is not None
 
     @property
     def is_solid(self) -> bool:
-        """Whether the mesh is that of a solid instead of a plane."""
+        """Whether the mesh is that of a solid and not planar."""
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
-        """Add a dead force (2,), already multiplied by ``share``, at a material point (2,) given at rest in mm."""
+        """Add a dead force (2,) to the sum of all loads.
+
+        Parameters
+        ----------
+        force : ndarray, shape (2,)
+            Force in N, already multiplied by ``share``.
+        point_mm : ndarray, shape (2,)
+            Place at rest of the material point on which the force acts.
+        total : SolidLoads
+            The sum, to which the force is added.
+        """
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:
             total.force[:] += force
@@ -186,9 +203,9 @@ class LoadedMesh:
         ----------
         actuations : tuple of Actuation
         numbers : ndarray, shape (m,)
-            The numbers of all actuations in the state, one after another.
+            The numbers that describe the actuations in this state, one actuation after another.
         field_factor : ndarray, shape (B,)
-            Factor of each candidate on magnetic loads, or (1,) for all candidates.
+            Factor on magnetic loads for each of B candidates, or shape (1,) for all candidates.
         """
         batch = len(field_factor)
         total = SolidLoads(

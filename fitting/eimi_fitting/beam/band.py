@@ -1,7 +1,7 @@
-"""Band matrices of a whole batch: assembly, and factorisation by one LAPACK call for all candidates.
+"""Band matrices of all candidates of a batch: assembly, and factorisation of all candidates together by LAPACK.
 
-The candidates are blocks of one long band matrix. The blocks do not couple, so that the factorisation of one block
-never reads entries of another and no loop over candidates is needed.
+The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. LAPACK
+therefore factorises all blocks in one call, without a loop over the candidates.
 """
 
 from __future__ import annotations
@@ -20,26 +20,32 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return the bandwidth of the matrix that couples the unknowns (E, d) of each element; -1 marks a fixed unknown."""
+    """Return the bandwidth of the matrix that couples the d unknowns of each of E elements.
+
+    dofs: numbers of the unknowns, shape (E, d); -1 marks an unknown that is fixed.
+    """
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
 def _most(run: Indices) -> int:
-    """Return the largest number of elements that contribute to one entry."""
+    """Return the largest number of elements that contribute to one matrix entry.
+
+    run: for every contribution, how many contributions to the same entry precede it.
+    """
     return int(run.max(initial=0)) + 1
 
 
 class BandAssembly:
-    """The place of each entry of the element matrices in the lower band of the whole matrix.
+    """The positions of the entries of all element matrices in the lower band of the whole matrix.
 
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Global number of each local unknown, -1 if it is fixed.
+        Numbers of the d unknowns of each of E elements in the whole matrix, -1 if an unknown is fixed.
     n : int
-        Number of unknowns.
+        Number of unknowns of the whole matrix.
     at_once : int or None
-        Number of elements whose matrices are added together; None: all of them.
+        Number of elements whose matrices are added together; None: all elements.
     """
 
     def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
@@ -95,13 +101,14 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return element matrices (E, B, d, d) in parts; the matrices of one part are added together."""
+        """Return the parts in which `matrix` expects element matrices (E, B, d, d), for E elements and B candidates."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Return the lower band (B, n, bandwidth + 1) of element matrices.
+        """Return the lower band of the assembled matrix of each of B candidates, shape (B, n, bandwidth + 1).
 
-        parts: the matrices (e, B, d, d) of the elements of each of ``self.parts``, in their order.
+        parts: one array of element matrices (e, B, d, d) for each slice of e elements in ``self.parts``, in the same
+        order.
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -117,7 +124,7 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the assembled vectors (B, n) of element vectors (E, B, d)."""
+        """Return the assembled vectors (B, n) from element vectors (E, B, d), for E elements and B candidates."""
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)
@@ -125,11 +132,23 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """The factors of a batch of band matrices.
+    """The factors of the band matrices of B candidates.
 
-    sound: (B,) whether each matrix could be factorised; indefinite: (B,) whether a symmetric matrix is not positive
-    definite. Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, unless
-    ``only_definite`` was set. Matrices that are not symmetric all have LU factors.
+    Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, unless ``only_definite`` was
+    chosen. If the matrices are not symmetric, all of them have LU factors.
+
+    Attributes
+    ----------
+    sound : ndarray of bool, shape (B,)
+        Whether each matrix could be factorised.
+    indefinite : ndarray of bool, shape (B,)
+        Whether each symmetric matrix is not positive definite.
+    cholesky : ndarray or None
+        Cholesky factors in LAPACK's storage.
+    lu : tuple of ndarray, or None
+        LU factors and pivots in LAPACK's storage.
+    bandwidth : int
+        Number of diagonals below the main diagonal.
     """
 
     sound: NDArray[np.bool_]
@@ -139,7 +158,10 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Return the solutions for right-hand sides (B, n) or (m, B, n); zero for matrices that are not sound."""
+        """Return the solutions for right-hand sides (B, n) or (m, B, n), in the same shape.
+
+        The solution is zero for a candidate whose matrix could not be factorised.
+        """
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
             return self._by_lu(right)
@@ -164,21 +186,21 @@ def factorise(
 ) -> BandFactor:
     """Factorise band matrices: positive definite matrices by Cholesky's method, the others by LU with pivoting.
 
-    A tangent that is not positive definite occurs far from equilibrium or in an unstable equilibrium. Matrices that are
-    not sound are replaced by the identity, so that they do not affect others.
+    A tangent stiffness that is not positive definite occurs far from equilibrium or in an unstable equilibrium. A
+    matrix that cannot be factorised is replaced by the identity, so that it does not affect the other matrices.
 
     Parameters
     ----------
     band : ndarray, shape (B, n, w)
-        Lower bands.
+        Lower bands of B matrices with n rows: the main diagonal and the w - 1 diagonals below it.
     sound : ndarray of bool, shape (B,)
         Which matrices to factorise.
     upper : ndarray, shape (B, n, w), or None
-        Lower bands of the transposed matrices if the matrices are not symmetric. LU is then used for all of them, and
-        it is not determined which are positive definite.
+        Lower bands of the transposed matrices, if the matrices are not symmetric. All matrices are then factorised by
+        LU, and the result does not tell which matrices are positive definite.
     only_definite : bool
-        Count symmetric matrices that are not positive definite as not sound, which saves their LU factorisation. The
-        factors then take the place of the bands, which saves a copy of them.
+        Do not factorise symmetric matrices that are not positive definite, and mark them as not sound. The factors then
+        overwrite ``band``, which saves memory.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -212,7 +234,7 @@ def factorise(
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """Return LU factors and pivots of matrices, and (B,) whether each matrix could be factorised.
+    """Return the LU factors and pivots of B matrices, and whether each matrix could be factorised, shape (B,).
 
     lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
     """
@@ -227,7 +249,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return (B,) whether all values (B, ...) are finite and so small that their products are finite."""
+    """Return, for values (B, ...), whether the sum of the squares of each row is finite, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -243,7 +265,10 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Return matrices in LAPACK's general band storage, from the lower bands (B, n, w) of matrices and transposes."""
+    """Return matrices in LAPACK's general band storage.
+
+    lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
+    """
     batch, n, width = lower.shape
     k = width - 1
     below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)

@@ -26,18 +26,18 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 
 @dataclass(frozen=True)
 class BentBeam:
-    """The shapes of one candidate, or of P candidates, in K states.
+    """The bent shapes of one candidate, or of P candidates, in K states.
 
-    For one candidate, given as parameters (n,), the arrays have no axis P.
+    If only one candidate was given, as parameters of shape (n,), the results have no axis of length P.
 
     Attributes
     ----------
     model : BeamModel or SolidModel
         The finite-element model that was solved.
     shapes : Shapes
-        Its displacements for all candidates, with an axis P also for one candidate.
+        Displacements for all candidates. These arrays have an axis of length P, also for one candidate.
     is_one : bool
-        Whether one candidate was given.
+        Whether only one candidate was given.
     """
 
     model: BeamModel | SolidModel
@@ -46,83 +46,104 @@ class BentBeam:
 
     @property
     def status(self) -> NDArray[np.int8]:
-        """`Status` of each state, (K,) or (P, K)."""
+        """The `Status` of each of K states, shape (K,), or (P, K) for P candidates."""
         return self._rows(self.shapes.status)
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether every state is in equilibrium, one value or (P,)."""
+        """Whether the solver succeeded in every state, one value, or (P,) for P candidates; see `Shapes.converged`."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
     def max_stretch(self) -> Array:
-        """Largest principal stretch in the silicone, (K,) or (P, K)."""
+        """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidates.
+
+        NaN where the status is neither CONVERGED nor UNSTABLE.
+        """
         return self._rows(self._where_reached(self.shapes.max_stretch))
 
     @property
     def tip_angle_deg(self) -> Array:
-        """Rotation of the tip from rest in degrees, (K,) or (P, K); NaN where no equilibrium was found."""
+        """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidates.
+
+        NaN where the status is neither CONVERGED nor UNSTABLE.
+        """
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
     def positions(self, points_mm: ArrayLike) -> Array:
-        """Return the places of material points in every state.
+        """Return the places of material points in each of K states.
 
         Parameters
         ----------
         points_mm : array_like, shape (n, 2) or (n, 3)
-            Points given at rest, in mm, in the beam frame. A point without z lies at mid-depth.
+            Places of the points at rest, in mm, in the beam frame. A point without z lies at mid-depth.
 
         Returns
         -------
-        ndarray, shape (K, n, 2 or 3) or (P, K, n, 2 or 3)
-            In mm, NaN where no equilibrium was found.
+        ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidates
+            Places in mm; NaN where the status is neither CONVERGED nor UNSTABLE.
 
         Raises
         ------
         ValueError
-            A point is not on the specimen, or has a depth although the section is planar.
+            A point is not on the specimen, or three coordinates are given although the section is planar.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         dimensions = points.shape[1]
         if isinstance(self.model, SolidModel):
             points = np.column_stack([points, np.zeros(len(points))]) if dimensions == 2 else points
         elif dimensions != 2:
-            raise ValueError(f"points_mm: a {self.model.plane} model takes points (n, 2), not {points.shape}")
+            raise ValueError(
+                f"points_mm: the shape is {points.shape}, but a {self.model.plane} model needs points of shape (n, 2)"
+            )
         places = self.model.positions(self.shapes, points)[..., :dimensions]
         return self._rows(self._where_reached(places))
 
     def outline(self, view: View | None = None) -> Array:
-        """Return the left and the right outline as a camera sees them.
+        """Return the left and the right outline of the beam in each of K states, as a camera sees them.
 
         Parameters
         ----------
         view : View or None
-            The camera's lens; None for a telecentric lens.
+            The perspective of the camera; None for a telecentric lens.
 
         Returns
         -------
-        ndarray, shape (K, 2, S, 3, 2) or (P, K, 2, S, 3, 2)
-            S quadratic segments of three points in mm, from clamp to tip: left outline (y < 0 at rest), then right
-            outline. NaN where no equilibrium was found.
+        ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidates
+            The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
+            to tip, and each segment is given by three points in mm. NaN where the status is neither CONVERGED nor
+            UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 
     def edges(self, per_segment: int = 4, view: View | None = None) -> Array:
-        """Return the outlines as polylines, (K, 2, m, 2) or (P, K, 2, m, 2) in mm; see `outline`."""
+        """Return the outlines as polylines of m points in mm; see `outline`.
+
+        Parameters
+        ----------
+        per_segment : int
+            Number of points of the polyline for each quadratic segment.
+        view : View or None
+            See `outline`.
+
+        Returns
+        -------
+        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidates in K states
+        """
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return values (P, K, ...) with NaN in states without equilibrium."""
+        """Return values (P, K, ...) with NaN in states whose status is neither CONVERGED nor UNSTABLE."""
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 
     def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (P, ...); leave out the axis P if there is one candidate."""
+        """Return values (P, ...) of P candidates, without the first axis if only one candidate was given."""
         return values[0] if self.is_one else values
 
 
 class Beam:
-    """The forward model of a specimen: a planar or a solid model, as the specimen's section requires.
+    """The forward model of a specimen: a planar or a solid finite-element model, as the specimen's section specifies.
 
     Parameters
     ----------
@@ -130,7 +151,7 @@ class Beam:
     along : int
         Number of elements along the flexible part.
     across : int or None
-        Number of elements across the width; by default it follows from the proportions.
+        Number of elements across the width. None: chosen from the proportions of the beam.
 
     Raises
     ------
@@ -139,7 +160,7 @@ class Beam:
 
     Examples
     --------
-    How far two silicones of 40 and 50 kPa turn their tips in a field of 5 mT, in degrees:
+    The rotations of the tips of two beams, of 40 kPa and 50 kPa, without a field and in a field of 5 mT:
 
     >>> from eimi_fitting import Beam, Loads, Magnet, Specimen
     >>> magnet = Magnet(
@@ -175,20 +196,20 @@ class Beam:
         bulk_modulus_Pa: ArrayLike | None = None,
         field_factor: ArrayLike | None = None,
     ) -> BentBeam:
-        """Find the equilibrium of one candidate or of P candidates in K states, one state after another.
+        """Find the equilibrium of one candidate, or of P candidates, in K states, one state after another.
 
         Parameters
         ----------
         law : Law or str
-            A law, or its name in `LAWS`.
+            A hyperelastic law, or its name in `LAWS`.
         parameters : array_like, shape (n,) or (P, n)
-            The law's parameters, moduli in Pa.
+            The n parameters of the law for one candidate or for P candidates; moduli in Pa.
         loads : Loads
             The loads in K states.
         bulk_modulus_Pa : array_like, shape () or (P,), or None
-            Bulk modulus; None for an incompressible material.
+            Bulk modulus in Pa; None for an incompressible material.
         field_factor : array_like, shape () or (P,), or None
-            Factor on each candidate's magnetic loads, such as an uncertain magnetic moment.
+            Factor on the magnetic loads of each candidate, for example because the magnetic moment is uncertain.
 
         Returns
         -------
@@ -197,7 +218,7 @@ class Beam:
         Raises
         ------
         UnknownLaw
-            No law has the name; the message suggests the nearest one.
+            No law has this name. The message suggests the most similar name.
         ValueError
             The number of parameters is wrong, a pressure is given but the specimen has no face for it, or a bulk
             modulus is given in plane stress.
@@ -207,8 +228,8 @@ class Beam:
         names = chosen_law.parameter_names
         if candidates.ndim not in (1, 2) or candidates.shape[-1] != len(names):
             raise ValueError(
-                f"parameters: {chosen_law.name} takes ({len(names)},) or (P, {len(names)}) values "
-                f"({', '.join(names)}), not {candidates.shape}"
+                f"parameters: the shape is {candidates.shape}, but the law {chosen_law.name} needs the shape "
+                f"({len(names)},) or (P, {len(names)}) for P candidates ({', '.join(names)})"
             )
         shapes = self.model.solve(
             chosen_law,

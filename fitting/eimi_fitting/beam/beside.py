@@ -1,8 +1,9 @@
-"""The solid model of a specimen beside its planar model, which saves most of the solid's cost.
+"""The solid model of a specimen, solved with the help of the planar model of the same specimen.
 
-In plane stress a beam bends almost as its solid does: the difference, the depth effect, is some hundredths of the
-deflection. From the planar shape Newton's method reaches the solid in a few steps, in any state. The depth effect is
-smooth, so that it is solved in a few states and interpolated in the others (`beam.depth_effect`).
+In plane stress a beam bends almost like a solid beam. The difference between the two shapes, the depth effect, is a few
+hundredths of the deflection. Newton's method therefore needs only a few steps from the planar shape to the solid shape,
+in any state. The depth effect is a smooth function of the bending. It is computed in a few states and interpolated in
+the others (`beam.depth_effect`). This saves most of the cost of the solid model.
 """
 
 from __future__ import annotations
@@ -38,26 +39,27 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 
 @dataclass(frozen=True)
 class SolidOptions:
-    """Options for solving a solid from its planar model, with results of earlier solutions.
+    """Options for solving a solid model with the help of its planar model, and results of earlier solutions.
 
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
-        "interpolate" interpolates the depth effect; if this fails, all states are marked as diverged. "follow" solves
-        the solid in all states, one after another. "either" interpolates, and follows if the interpolation fails.
+        "interpolate": interpolate the depth effect; if this fails, mark all states as diverged. "follow": solve the
+        solid model in all states, one after another. "either": interpolate, and follow if the interpolation fails.
     accuracy_mm : float
-        Stop adding states once the interpolated shape is within this distance of the solved one.
+        The interpolation ends if the solved shape in a new state differs from the interpolated shape by less than this.
     similar : tuple of DepthEffect
-        Depth effects of similar candidates; the difference from one of them is interpolated. If the planar shape of a
-        similar candidate is the same within ``accuracy_mm``, its depth effect is used without solving the solid.
-    effect : DepthEffect or None
-        The depth effect, if it is known already. Only the planar model is then solved.
-    earlier : DepthEffect or None
-        The depth effect of nearly the same candidate under some of the loads. Only states beyond its range are solved
-        and added to it.
-    planar_shapes : Shapes or None
-        Shapes of the planar model for the same candidate and loads, if they are known already. The planar model is then
+        Depth effects of similar candidates. The difference from one of these depth effects is interpolated. If a
+        similar candidate has the same planar shape within ``accuracy_mm``, its depth effect is used and the solid is
         not solved.
+    effect : DepthEffect or None
+        The depth effect, if it is already known. Only the planar model is then solved.
+    earlier : DepthEffect or None
+        The depth effect of nearly the same candidate under some of the loads. The solid is then solved only in states
+        outside the range of this depth effect.
+    planar_shapes : Shapes or None
+        The shapes of the planar model for the same candidate and loads, if they are already known. The planar model is
+        then not solved.
     """
 
     method: Method = "either"
@@ -70,18 +72,24 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid; ``effect`` is its depth effect, or None if every state was solved."""
+    """The shapes of a solid model.
+
+    Attributes
+    ----------
+    effect : DepthEffect or None
+        The depth effect that was interpolated; None if every state was solved.
+    """
 
     effect: DepthEffect | None = None
 
 
 class SolidBeside:
-    """A solid model and the planar model on the same lines, for one candidate at a time.
+    """A solid model and a planar model in plane stress with the same lines, for one candidate at a time.
 
     Parameters
     ----------
     specimen : Specimen
-        The specimen; its own entry for the section is ignored.
+        The specimen. Its entry ``section`` is ignored.
     along, across, more : int
         Numbers of elements, see `SolidModel`.
     """
@@ -95,15 +103,15 @@ class SolidBeside:
         self._column = column.reshape(-1)
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments, as `BeamModel` does."""
+        """Pickle only the arguments, like `BeamModel`."""
         return SolidBeside, (self.specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def of(self, specimen: Specimen) -> SolidBeside:
-        """Return the model of another specimen with the same numbers of elements."""
+        """Return a model of another specimen with the same numbers of elements."""
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether shapes of a planar model can be used as ``planar_shapes`` of `SolidOptions`."""
+        """Return whether the shapes of the given planar model can be used as ``planar_shapes`` of `SolidOptions`."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -119,16 +127,20 @@ class SolidBeside:
         field_factor: Array | None = None,
         options: SolidOptions | None = None,
     ) -> SolidShapes:
-        """Find the equilibrium of the solid for one candidate in K states.
+        """Find the equilibrium of the solid model for one candidate in K states.
 
         Parameters
         ----------
         law, loads, tolerance_mm, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         parameters : ndarray, shape (1, n)
-            Parameters of one candidate, moduli in Pa.
+            The n parameters of the law for the candidate; moduli in Pa.
         options : SolidOptions or None
-            How the solid is solved.
+            How to solve the solid model; None for the default options.
+
+        Returns
+        -------
+        SolidShapes
 
         Raises
         ------
@@ -138,7 +150,7 @@ class SolidBeside:
         options = options or SolidOptions()
         parameters = np.atleast_2d(parameters)
         if len(parameters) != 1:
-            raise ValueError(f"this model solves one candidate at a time, not {len(parameters)}")
+            raise ValueError(f"parameters: this model solves one candidate at a time, but {len(parameters)} are given")
         flat = options.planar_shapes or self.planar.solve(
             law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor
         )
@@ -167,7 +179,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return all states at rest, marked as diverged, after a solution was given up."""
+        """Return shapes at rest in which every state is marked as diverged, for a candidate that was not solved."""
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
             rigid=np.zeros_like(flat.rigid),
@@ -178,19 +190,19 @@ class SolidBeside:
         )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """See `SolidModel.tip_angle_deg`."""
+        """Return the rotation of the tip in degrees, see `SolidModel.tip_angle_deg`."""
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """See `SolidModel.element_stretch`."""
+        """Return the largest stretch in each element, see `SolidModel.element_stretch`."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """See `SolidModel.positions`."""
+        """Return the places of material points in mm, see `SolidModel.positions`."""
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
-        """Return the rotations (K,) of the planar tip in rad."""
+        """Return the rotation of the tip of the planar model in each of K states, in rad, shape (K,)."""
         return np.asarray(np.radians(self.planar.tip_angle_deg(flat)[0]))
 
     def _effect(
@@ -204,11 +216,12 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Interpolate the depth effect through as few solved states as the accuracy needs.
 
-        The next state is the state whose product of distances to the solved states is largest (Leja's order). The
-        interpolation ends when a solved state is within ``accuracy_mm`` of its interpolated shape.
+        The states are solved in Leja's order: the next state is the one with the largest product of the distances from
+        the solved states. The interpolation ends if a solved shape differs by less than ``accuracy_mm`` from the shape
+        that was interpolated before.
 
-        Returns None if the loads do not lie on a straight line, or if Newton's method does not contract at once,
-        because the solid is not near its planar model.
+        Returns None if the loads do not lie on a straight line, or if Newton's method does not converge in a few steps
+        because the solid shape is not close to the planar shape.
         """
         along = _along_ray(loads)
         if along is None:
@@ -255,11 +268,11 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Solve one state; return the solid minus the planar shape, or None if Newton's method does not contract.
+        """Return the solid shape minus the planar shape in one state; None if Newton's method does not converge.
 
-        If the method does not contract from the first start, it begins again at the planar shape. With fields of both
-        signs the first two solved states are the outermost ones, and a line through their depth effects is a bad start
-        for the states between them.
+        Newton's method begins at the planar shape plus ``predicted``. If it does not converge in a few steps, it begins
+        again at the planar shape. This is needed for fields of both signs: the first two solved states are then the
+        outermost states, and a line through their depth effects is a bad start for the states between them.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -271,17 +284,23 @@ class SolidBeside:
         return None
 
     def _lift(self, flat: Shapes) -> Array:
-        """Return planar displacements (1, K, n, 3) at the solid's nodes, equal at all depths."""
+        """Return the displacements of the planar model at the n nodes of the plane in K states, in mm, (1, K, n, 3).
+
+        The third component, in depth, is zero.
+        """
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as configurations of the solid without stress, one row per state."""
+        """Return the planar shapes in some states as configurations of the solid without stress, a row per state.
+
+        lift: the result of `_lift`. All nodes of the solid with the same x and y are displaced equally.
+        """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Add the depth effect to the planar shapes."""
+        """Return the shapes of the solid in all states: the planar shapes plus the depth effect."""
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
         moved, turned = effect.displacements(places)
@@ -307,7 +326,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the depth effect of a candidate with the same law and planar shape; None if there is none."""
+    """Return the depth effect of the first similar candidate with the same law and planar shape, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -315,14 +334,20 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return, among the depth effects that cover the places, the one with the most similar tip rotations."""
+    """Return the similar depth effect whose largest place is nearest to the largest of the given places.
+
+    Only depth effects that are valid at all given places are considered; None if no depth effect is valid.
+    """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
     return min(near, key=lambda effect: abs(np.abs(effect.places).max() - farthest), default=None)
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the distances (K,) of the loads from the first load along a line; None if they are not on one line."""
+    """Return where the loads of K states lie on a line through the first load, shape (K,); None if they lie on no line.
+
+    The values are distances from the first load, divided by the distance of the load that is farthest from the first.
+    """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]
     farthest = from_first[np.argmax((from_first**2).sum(axis=1))]

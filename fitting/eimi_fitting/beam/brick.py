@@ -1,11 +1,10 @@
-"""The 27-node hexahedron: quadratic displacement, linear discontinuous pressure, for a whole batch.
+"""The hexahedron with 27 nodes, for all candidates of a batch: quadratic displacements, linear discontinuous pressure.
 
-The hexahedron is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, axes and functions.
-There are two Gauss points along the beam, three across and three in depth. If the displacement in depth is held the
-element is that of plane strain.
+The hexahedron is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, array axes and
+functions. It has two Gauss points along the beam, three across and three in depth. With zero displacements in depth it
+is an element of plane strain.
 
-Symmetric tensors have six components 11, 22, 33, 12, 23, 13, which are the first axis, as in
-`eimi_fitting.beam.isotropy`.
+Symmetric tensors have six components 11, 22, 33, 12, 23, 13 as their first axis, as in `eimi_fitting.beam.isotropy`.
 """
 
 from __future__ import annotations
@@ -32,14 +31,27 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators that depend on the geometry only, computed once for a mesh.
+    """The operators of a mesh of E elements with q Gauss points each, which depend on its geometry only.
 
-    gradient: (E, 27, 3 q) gives gradients (I, q) of nodal values; weighted: (E, 3 q, 27) its transpose times weights;
-    basis: (E, q, 4) pressure functions at the Gauss points; mass: (E, 4) their weighted squares; load: (E, 27) and
-    slope: (E, 27, 3) integrals of the shape functions and of their derivatives; weights: (E, q) mm³.
+    Arrays with another order of the same values are made where they are needed, for a few elements at a time. For the
+    solid of a virtual beam these arrays would fill 34 MB.
 
-    The other orders of the same values are made where they are used, for a few elements at a time: for the solid of a
-    virtual beam they would fill 34 MB.
+    Attributes
+    ----------
+    gradient : ndarray, shape (E, 27, 3 q)
+        Derivatives of the shape functions by the three coordinates at the Gauss points, in 1/mm.
+    weighted : ndarray, shape (E, 3 q, 27)
+        Transpose of ``gradient`` multiplied by ``weights``.
+    basis : ndarray, shape (E, q, 4)
+        The four pressure functions at the Gauss points.
+    mass : ndarray, shape (E, 4)
+        Integrals of the squares of the pressure functions in mm³.
+    load : ndarray, shape (E, 27)
+        Integrals of the shape functions in mm³.
+    slope : ndarray, shape (E, 27, 3)
+        Integrals of the derivatives of the shape functions in mm².
+    weights : ndarray, shape (E, q)
+        Volume of each Gauss point in mm³.
     """
 
     gradient: Array
@@ -52,7 +64,13 @@ class Operators:
 
 
 def operators(mesh: Bricks) -> Operators:
-    """Return the operators of a mesh. Raises ValueError if an element is folded."""
+    """Return the operators of a mesh of hexahedra.
+
+    Raises
+    ------
+    ValueError
+        An element is folded: its map from the reference cube has a determinant that is not positive.
+    """
     rules = [np.polynomial.legendre.leggauss(n) for n in (2, 3, 3)]
     places = [g.ravel() for g in np.meshgrid(*(r[0] for r in rules), indexing="ij")]
     values, local = shape_functions(*places)
@@ -78,22 +96,28 @@ def operators(mesh: Bricks) -> Operators:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return True: the pressure of a solid element is always an unknown."""
+    """Return True, because the pressure of a solid element is always an unknown."""
     return True
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 3, 27)."""
+    """Return the displacement gradients (3, 3, E, B, q) for nodal displacements (E, B, 3, 27) in mm.
+
+    The mesh has E elements with q Gauss points each, and the batch has B candidates. The first axis is the component of
+    the displacement, the second axis is the coordinate of the derivative.
+    """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 3, 3, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch (E, B, q) at every Gauss point.
+    """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (E, B, 3, 27) in mm.
 
-    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). If two
-    eigenvalues are equal, the relative error of the strain is 1e-8. LAPACK takes eight times as long for such matrices.
+    The mesh has E elements with q Gauss points each, and the batch has B candidates. The largest eigenvalue of the
+    right Cauchy-Green tensor C is computed in closed form (Smith 1961, Communications of the ACM 4:168). If two
+    eigenvalues are equal, the relative error of the strain is 1e-8. LAPACK takes eight times as long for matrices of
+    this size.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -107,11 +131,26 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """The elements of a batch at one displacement, with all quantities of a Newton step and of the stress prediction.
+    """Forces, stresses and strains of E elements for B candidates, at q Gauss points of each element.
 
-    force: (E, B, 3, 27) internal nodal forces; F: (i, I, E, B, q); J: (E, B, q); S: (6, E, B, q) second Piola-Kirchhoff
-    stress; D: (6, 6, E, B, q) its derivative by the Green strain; volume: (6, E, B, q) its derivative by the pressure;
-    valid: (B,) every element unfolded.
+    All values belong to the same displacements and pressures.
+
+    Attributes
+    ----------
+    force : ndarray, shape (E, B, 3, 27)
+        Internal forces on the nodes in N.
+    F : ndarray, shape (3, 3, E, B, q)
+        Deformation gradient.
+    J : ndarray, shape (E, B, q)
+        Determinant of F.
+    S : ndarray, shape (6, E, B, q)
+        Second Piola-Kirchhoff stress in MPa, with the pressure.
+    D : ndarray, shape (6, 6, E, B, q)
+        Derivative of S by the Green strain.
+    volume : ndarray, shape (6, E, B, q)
+        Derivative of S by the pressure, J C^-1 with C = F^T F.
+    valid : ndarray of bool, shape (B,)
+        Whether no element of the candidate is folded.
     """
 
     force: Array
@@ -124,7 +163,11 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return the internal forces and stresses for nodal displacements (E, B, 3, 27) and pressures (E, B, 4)."""
+    """Return internal forces and stresses for nodal displacements (E, B, 3, 27) in mm and pressures (E, B, 4).
+
+    The mesh has E elements and the batch has B candidates. The pressures are coefficients of the pressure functions in
+    MPa.
+    """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = _determinant(F)
@@ -148,15 +191,16 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangents (E, B, 81, 81), ordered (i, node), without the part of the pressure.
+    """Return the tangent stiffness of each of E elements for B candidates, (E, B, 81, 81) in N/mm.
 
-    The geometric part uses the predicted stress (6, E, B, q); see `beam.equilibrium`.
+    The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
+    geometric part is computed with the predicted stress (6, E, B, q) at q Gauss points, see `beam.equilibrium`.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangents of `stiffness` in parts of `AT_ONCE` elements."""
+    """Yield the result of `stiffness` in parts of `AT_ONCE` elements."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -181,7 +225,11 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivative (E, B, 81, 4) of the volume residual with respect to the displacement."""
+    """Return the derivative (E, B, 81, 4) of the volume residuals by the displacements.
+
+    The mesh has E elements and the batch has B candidates. `eimi_fitting.beam.element.volume_gap` defines the volume
+    residuals.
+    """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
     coupling = np.empty((n, b * 3, 108))
@@ -192,12 +240,17 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices of the elements of a mesh, with `AT_ONCE` elements in each but the last."""
+    """Return slices that divide the elements of a mesh into parts of `AT_ONCE` elements; the last may be smaller."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the stress S + D : dE, (6, E, B, q), after a linear step (E, B, 3, 27) and a pressure step (E, B, 4)."""
+    """Return the stress S + D : dE + J C^-1 dp after a linear step, (6, E, B, q) in MPa.
+
+    Here dE is the increment of the Green strain by the step (E, B, 3, 27) in mm, and dp is the increment of the
+    pressure by the pressure step (E, B, 4) in MPa. The mesh has E elements with q Gauss points each, and the batch has
+    B candidates.
+    """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])
     twice = [g[0, 0], g[1, 1], g[2, 2], g[0, 1] + g[1, 0], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0]]

@@ -1,4 +1,4 @@
-"""Structured meshes of hexahedra with 27 nodes, between the lines of a grid or mapped."""
+"""Structured meshes of hexahedra with 27 nodes, between the lines of a rectangular grid or mapped to another shape."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bricks:
-    """A structured mesh. Nodes are numbered along last, so that the stiffness matrix has a small band.
+    """A structured mesh of E hexahedra with N nodes.
+
+    The number of a node increases slowest along the beam. It increases fastest in the direction with fewer nodes, which
+    is either across or in depth. The band of the stiffness matrix is then narrow.
 
     Attributes
     ----------
     nodes : ndarray, shape (N, 3)
-        Places in mm.
+        Places of the nodes in mm.
     elements : ndarray of int, shape (E, 27)
-        Nodes of each element; local node 9 i + 3 j + k is at i along, j across, k in depth.
-    numbers : ndarray of int, shape (along, across, depth)
-        Number of the node at each place of the grid. The direction with fewer nodes, across or depth, comes first.
+        Nodes of each element. Local node 9 i + 3 j + k is the i-th along, the j-th across and the k-th in depth.
+    numbers : ndarray of int, shape (nodes along, nodes across, nodes in depth)
+        Number of the node at each position of the grid.
     """
 
     nodes: Array
@@ -38,7 +41,10 @@ def brick_mesh(
     z_mm: Array,
     mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
 ) -> Bricks:
-    """Return the bricks between increasing lines x_mm, y_mm and z_mm; ``mapping`` moves their nodes."""
+    """Return the hexahedra between the increasing coordinates x_mm, y_mm and z_mm of the grid's lines.
+
+    mapping: function of x, y and z in mm that returns the places of the nodes; None: the nodes stay on the grid.
+    """
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
     numbers: Indices = np.arange(along * across * deep, dtype=np.intp)
@@ -54,7 +60,11 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """Return the 27-node Lagrange functions at n points: values (n, 27) and local derivatives (n, 27, 3)."""
+    """Return the 27-node Lagrange functions at n points of the reference cube.
+
+    xi, eta, zeta: coordinates (n,) of the points, -1 to 1. Returns values (n, 27) and derivatives by xi, eta and zeta
+    (n, 27, 3).
+    """
     (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
 
     def product(f: Array, g: Array, h: Array) -> Array:

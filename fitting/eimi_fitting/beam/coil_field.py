@@ -1,10 +1,13 @@
-"""The field of a coil that is not uniform, with a magnet or magnetised silicone in it.
+"""The field of a coil that is not uniform, with a magnet or magnetised silicone in the field.
 
-The field in the plane of the beam is B(x) = q(x) F with the field F at the magnet's place at rest. As complex numbers,
-B_x + i B_y, the factor q is one scalar for all currents and directions of F, with q = 1 at that place. A rigid dipole m
-at the place x has the energy -m . B(x). The torque on it is m x B, and the components of the force on it are
-m_j dB_j/dx_i. A magnet that is small beside the coil has the energy of a dipole in its middle. The next terms of the
-expansion contain the second derivatives of B, and they add up to zero over a cube.
+The field at the place x in the plane of the beam is B(x) = q(x) F. Here F is the field at the magnet's place at rest. F
+and B are written as complex numbers, F_x + i F_y and B_x + i B_y. The complex factor q(x) is the same for all currents
+and directions of F, and q = 1 at the magnet's place at rest.
+
+A rigid dipole m at the place x has the energy -m . B(x). The torque on the dipole is m x B(x), and component i of the
+force on it is the sum of m_j dB_j/dx_i over j. A magnet that is much smaller than the coil has the energy of a dipole
+in the middle of the magnet. The next terms of the expansion contain the second derivatives of B. For a cube these terms
+add up to zero.
 """
 
 from __future__ import annotations
@@ -28,24 +31,26 @@ _SYMMETRIC = np.array([[3, 4], [4, 5]])  # where the second derivatives are in _
 
 
 def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array, Array]:
-    """Return the radial and the axial field of a circular loop per current.
+    """Return the radial and the axial flux density of a circular current loop, divided by the current.
 
     Parameters
     ----------
-    radial_m, axial_m : ndarray
-        Distances from the axis and, along the axis, from the plane of the loop, in m.
+    radial_m : ndarray
+        Distances from the axis in m.
+    axial_m : ndarray
+        Distances along the axis from the plane of the loop in m, in the shape of ``radial_m``.
     radius_m : float
         Radius of the loop in m.
 
     Returns
     -------
     radial, axial : ndarray
-        Flux density in T/A, of the shape of the distances.
+        Flux density divided by the current in T/A, in the shape of the distances.
 
     Notes
     -----
-    By Biot and Savart's law with the complete elliptic integrals K and E (Smythe 1989, Static and Dynamic Electricity,
-    section 7.10).
+    Biot and Savart's law, evaluated with the complete elliptic integrals K and E (Smythe 1989, Static and Dynamic
+    Electricity, section 7.10).
     """
     rho, z, a = np.abs(radial_m), axial_m, radius_m
     outer, inner = (a + rho) ** 2 + z**2, (a - rho) ** 2 + z**2
@@ -61,14 +66,14 @@ def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array,
 
 @dataclass(frozen=True, eq=False)
 class FieldTable:
-    """A field on a rectangular grid in the beam frame, interpolated by cubic splines.
+    """A magnetic field on a rectangular grid in the beam frame, interpolated by cubic splines.
 
     Parameters
     ----------
-    x_mm, y_mm : ndarray, shape (n,) and (m,)
-        Increasing places, at least four of each.
+    x_mm, y_mm : ndarray, shapes (n,) and (m,)
+        Coordinates of the grid, increasing, at least four of each.
     field : ndarray, shape (n, m, 2)
-        Components of the field, in any unit.
+        The components of the field along x and y, in any unit.
     """
 
     x_mm: Array
@@ -79,23 +84,24 @@ class FieldTable:
     def of_loops(
         radius_mm: float, gap_mm: float, centre_mm: tuple[float, float], axis: tuple[float, float], reach_mm: float
     ) -> FieldTable:
-        """Return the field of two equal coaxial loops.
+        """Return the field of two equal coaxial current loops.
 
         Parameters
         ----------
         radius_mm, gap_mm : float
-            Radius of the loops, and distance between their planes; 0 for a single loop.
+            Radius of the loops, and distance between the planes of the loops; 0 for a single loop.
         centre_mm : tuple of float
             The point on the axis half-way between the loops, in the plane of the beam.
         axis : tuple of float
             Unit vector along the axis.
         reach_mm : float
-            The table covers this distance from the clamp, and a quarter of it behind the clamp.
+            The table covers this distance from the clamp toward the tip and to both sides, and a quarter of this
+            distance behind the clamp.
 
         Raises
         ------
         ValueError
-            A loop passes through the table, where its field is infinite.
+            A loop passes through the table. The field of a loop is infinite on the loop itself.
         """
         steps = int(np.ceil(np.clip(reach_mm, 20.0, 100.0)))
         places = np.linspace(-reach_mm, reach_mm, 2 * steps + 1)
@@ -106,7 +112,8 @@ class FieldTable:
         nearest = min(float(np.hypot(np.abs(across) - radius_mm, end).min()) for end in ends)
         if nearest < 3 * (places[1] - places[0]):
             raise ValueError(
-                f"a loop of radius {radius_mm:g} mm passes within {nearest:.2g} mm of a place that the beam may reach"
+                f"a coil loop of radius {radius_mm:g} mm lies {nearest:.2g} mm from a place that the beam may reach, "
+                "where the field of the loop is almost infinite: check the radius, the gap and the centre of the coil"
             )
         radial, axial = np.sum([loop_field(1e-3 * across, 1e-3 * end, 1e-3 * radius_mm) for end in ends], axis=0)
         field = axial[..., None] * np.array(axis) + radial[..., None] * np.array([-axis[1], axis[0]])
@@ -118,13 +125,17 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the complex field and its derivatives (6, B) at points (B, 2), or at the nearest edge of the table."""
+        """Return the field and its first and second derivatives at points (n, 2) in mm, complex, shape (6, n).
+
+        The rows are the field B_x + i B_y and its derivatives by x, y, xx, xy and yy in mm. A point outside the table
+        is replaced by the nearest point of the table's edge.
+        """
         real, imaginary = self._splines
         x, y = points_mm.T
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
 
     def covers(self, points_mm: Array) -> bool:
-        """Return whether all points (n, 2) lie in the table."""
+        """Return whether all points (n, 2), in mm, lie inside the table."""
         x, y = points_mm.T
         inside = (x >= self.x_mm[0]) & (x <= self.x_mm[-1]) & (y >= self.y_mm[0]) & (y <= self.y_mm[-1])
         return bool(inside.all())
@@ -137,15 +148,15 @@ class CoilShape:
     Parameters
     ----------
     axis : tuple of float
-        Unit vector along the axis of the coil, in the beam frame. A gradient has the field of a coil with this axis.
+        Unit vector along the axis of the coil, in the beam frame. The field that belongs to ``gradient_per_m`` and
+        ``curvature_per_m2`` is symmetric about an axis in this direction.
     gradient_per_m : tuple of float
-        Change of the strength per metre along x and along y, as a share of the strength. The gradient adds to that of
-        the table.
+        Relative change of the field strength per metre along x and along y. The gradient adds to that of the table.
     table : FieldTable or None
-        The field. If it is None, the field is uniform except for the gradient.
+        The field. If it is None, the field is uniform except for gradient and curvature.
     curvature_per_m2 : float
-        Half of the second derivative of the strength along the axis, as a share of the strength. It is negative about
-        the middle of a coil, whose strength decreases along the axis and increases across it by half of this amount.
+        Half of the second derivative of the relative field strength along the axis, in 1/m². It is negative near the
+        middle of a coil: the strength decreases along the axis, and increases across the axis by half of this amount.
     """
 
     axis: tuple[float, float]
@@ -154,7 +165,7 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the factor q at points (B, 2) and its derivatives.
+        """Return the factor q of the field at points (B, 2), and the derivatives of q.
 
         Parameters
         ----------
@@ -164,8 +175,8 @@ class CoilShape:
 
         Returns
         -------
-        q, first, second : ndarray, shapes (B,), (B, 2) and (B, 2, 2)
-            The factor, its derivatives in 1/mm, and its second derivatives in 1/mm².
+        q, first, second : ndarray, complex, shapes (B,), (B, 2) and (B, 2, 2)
+            The factor, its first derivatives in 1/mm, and its second derivatives in 1/mm².
         """
         values = np.zeros((6, len(points_mm)), complex)
         values[0] = 1.0
@@ -179,9 +190,11 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the part (6, B) of q and its derivatives due to the curvature c.
+        """Return the contribution of the curvature c to the factor q and its derivatives at B points, shape (6, B).
 
-        With s along the axis and t across it: B_s = c (s^2 - t^2 / 2) and B_t = -c s t.
+        The field of the curvature has the components B_s = c (s^2 - t^2 / 2) and B_t = -c s t, with the coordinates s
+        along the axis and t across the axis, measured from the place at rest. The order of the derivatives is that of
+        `FieldTable.derivatives`.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
@@ -198,10 +211,11 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """Return the derivatives (2,) of the factor q due to a gradient of the strength.
+        """Return the derivatives of the factor q by x and y that the gradient causes, complex, shape (2,) in 1/mm.
 
-        The field has neither curl nor divergence. With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds
-        = g, and dB_t/dt = -h/2.
+        With the coordinates s along the axis and t across the axis, the gradient of the relative strength is (h, g).
+        The field has neither curl nor divergence and is symmetric about the axis: dB_s/ds = h, dB_s/dt = dB_t/ds = g,
+        dB_t/dt = -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
@@ -210,19 +224,20 @@ class CoilShape:
 
 @dataclass(frozen=True)
 class DipoleInField:
-    """A dipole on a rigid body in the field of a coil.
+    """A magnetic dipole on a rigid body in the field of a coil.
 
     Parameters
     ----------
     shape : CoilShape
+        How the field changes from place to place.
     dipole : ndarray, shape (2,)
-        The moment at rest in N mm/T.
+        Magnetic moment at rest in N mm/T.
     arm_mm : ndarray, shape (2,)
-        Place of the dipole from the reference point of the body, at rest.
+        Vector from the reference point of the body to the dipole, at rest.
     reference_mm : ndarray, shape (2,)
         The reference point at rest.
     field_T : ndarray, shape (B, 2)
-        The field at the place of the dipole at rest; one row for each candidate, or one for all.
+        The field at the place of the dipole at rest, for each of B candidates, or shape (1, 2) for all candidates.
     """
 
     shape: CoilShape
@@ -232,19 +247,19 @@ class DipoleInField:
     field_T: Array
 
     def load(self, rigid: Array) -> tuple[Array, Array]:
-        """Return the load on the body and its stiffness.
+        """Return the magnetic load on the body and the stiffness of this load.
 
         Parameters
         ----------
         rigid : ndarray, shape (B, 3)
-            Translation in mm and rotation in rad of the body.
+            Translation of the body in mm and rotation in rad, for each of B candidates.
 
         Returns
         -------
         load : ndarray, shape (B, 3)
-            Force in N and moment in N mm: minus the derivatives of the energy -m . B.
+            Force in N and moment in N mm: minus the first derivatives of the energy -m . B by ``rigid``.
         stiffness : ndarray, shape (B, 3, 3)
-            Second derivatives of the energy.
+            Second derivatives of the energy by ``rigid``.
         """
         turn = np.exp(1j * rigid[:, 2])
         arm = turn * (self.arm_mm @ [1, 1j])
@@ -268,22 +283,26 @@ class DipoleInField:
 
 @dataclass(frozen=True)
 class SiliconeInField:
-    """Magnetised silicone in the field of a coil: one dipole in the middle of each element.
+    """Magnetised silicone in the field of a coil, with one dipole in the middle of each element.
 
-    The dipole of an element is the integral of F M: the sum of the nodes' places with the weights `dipoles`. It lies at
-    the mean of the nodes' places with the weights `shares`.
+    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest. It
+    is computed as the sum of the places of the nodes, multiplied by ``dipoles``. The dipole lies at the sum of the
+    places of the nodes, multiplied by ``shares``.
 
     Parameters
     ----------
     shape : CoilShape
+        How the field changes from place to place.
     rest_mm : ndarray, shape (2,)
-        The place where the strength of the field is stated.
+        The place at rest to which the field strength refers.
     nodes_mm : ndarray, shape (E, n, 2)
-        Nodes of the elements at rest.
-    shares, dipoles : ndarray, shape (E, n)
-        Weights of the nodes in the place, and in the dipole in N/T.
+        Places at rest of the n nodes of each of E elements.
+    shares : ndarray, shape (E, n)
+        Weights of the nodes in the place of the dipole.
+    dipoles : ndarray, shape (E, n)
+        Weights of the nodes in the dipole, in N/T.
     field_T : ndarray, shape (B, 2)
-        The strength of the field; one row for each candidate, or one for all.
+        The field at ``rest_mm`` for each of B candidates, or shape (1, 2) for all candidates.
     """
 
     shape: CoilShape
@@ -294,19 +313,21 @@ class SiliconeInField:
     field_T: Array
 
     def load(self, nodal: Array) -> tuple[Array, Array]:
-        """Return the forces on the nodes and their stiffness.
+        """Return the magnetic forces on the nodes and the stiffness of these forces.
+
+        The energy is the sum of -m . B over the E elements, with the dipole m of each element.
 
         Parameters
         ----------
         nodal : ndarray, shape (E, B, d, n)
-            Displacements of the nodes in mm.
+            Displacements in mm in d dimensions of the n nodes of each element, for B candidates.
 
         Returns
         -------
         force : ndarray, shape (E, B, d, n)
-            Minus the derivatives of the energy in N. The energy is the sum of -m . B over the elements.
+            Minus the first derivatives of the energy by the displacements, in N.
         stiffness : ndarray, shape (E, B, d, n, d, n)
-            Second derivatives of the energy.
+            Second derivatives of the energy in N/mm.
         """
         e, b, d, n = nodal.shape
         moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)
@@ -329,5 +350,5 @@ class SiliconeInField:
 
 
 def _components(values: Complex) -> Array:
-    """Return the real and the imaginary part of complex numbers (...) as vectors (..., 2)."""
+    """Return complex numbers (...) as vectors (..., 2) of their real and imaginary parts."""
     return np.stack([values.real, values.imag], axis=-1)

@@ -1,13 +1,14 @@
 """The depth effect: the difference between a solid and its planar model, as a polynomial in the bending of the beam.
 
-Let u_s be the configuration of the solid and u_p that of its planar model under the same loads. The depth effect
-d = u_s - u_p is smooth in a scalar s, the rotation of the planar tip, or the distance along a ray of loads where the
-tip does not turn monotonically. From n solved states it is interpolated by Lagrange's polynomial,
+Let u_s be the configuration of the solid and u_p the configuration of its planar model under the same loads. The depth
+effect d = u_s - u_p is a smooth function of a scalar s. If the tip turns monotonically along the loads, s is the
+rotation of the planar tip in rad. Otherwise s is the distance along the line of the loads (`beam.beside`). The solid is
+solved in n states, at the places s_i. The depth effect d_i in these states is interpolated by Lagrange's polynomial,
 
-    d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j),
+    d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
-where the base b is the depth effect of a similar candidate, or zero. A base leaves a smaller difference, for which
-fewer states are enough.
+The base b is the depth effect of a similar candidate, or zero. The difference from a base is small, and therefore fewer
+solved states are needed.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ class BentCandidate:
     ----------
     law : Law
     bulk_ratio : float
-        Bulk modulus over shear modulus.
+        Bulk modulus divided by initial shear modulus.
     planar : ndarray, shape (1, K, N, 2)
-        Displacements of the planar model in mm.
+        Displacements of the N nodes of the planar model in K states, in mm.
     """
 
     law: Law
@@ -46,7 +47,10 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether the other candidate has the same law and planar displacements within a distance."""
+        """Return whether another candidate has the same law, ratio of moduli and planar displacements.
+
+        within_mm: largest difference between displacements that count as the same.
+        """
         same = self.law is other.law and abs(self.bulk_ratio / other.bulk_ratio - 1) < _SAME_BULK
         same = same and self.planar.shape == other.planar.shape
         return same and bool(np.abs(self.planar - other.planar).max() < within_mm)
@@ -54,18 +58,20 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference between a solid and its planar model, interpolated between the states that were solved.
+    """The difference between a solid and its planar model, interpolated between the solved states.
+
+    The symbols are those of the module `beam.depth_effect`.
 
     Attributes
     ----------
     places : tuple of float
-        The values s_i of the solved states.
+        The values s_i of the states in which the solid was solved.
     differences : tuple of Configuration
         The differences d_i in these states.
     by_turn : bool
-        Whether s is the rotation of the planar tip in rad; otherwise it is the distance along the ray of loads.
+        Whether s is the rotation of the planar tip in rad; otherwise s is the distance along the line of the loads.
     base : DepthEffect or None
-        The depth effect of a similar candidate. Where the tip is not rotated, the two effects are assumed equal.
+        The depth effect b of a similar candidate. If ``by_turn``, the two depth effects are assumed equal at s = 0.
     candidate : BentCandidate or None
         The candidate for which the states were solved.
     """
@@ -77,14 +83,14 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the interpolated difference at one place."""
+        """Return the interpolated difference d(s) at one place s."""
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated differences at K places, without stresses and pressures.
+        """Return the interpolated differences at K places s, without stresses and pressures.
 
         Parameters
         ----------
@@ -93,9 +99,9 @@ class DepthEffect:
         Returns
         -------
         displacement : ndarray, shape (K, N, 3)
-            Displacement of the nodes in mm.
+            Difference of the displacements of the N nodes in mm.
         rigid : ndarray, shape (K, 3)
-            Translation of the magnet in mm and its rotation in rad.
+            Difference of the magnet's translation in mm and of its rotation in rad.
         """
         configurations = self.differences if self.base is None else self._from_base
         if not configurations:
@@ -110,27 +116,28 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return Lagrange's weights of the differences at a place."""
+        """Return Lagrange's weights w_i(s) of the solved states at one place s."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) from the base."""
+        """The differences d_i - b(s_i) between this depth effect and its base in the solved states."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The places at which this effect and its base are assumed equal."""
+        """The places s at which this depth effect and its base are assumed equal: 0 if ``by_turn``, otherwise none."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same effect without a base, tabulated at the places of the base.
+        """The same depth effect without a base, as a table at the places of the base.
 
-        The places are scaled so that the first place equals the first solved place of this effect.
+        If ``by_turn``, the places are scaled so that the first of them equals the first solved place of this depth
+        effect.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -139,19 +146,23 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this effect is valid at all places."""
+        """Return whether this depth effect, without its base, is valid at all given places; see `reaches`."""
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the polynomial is valid at each place (K,): between the solved states or close to them."""
+        """Return whether the polynomial is valid at each of K places, shape (K,).
+
+        The polynomial is valid between the solved places, and beyond them by a tenth of their range.
+        """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this effect, which has no base, with at most ``most`` states: those that lie farthest apart.
+        """Return this depth effect with at most ``most`` solved states, which are chosen far apart from each other.
 
-        A polynomial through many places at equal distances is inaccurate between them.
+        A polynomial through many places at equal distances is inaccurate between them. The depth effect must have no
+        base.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -162,5 +173,5 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this effect with the difference of one additional solved state."""
+        """Return this depth effect with one more solved state: its place and its difference."""
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

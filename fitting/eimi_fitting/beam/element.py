@@ -1,19 +1,21 @@
-"""The Q2/P1 element, evaluated for all elements and a whole batch of candidates at once.
+"""The planar Q2/P1 element, evaluated for all elements and all candidates of a batch at once.
 
-The displacement is quadratic and the pressure is linear and discontinuous (Sussman and Bathe 1987, Computers &
-Structures 26:357). The potential of one element is
+The displacement is quadratic (nine nodes). The pressure p is linear and discontinuous between elements (Sussman and
+Bathe 1987, Computers & Structures 26:357). With the isochoric strain energy psi, the deformation gradient F, its
+determinant J and the bulk modulus K, the potential of one element is
 
     integral of psi(F) + p (J - 1) - p^2 / (2 K).
 
-The pressure belongs to one element alone, so that its three unknowns are eliminated before assembly.
+The three coefficients of the pressure belong to one element only. They are eliminated before assembly.
 
-There are two Gauss points along and three across. This rule is exact for cubics, which keeps the order of convergence
-of quadratic elements (Ciarlet 1978, section 4.1). It leaves no mode without stiffness, and it is softer along a bent
-beam than three by three points.
+An element has two Gauss points along the beam and three across. This rule is exact for cubics, which keeps the order of
+convergence of quadratic elements (Ciarlet 1978, section 4.1). Every mode has stiffness, and a bent beam is softer along
+its length than with three by three points.
 
-Array axes: E elements, B candidates of the batch, q Gauss points, (i, I) components of the deformation gradient.
-The tangent of the whole batch is one matrix product per element: dP/dF (pairs ij | q, I, J) times the precomputed
-weights w dN_a/dX_I dN_b/dX_J.
+Shapes of arrays: E elements, B candidates of the batch, q Gauss points of an element. The first two axes of a
+deformation gradient are the component i of the place and the coordinate I at rest. The tangent stiffness of the whole
+batch is one matrix product for each element: dP/dF, with the first Piola-Kirchhoff stress P, times the integrals w
+dN_a/dX_I dN_b/dX_J of the shape functions N_a and N_b with the Gauss weights w.
 """
 
 from __future__ import annotations
@@ -36,12 +38,28 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators that depend on the geometry only, computed once for a mesh.
+    """The operators of a mesh of E elements with q Gauss points each, which depend on its geometry only.
 
-    gradient: (E, 9, 2 q) gives the gradients (I, q) of nodal values; weighted: (E, 2 q, 9) its transpose times weights;
-    tangent: (E, 4 q, 81); pressure: (E, 2 q, 27); basis: (E, q, 3) pressure functions at the Gauss points;
-    mass: (E, 3) their weighted squares; load: (E, 9) and slope: (E, 9, 2) integrals of the
-    shape functions and of their derivatives; weights: (E, q) mm².
+    Attributes
+    ----------
+    gradient : ndarray, shape (E, 9, 2 q)
+        Derivatives of the shape functions by x and y at the Gauss points, in 1/mm.
+    weighted : ndarray, shape (E, 2 q, 9)
+        Transpose of ``gradient`` multiplied by ``weights``.
+    tangent : ndarray, shape (E, 4 q, 81)
+        Products of two derivatives of shape functions, multiplied by ``weights``.
+    pressure : ndarray, shape (E, 2 q, 27)
+        Products of a derivative of a shape function and a pressure function, multiplied by ``weights``.
+    basis : ndarray, shape (E, q, 3)
+        The three pressure functions at the Gauss points.
+    mass : ndarray, shape (E, 3)
+        Integrals of the squares of the pressure functions in mm².
+    load : ndarray, shape (E, 9)
+        Integrals of the shape functions in mm².
+    slope : ndarray, shape (E, 9, 2)
+        Integrals of the derivatives of the shape functions in mm.
+    weights : ndarray, shape (E, q)
+        Area of each Gauss point in mm², multiplied by the relative thickness of the mesh.
     """
 
     gradient: Array
@@ -56,7 +74,13 @@ class Operators:
 
 
 def operators(mesh: Mesh) -> Operators:
-    """Return the operators of a mesh. Raises ValueError if an element is folded."""
+    """Return the operators of a planar mesh.
+
+    Raises
+    ------
+    ValueError
+        An element is folded: its map from the reference square has a determinant that is not positive.
+    """
     along, weights_along = np.polynomial.legendre.leggauss(2)
     across, weights_across = np.polynomial.legendre.leggauss(3)
     xi, eta = (g.ravel() for g in np.meshgrid(along, across, indexing="ij"))
@@ -83,9 +107,21 @@ def operators(mesh: Mesh) -> Operators:
 
 
 def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
-    """Orthogonalise functions (q, m) with weights (E, q), so that their mass matrix is diagonal (Gram-Schmidt).
+    """Make functions orthogonal by the method of Gram and Schmidt, so that their mass matrix is diagonal.
 
-    Returns the values (E, q, m) and the weighted squares (E, m).
+    Parameters
+    ----------
+    weights : ndarray, shape (E, q)
+        Weights of the q Gauss points of each of E elements.
+    raw : ndarray, shape (q, m)
+        Values of the m functions at the Gauss points, the same in each element.
+
+    Returns
+    -------
+    basis : ndarray, shape (E, q, m)
+        Values of the orthogonal functions.
+    mass : ndarray, shape (E, m)
+        Weighted sums of their squares.
     """
     (n, q), m = weights.shape, raw.shape[1]
     basis, mass = np.empty((n, q, m)), np.empty((n, m))
@@ -99,19 +135,26 @@ def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return whether the pressure is an unknown."""
+    """Return whether the pressure is an unknown: in plane strain, but not in plane stress."""
     return batch.section == "plane-strain"
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 2, 9)."""
+    """Return the displacement gradients (2, 2, E, B, q) for nodal displacements (E, B, 2, 9) in mm.
+
+    The mesh has E elements with q Gauss points each, and the batch has B candidates. The first axis is the component of
+    the displacement, the second axis is the coordinate of the derivative.
+    """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 2, 2, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch (E, B, q) at every Gauss point for displacements (E, B, 2, 9)."""
+    """Return the largest principal stretch in the plane, (E, B, q), for nodal displacements (E, B, 2, 9) in mm.
+
+    The mesh has E elements with q Gauss points each, and the batch has B candidates.
+    """
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
     J = (1 + h11) * (1 + h22) - h12 * h21
@@ -119,10 +162,26 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """The forces, stresses and strains of all elements at one displacement, for every candidate of a batch.
+    """Forces, stresses and strains of E elements for B candidates, at q Gauss points of each element.
 
-    force: (E, B, 2, 9) internal nodal forces; F: (i, I, E, B, q); energy: derivatives of psi; t: psi_J + p;
-    S: (3, E, B, q) second Piola-Kirchhoff stress 11, 22, 12; J: (E, B, q); valid: (B,) every element unfolded.
+    All values belong to the same displacements and pressures.
+
+    Attributes
+    ----------
+    force : ndarray, shape (E, B, 2, 9)
+        Internal forces on the nodes in N per mm of depth.
+    F : ndarray, shape (2, 2, E, B, q)
+        Deformation gradient in the plane.
+    J : ndarray, shape (E, B, q)
+        Determinant of F.
+    energy : PlanarEnergy
+        Derivatives of the strain energy psi, which depends on a = F : F and J.
+    t : ndarray, shape (E, B, q)
+        The derivative of psi by J plus the pressure, in MPa.
+    S : ndarray, shape (3, E, B, q)
+        Components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
+    valid : ndarray of bool, shape (B,)
+        Whether no element of the candidate is folded.
     """
 
     force: Array
@@ -136,7 +195,18 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """The candidates of one batch: their law, parameters (B, n) in MPa, section, and bulk moduli (B,) in MPa."""
+    """B candidates that are solved together.
+
+    Attributes
+    ----------
+    law : Law
+        The hyperelastic law of all candidates.
+    parameters : ndarray, shape (B, n)
+        The n parameters of each candidate; moduli in MPa.
+    section : {"plane-stress", "plane-strain", "solid"}
+    bulk : ndarray, shape (B,)
+        Bulk modulus of each candidate in MPa.
+    """
 
     law: Law
     parameters: Array
@@ -148,7 +218,11 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return the internal forces and stresses for nodal displacements (E, B, 2, 9) and pressures (E, B, 3)."""
+    """Return internal forces and stresses for nodal displacements (E, B, 2, 9) in mm and pressures (E, B, 3).
+
+    The mesh has E elements and the batch has B candidates. The pressures are coefficients of the pressure functions in
+    MPa.
+    """
     F = gradients(ops, nodal)
     F[0, 0] += 1
     F[1, 1] += 1
@@ -184,9 +258,10 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangents (E, B, 18, 18), ordered (i, node), without the part of the pressure.
+    """Return the tangent stiffness of each of E elements for B candidates, (E, B, 18, 18) in N/mm per mm of depth.
 
-    The geometric part uses the predicted stress (3, E, B, q); see `beam.equilibrium`.
+    The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
+    geometric part is computed with the predicted stress (3, E, B, q) at q Gauss points, see `beam.equilibrium`.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -219,18 +294,25 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangents of `stiffness` in one part; the element of the solid yields several parts."""
+    """Yield the result of `stiffness` as one part. The element of the solid yields several parts."""
     yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return the residuals (E, B, 3) of J - 1 = p / K, tested with the pressure functions."""
+    """Return the volume residuals (E, B, 3) of E elements for B candidates.
+
+    Residual k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
+    deformation gradient, p is the pressure and K is the bulk modulus.
+    """
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivative (E, B, 18, 3) of the volume residual with respect to the displacement."""
+    """Return the derivative (E, B, 18, 3) of the volume residuals by the displacements.
+
+    The mesh has E elements and the batch has B candidates. `volume_gap` defines the volume residuals.
+    """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
     Z = np.empty((n, b, 2, 2, POINTS))
@@ -239,7 +321,13 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress S + D : dE, (3, E, B, q), after a linear step (E, B, 2, 9) and a pressure step (E, B, 3)."""
+    """Return the stress after a linear step, to first order: components 11, 22, 12, shape (3, E, B, q), in MPa.
+
+    The stress is S + D : dE with the derivative D of the stress S by the Green strain. The increment dE of the Green
+    strain is that of the step (E, B, 2, 9) in mm. In plane strain J C^-1 dp is added, with the increment dp of the
+    pressure by the pressure step (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has
+    B candidates.
+    """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy

@@ -1,8 +1,8 @@
-"""Equilibrium of a planar or a solid mesh for a batch of candidates, by Newton's method with predicted stresses.
+"""Equilibrium of a planar or a solid mesh for all candidates of a batch, by Newton's method with predicted stresses.
 
-The geometric part of the tangent uses the stress that the last linear step predicts, not the stress of the new
-displacement. Newton's method then converges from farther away for slender, incompressible bodies (Magisano, Leonetti,
-Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
+The geometric part of the tangent stiffness is computed with the stress that the last linear step predicts, and not with
+the stress of the new displacement. For slender, incompressible bodies Newton's method then converges from starts that
+are farther from the solution (Magisano, Leonetti, Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains 
 
 
 class Status(IntEnum):
-    """The outcome of one candidate in one state."""
+    """The outcome of the solution for one candidate in one state."""
 
     CONVERGED = 0
     DIVERGED = 1
@@ -48,20 +48,21 @@ class Status(IntEnum):
 class SolidLoads:
     """Loads on a mesh, with one row for each of B candidates or one row for all; see `beam.actuation`.
 
-    All loads are per mm of depth if the mesh is planar.
+    All loads are per mm of depth if the mesh is planar. The mesh has N nodes with d coordinates.
 
     Attributes
     ----------
     nodal : ndarray, shape (B, N, d)
         Dead forces on the nodes in N.
     force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
-        Load on the rigid body, in N and N mm. Its potential is -force . U - tensor : R(theta) - moment theta.
+        Load on the rigid body in N, N mm and N mm. With the body's translation U and the matrix R(theta) of its
+        rotation theta, the potential of the load is -force . U - tensor : R(theta) - moment theta.
     pressure : ndarray, shape (B,)
         Pressure on the face in N/mm².
     in_coil : DipoleInField or None
         The magnet in the field of a coil that is not uniform.
     silicone_in_coil : SiliconeInField or None
-        Magnetised silicone in such a field.
+        Magnetised silicone in the field of a coil that is not uniform.
     """
 
     nodal: Array
@@ -75,18 +76,20 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """The unknowns of a batch of candidates. States are extrapolated by linear combination of all of them.
+    """The unknowns of B candidates in one state. Linear combinations of configurations are used to extrapolate states.
+
+    The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
 
     Attributes
     ----------
     displacement : ndarray, shape (B, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (B, 3)
-        Translation in mm and rotation in rad of the rigid body.
+        Translation of the rigid body in mm and its rotation in rad.
     pressure : ndarray, shape (E, B, d + 1)
         Coefficients of the elements' pressures in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
-        The stress at the Gauss points that the next tangent uses.
+        The stress at the Gauss points in N/mm² with which the next tangent stiffness is computed.
     """
 
     displacement: Array
@@ -95,23 +98,23 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return the candidates ``rows`` alone."""
+        """Return the configuration of the candidates ``rows`` only."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the candidates ``rows``."""
+        """Overwrite the configuration of the candidates ``rows``."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
         self.stress[:, :, rows] = other.stress
 
     def copy(self) -> Configuration:
-        """Return an independent copy."""
+        """Return a copy that shares no array with this configuration."""
         return Configuration(self.displacement.copy(), self.rigid.copy(), self.pressure.copy(), self.stress.copy())
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the sum of configurations with the given weights."""
+    """Return the weighted sum of configurations."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -123,7 +126,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Return batches one after another as one batch."""
+    """Return the configurations of several batches, one after another, as the configuration of one batch."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -133,7 +136,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads of several batches into the loads of one batch."""
+    """Return the loads on several batches, one after another, as the loads on one batch."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:
@@ -148,10 +151,22 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step of Newton's method.
+    """One linear step of Newton's method for B candidates.
 
-    nodal: (B, N, d) mm; rigid: (B, 3); pressure and stress: as in `Configuration`, with the predicted stress;
-    sound: (B,) whether the step could be solved; indefinite: (B,) whether the tangent is not positive definite.
+    Attributes
+    ----------
+    nodal : ndarray, shape (B, N, d)
+        Change of the displacements of the N nodes in mm, in d dimensions.
+    rigid : ndarray, shape (B, 3)
+        Change of the body's translation in mm and of its rotation in rad.
+    pressure : ndarray
+        Change of ``Configuration.pressure``.
+    stress : ndarray
+        The predicted stress after the step, in the shape of ``Configuration.stress``.
+    sound : ndarray of bool, shape (B,)
+        Whether the linear system could be solved.
+    indefinite : ndarray of bool, shape (B,)
+        Whether the tangent stiffness is not positive definite.
     """
 
     nodal: Array
@@ -163,15 +178,16 @@ class _Step:
 
 
 class Solid:
-    """A mesh with its supports, perhaps with a rigid body in it and a face under pressure.
+    """A mesh with its supports. It may contain a rigid body, and a pressure may act on one face.
 
     Parameters
     ----------
     mesh : Mesh or Bricks
+        Mesh with N nodes in d dimensions.
     fixed : ndarray of bool, shape (N, d)
-        Displacements that are fixed at zero.
+        Which displacements are zero.
     rigid_nodes : ndarray of int or None
-        Nodes that move with a rigid body.
+        Nodes that move with the rigid body; None without a body.
     rigid_centre : tuple of float
         Reference point of the rigid body in mm.
     face : FollowerPressure or None
@@ -205,14 +221,15 @@ class Solid:
 
     @property
     def kind(self) -> Any:
-        """The module of the element, with the same functions in two dimensions and in three.
+        """The module of the element: `beam.element` in two dimensions, or `beam.brick` in three.
 
-        The module is looked up at each access, because a module cannot be pickled with the solid.
+        Both modules have the same functions. The module is not stored, because a module cannot be pickled with the
+        solid.
         """
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return the undeformed configuration of a batch."""
+        """Return the configuration at rest for ``batch`` candidates."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -222,13 +239,19 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Return nodal values (B, N, d) by element, (E, B, d, nodes of an element)."""
+        """Return nodal values (B, N, d) by element, (E, B, d, n).
+
+        There are B candidates and N nodes in d dimensions, and E elements with n nodes each.
+        """
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
     def stretch(self, displacement: Array) -> Array:
-        """Return the largest principal stretch (E, B, q) at every Gauss point for displacements (B, N, d)."""
+        """Return the largest principal stretch (E, B, q) for displacements (B, N, d) in mm.
+
+        There are B candidates and N nodes in d dimensions, and E elements with q Gauss points each.
+        """
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
         return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
@@ -288,7 +311,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the configuration after a step, and the largest step (B,) of any node in mm."""
+        """Return the configuration after a step, and the largest displacement of any node in the step, (B,) in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -304,33 +327,40 @@ class Solid:
         few: int | None = None,
         only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
-        """Apply Newton's method until no node moves by ``tolerance_mm`` in a step.
+        """Apply Newton's method until every node moves by less than ``tolerance_mm`` in a step.
 
-        The tangent of the last step, from which a nearly incompressible material's pressures are eliminated exactly,
-        is the second derivative of the potential. If it is not positive definite the equilibrium is unstable and the
-        candidate is marked as BUCKLED. Under a pressure that follows its face there is no potential, and stability is
-        not checked. Buckling out of the model's own space (out of the plane, or without symmetry about mid-depth) is
-        not detected.
+        After the elimination of the pressures, the tangent stiffness of the last step is the second derivative of the
+        potential. If this matrix is not positive definite, the equilibrium is unstable and the candidate is marked as
+        BUCKLED. A pressure that follows its face has no potential, and stability is then not checked. Only motions that
+        the mesh can represent are checked: not buckling out of the plane of a planar mesh, and for a solid mesh only
+        buckling that is symmetric about mid-depth.
 
         Parameters
         ----------
         batch : Batch
+            B candidates.
         loads : SolidLoads
         start : Configuration
+            Where Newton's method begins.
         tolerance_mm : float
         few : int or None
-            Largest number of iterations from a start that should be near the solution. A candidate that needs more
-            iterations, or whose tangent is not positive definite, gets the status OUT_OF_ITERATIONS.
+            Largest number of iterations from a start that should be close to the solution. A candidate gets the status
+            OUT_OF_ITERATIONS if it needs more iterations, or if its tangent stiffness is not positive definite before
+            Newton's method has converged. None: 25 iterations, whether or not the tangent stiffness is positive
+            definite.
         only_try : bool
-            Do not test whether a candidate has BUCKLED, which saves a factorisation.
+            Mark candidates as DIVERGED if the tangent stiffness of their nodes is not positive definite, which saves a
+            factorisation.
 
         Returns
         -------
         configuration : Configuration
-            A candidate that fails keeps the configuration at which it failed. Candidates do not affect each other.
+            The equilibrium of each candidate, or the configuration at which the method failed. Candidates do not affect
+            each other.
         status : ndarray, shape (B,)
+            `Status` of each candidate.
         iterations : ndarray, shape (B,)
-            Number of tangents.
+            Number of tangent stiffnesses that were computed for each candidate.
         """
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
@@ -364,7 +394,10 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add a stiffness that is given for a slice of the elements to their tangents, which are passed on part by part."""
+    """Add a further stiffness to the tangents of the elements, and yield the sums part by part.
+
+    further: function that returns the further stiffness of the elements in a slice.
+    """
     first = 0
     for K in tangents:
         some = slice(first, first + len(K))

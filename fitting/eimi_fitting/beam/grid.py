@@ -1,9 +1,9 @@
-"""The planar mesh of a specimen: lines along and across with quadratic elements between them.
+"""The planar mesh of a specimen: lines along and across the beam, with quadratic elements between them.
 
-The lines are those of a straight strip, which `beam.strip` maps to the shape of the specimen at rest.
+The lines are drawn in a straight strip, which `beam.strip` maps to the shape of the specimen at rest.
 
-The magnet is rigid: its nodes are tied to one body, and no element lies in it. The silicone beside a magnet that is
-narrower than the beam, and beyond a magnet that does not reach the tip, has elements.
+The magnet is rigid. Its nodes move with one rigid body, and the mesh has no elements in the magnet. The silicone beside
+a magnet that is narrower than the beam has elements, and so has the silicone between the magnet and the tip.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the lines across silicone, magnet and silicone, and the number of elements on each side of the magnet."""
+    """Return the lines across silicone, magnet and silicone in mm, and the number of elements on each side.
+
+    The number is that of the elements in the silicone on one side of the magnet.
+    """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
     beside, inner = max(least, round(1.5 * layer / size)), max(least, round(magnet_width / size))
@@ -40,15 +43,18 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, times: float) -> int:
-    """Return the number of elements, 2 to 2 * along, of a part ``times`` as long as the flexible part."""
+    """Return the number of elements, at least 2 and at most 2 * along, along a part of the beam.
+
+    times: length of the part divided by the length of the flexible part, which has ``along`` elements.
+    """
     return max(2, min(round(along * times), 2 * along))
 
 
 class Grid:
     """The planar mesh of a specimen.
 
-    Elements are finer toward the two ends of the flexible part. The grading fades over half a width, as the disturbance
-    of a clamped end does.
+    Elements are shorter near the clamp, and also near the magnet if there is a magnet. This refinement decays over half
+    a width of the beam, like the disturbance of a clamped end.
 
     Parameters
     ----------
@@ -56,32 +62,33 @@ class Grid:
     along : int
         Number of elements along the flexible part.
     across : int
-        Number of elements over the width. On each side of a narrower magnet there are half as many (rounded up) or
-        more, finer toward the magnet's corners.
+        Number of elements over the width. If the magnet is narrower, there are at least half of this number (rounded
+        up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
-        Divide the magnet's block by lines also if the magnet is as wide as the beam: a solid can have silicone before
-        and behind it.
+        Draw lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these lines
+        if there is silicone before and behind the magnet.
 
     Attributes
     ----------
     strip : Strip
         The geometry at rest.
     straight_mm : ndarray, shape (N, 2)
-        The nodes in the straight strip.
+        Places of the N nodes in the straight strip.
     mesh : Mesh
-        The elements of silicone. Its nodes cover the whole specimen, column by column from clamp to tip.
+        The elements of silicone. The nodes cover the whole specimen with the magnet, column by column from clamp to
+        tip.
     face_mm : tuple of float
-        Middle of the magnet's inner face at rest, or of the tip without a magnet.
+        Middle of the magnet's inner face at rest. Without a magnet: middle of the tip.
     turn_rad : float
-        Direction of the magnet at rest.
+        Angle of the magnet at rest from +x toward +y.
     block_mm : tuple of float
-        Length, width and depth of the rigid block, zero without a magnet.
+        Length, width and depth of the rigid block; zero without a magnet.
     magnet_nodes : ndarray of int or None
-        Nodes on and in the block.
-    inside : ndarray of bool, shape (along, across)
-        Which cells of the grid lie in the block.
+        Nodes on and in the block; None without a magnet.
+    inside : ndarray of bool, shape (cells along, cells across)
+        Which cells between the lines lie in the block.
     per_specimen : float
-        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm.
+        The fraction of a load on the whole specimen that acts on the mesh: 1 / depth in 1/mm.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
@@ -134,13 +141,14 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest."""
+        """Return the points (n, 2) of the straight strip that correspond to points (n, 2) of the rest shape, in mm."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether points (n, 2) of the straight strip move with the magnet, (n,).
+        """Return, for points (n, 2) of the straight strip in mm, whether each moves with the magnet, shape (n,).
 
-        Points outside the specimen move with the magnet if they lie beyond a face of the magnet without silicone.
+        If no silicone lies beyond a face of the magnet, points outside the specimen beyond this face move with the
+        magnet.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
@@ -151,7 +159,9 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 9) and weights (n, 9) that interpolate displacements at points (n, 2) of the straight strip.
+        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement at points (n, 2) of the strip.
+
+        points_mm: places in the straight strip.
 
         Raises
         ------
@@ -165,7 +175,10 @@ class Grid:
         )
         if outside.any():
             x, y = points[np.argmax(outside)]
-            raise ValueError(f"point ({x:g}, {y:g}) mm is not on the specimen (0..{length:g}, ±{width / 2:g} mm)")
+            raise ValueError(
+                f"point ({x:g}, {y:g}) mm is not on the specimen, which covers x from 0 to {length:g} mm and y from "
+                f"{-width / 2:g} to {width / 2:g} mm"
+            )
         m, n = len(self.x_mm) - 1, len(self.y_mm) - 1
         s = np.interp(points[:, 0], self.x_mm, np.arange(m + 1))
         t = np.interp(points[:, 1], self.y_mm, np.arange(n + 1))
@@ -178,7 +191,7 @@ class Grid:
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
-        """Return the part of the left or right face that is under pressure; None if there is no pressure face."""
+        """Return the part of the left or right face on which a pressure acts; None without a pressure face."""
         face = self.specimen.pressure_face
         if face is None:
             return None

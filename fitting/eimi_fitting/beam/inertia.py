@@ -1,11 +1,14 @@
-"""The inertia of a specimen on its mesh: consistent mass of the silicone, the magnet's mass and rotary inertia.
+"""The inertia of a specimen on its mesh: consistent mass of the silicone, mass and rotary inertia of the magnet.
 
-A rigid body at the angle theta, with the arm s of its centre of mass from the reference point, moves its centre with
-the velocity U' + R'(theta) s theta'. Its mass matrix in (U, theta) is therefore
+Let U be the translation of a rigid body's reference point, theta its rotation and R(theta) the matrix of the rotation.
+The centre of mass lies at the vector s from the reference point at rest. Its velocity is U' + R'(theta) s theta'. The
+mass matrix of the unknowns (U, theta) is therefore
 
-    [ m      0      m c_x ]
-    [ 0      m      m c_y ]       with c = dR/dtheta s and the rotary inertia I about the centre of mass.
+    [ m      0      m c_x     ]
+    [ 0      m      m c_y     ]
     [ m c_x  m c_y  m s.s + I ]
+
+with the mass m, the vector c = dR/dtheta s, and the rotary inertia I about the centre of mass.
 """
 
 from __future__ import annotations
@@ -25,26 +28,29 @@ MM_PER_M = 1e3  # kg m/s² = N: a mass in kg times an acceleration in mm/s² is 
 
 
 class Inertia:
-    """The masses on the mesh of a model, in N s²/mm, for the share of the specimen that the mesh represents.
+    """The masses on the mesh of a beam model, in N s²/mm, for the fraction of the specimen that the mesh represents.
 
     Parameters
     ----------
     model : BeamModel or SolidModel
+        Model with E elements of n nodes each, and N nodes.
     tip_mass_kg : float
-        A point mass at the point where a tip force acts, such as a weight that moves with the beam.
+        A point mass at the point where a tip force acts, for example a weight that moves with the beam.
 
     Attributes
     ----------
     of_elements : ndarray, shape (E, n, n)
-        Consistent mass of each element, the same for every direction.
-    body_mass, body_rotary : float
-        Mass of the rigid body, and its rotary inertia about its centre of mass.
+        Consistent mass matrix of each element, the same for every direction.
+    body_mass : float
+        Mass of the rigid body.
+    body_rotary : float
+        Rotary inertia of the rigid body about its centre of mass, in N s² mm.
     body_arm_mm : ndarray, shape (2,)
-        Centre of mass of the body, from the reference point, at rest.
+        Vector from the reference point of the rigid body to its centre of mass, at rest.
     point_mass : float
-        Mass of the point; zero if the point lies on the magnet.
+        The point mass; zero if the point lies on the magnet, because its mass is then part of the rigid body.
     point_shares : ndarray, shape (N,)
-        Weights of the nodes' displacements whose sum is the displacement of the point.
+        Weights of the nodes. The displacement of the point is the weighted sum of the nodes' displacements.
     """
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
@@ -81,7 +87,7 @@ class Inertia:
             np.add.at(self.point_shares, nodes, weights)
 
     def of_body(self, angle_rad: Array) -> Array:
-        """Return the mass matrices (B, 3, 3) of the rigid body at angles (B,)."""
+        """Return the mass matrices (B, 3, 3) of the rigid body at rotations (B,) in rad; see `beam.inertia`."""
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         x, y = self.body_arm_mm
         matrix = np.zeros((len(angle_rad), 3, 3))
@@ -93,7 +99,10 @@ class Inertia:
 
 
 def _squares(model: BeamModel | SolidModel) -> Array:
-    """Return the integrals of the products of the shape functions, (E, n, n), with three Gauss points per direction."""
+    """Return the integrals of the products of the shape functions of each of E elements with n nodes, (E, n, n).
+
+    The integrals use three Gauss points in each direction.
+    """
     place, weight = np.polynomial.legendre.leggauss(3)
     d = model.mesh.nodes.shape[1]
     local = [axis.ravel() for axis in np.meshgrid(*[place] * d, indexing="ij")]

@@ -1,13 +1,15 @@
-"""Stress and tangent of an isotropic law in three dimensions, at many points at once.
+"""Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points at once.
 
-A symmetric tensor has six components 11, 22, 33, 12, 23, 13 as its first axis; the points follow, in any shape. Strain
-energies are isochoric, and the pressure of the volume is added to the stress. There are two ways, both exact:
+A symmetric tensor is an array whose first axis has the six components 11, 22, 33, 12, 23, 13. The other axes number the
+points. The strain energy of a law is isochoric, and the stress of the pressure is added to the stress of the law. Two
+exact methods compute stress and tangent:
 
-invariants           for a law that gives its derivatives in I1 and I2 (Holzapfel, Nonlinear Solid Mechanics, 2000,
-                     sections 6.4 and 6.6);
-principal stretches  for any law, from the eigenvectors of C. Where two stretches are equal the quotient
-                     (S_b - S_a) / (C_b - C_a) is replaced by its limit, a mean of derivatives (Ogden, Non-linear
-                     Elastic Deformations, 1997, section 6.1.4).
+invariants           for a law that gives the derivatives of its energy by the invariants I1 and I2 (Holzapfel,
+                     Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6);
+principal stretches  for any law, from the eigenvectors of the right Cauchy-Green tensor C. For principal values S_a
+                     of the stress and C_a of C the tangent contains the quotient (S_b - S_a) / (C_b - C_a). For equal
+                     stretches its limit is used, a mean of derivatives (Ogden, Non-linear Elastic Deformations, 1997,
+                     section 6.1.4).
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from eimi_fitting.laws.law import Law
 Array = NDArray[np.float64]
 
 PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-"""The index (3, 3) of component KL of a symmetric tensor."""
+"""Where component (K, L) of a symmetric tensor is among its six components, shape (3, 3)."""
 
 _FIRST, _SECOND = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
 # Two stretches whose logarithms differ by less are taken as equal. The error of the limit grows with the square of the
@@ -32,19 +34,19 @@ _EQUAL = 1e-5
 
 @runtime_checkable
 class InvariantLaw(Protocol):
-    """A law given by its derivatives in the invariants."""
+    """A law that gives the derivatives of its strain energy by the invariants."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W, W_x, W_y and W_xx at x = I1 - 3, y = I2 - 3."""
+        """Return the strain energy W and its derivatives W_x, W_y and W_xx at x = I1 - 3 and y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """Return F (3, 3, ...) times a symmetric tensor (6, ...), with shape (3, 3, ...)."""
+    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...)."""
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
 def right_cauchy_green(F: Array) -> Array:
-    """Return C = F^T F, (6, ...), of F (3, 3, ...)."""
+    """Return the right Cauchy-Green tensor C = F^T F, (6, ...), of the deformation gradient F (3, 3, ...)."""
     return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
 
 
@@ -53,7 +55,10 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """Return the linear map (6, 6, ...) dC -> B dC B, for engineering shear strains."""
+    """Return the linear map dE -> B dE B of symmetric tensors as a matrix, (6, 6, ...).
+
+    B: a symmetric tensor (6, ...). The columns of the matrix belong to dE11, dE22, dE33, 2 dE12, 2 dE23, 2 dE13.
+    """
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
         K, L = _FIRST[v], _SECOND[v]
@@ -66,13 +71,13 @@ def _inverse_product(B: Array) -> Array:
 
 
 def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
-    """Return the isochoric stress, its derivative by the Green strain, and J times the inverse of C.
+    """Return the isochoric stress, its derivative by the Green strain, and J C^-1.
 
     Parameters
     ----------
     law : Law
     parameters : ndarray, shape (..., n)
-        Broadcast against J.
+        The n parameters of the law at each point, or for all points (they are broadcast against J).
     F : ndarray, shape (3, 3, ...)
         Deformation gradient.
     J : ndarray, shape (...)
@@ -81,11 +86,11 @@ def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Ar
     Returns
     -------
     S : ndarray, shape (6, ...)
-        Second Piola-Kirchhoff stress.
+        Second Piola-Kirchhoff stress, in the unit of the parameters.
     D : ndarray, shape (6, 6, ...)
-        Derivative of S; the columns belong to the strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
+        Derivative of S. The columns belong to the Green strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
     volume : ndarray, shape (6, ...)
-        J C^-1, the derivative of the stress by the pressure.
+        J C^-1 with C = F^T F, the derivative of the stress by the pressure.
     """
     C = right_cauchy_green(F)
     inverse = _adjugate(C) / (J * J)
@@ -102,7 +107,10 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the stress p J C^-1 of a pressure p (...) to S, and its derivative to D; volume: J C^-1."""
+    """Add the stress p J C^-1 of a pressure p (...) to the stress S, and its derivative to D, in place.
+
+    pressure: p; volume: J C^-1; J, S, D: see `response`.
+    """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
 

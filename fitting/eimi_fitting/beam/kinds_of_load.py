@@ -1,4 +1,4 @@
-"""The built-in kinds of load: a field, gravity, a force at the tip, a pressure on a face."""
+"""The built-in kinds of load: a magnetic field, gravity, a force at the tip, and a pressure on a face."""
 
 from __future__ import annotations
 
@@ -18,20 +18,29 @@ States = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class UniformField:
-    """A uniform magnetic flux density, numbers (K, 2) in T, on the magnet and on magnetised silicone.
+    """A uniform magnetic field on the magnet and on magnetised silicone.
 
-    The energy of hard-magnetic silicone, the integral of -B . F M with the deformation gradient F, is linear in the
-    displacements, so its nodal forces are dead (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
+    The energy of hard-magnetic silicone is the integral of -B . F M, with the field B, the deformation gradient F and
+    the magnetisation M at rest. It is linear in the displacements, and therefore the nodal forces are dead loads (Zhao,
+    Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (K, 2)
+        Magnetic flux density in T, in K states.
     """
 
     numbers: Array
 
     def take(self, states: States) -> UniformField:
-        """Return the field in some of the states."""
+        """Return the field in the given states only."""
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add B m' to the magnet's tensor and the dead forces on magnetised silicone to the nodes."""
+        """Add the load of the field: B m' on the magnet's tensor, and dead forces on the nodes of magnetised silicone.
+
+        B is the field in T multiplied by ``field_factor``, and m is the magnet's dipole at rest.
+        """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
         if mesh.nodal_dipole.any():
@@ -45,20 +54,20 @@ class CoilField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        The field in T at the place of the magnet at rest.
+        The field in T at the magnet's place at rest, in K states.
     shape : CoilShape
-        Change of the field from place to place.
+        How the field changes from place to place.
     """
 
     numbers: Array
     shape: CoilShape
 
     def take(self, states: States) -> CoilField:
-        """Return the field in some of the states."""
+        """Return the field in the given states only."""
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Put the magnet into the field of the coil; the load depends on the magnet's position."""
+        """Put the magnet and the magnetised silicone into the field of the coil; the load depends on their position."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -69,12 +78,18 @@ class CoilField:
 
 @dataclass(frozen=True)
 class Gravity:
-    """The acceleration of gravity, numbers (K, 2) in m/s²."""
+    """The acceleration of gravity.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (K, 2)
+        Acceleration in m/s², in K states.
+    """
 
     numbers: Array
 
     def take(self, states: States) -> Gravity:
-        """Return gravity in some of the states."""
+        """Return gravity in the given states only."""
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
@@ -87,32 +102,44 @@ class Gravity:
 
 @dataclass(frozen=True)
 class TipForce:
-    """A force on the whole specimen, numbers (K, 2) in N, at ``Specimen.tip_load_mm`` or at the middle of the tip."""
+    """A force on the whole specimen at the point ``Specimen.tip_load_mm``, or at the middle of the tip if this is None.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (K, 2)
+        Force in N, in K states.
+    """
 
     numbers: Array
 
     def take(self, states: States) -> TipForce:
-        """Return the force in some of the states."""
+        """Return the force in the given states only."""
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes around its point, or to the magnet if the point is on the magnet."""
+        """Add the force to the nodes around its point, or to the rigid body if the point is on the magnet."""
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on the specimen's pressure face, numbers (K, 1) in Pa; see `beam.pressure`."""
+    """A pressure on the specimen's pressure face; see `beam.pressure`.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (K, 1)
+        Pressure in Pa, in K states.
+    """
 
     numbers: Array
 
     def take(self, states: States) -> Pressure:
-        """Return the pressure in some of the states."""
+        """Return the pressure in the given states only."""
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the pressure.
+        """Add the pressure to the pressure on the face.
 
         Raises
         ------
@@ -120,7 +147,9 @@ class Pressure:
             The specimen has no face for a pressure, or is solved as a solid.
         """
         if mesh.is_solid:
-            raise ValueError("the solid model takes no pressure_Pa: choose a planar section")
+            raise ValueError(
+                'pressure_Pa is not possible with section = "solid": choose section = "plane-stress" or "plane-strain"'
+            )
         if not mesh.has_pressure_face:
-            raise ValueError("a pressure is given, but the specimen names no face for it")
+            raise ValueError("pressure_Pa is given, but the specimen has no pressure_face on which it can act")
         total.pressure[:] += MPA_PER_PA * numbers[0]

@@ -1,4 +1,4 @@
-"""The loads on one specimen in a sequence of states: a composition of actuations."""
+"""The loads on one specimen in a sequence of states: the sum of several actuations."""
 
 from __future__ import annotations
 
@@ -40,16 +40,17 @@ class Loads:
     tip_force_N : ndarray, shape (K, 2)
         Force at the tip, on the whole specimen, in N.
     pressure_Pa : array_like, shape (K,) or ()
-        Pressure on the specimen's pressure face, positive into the body, one value for all states or one for each.
+        Pressure on the specimen's pressure face in Pa, positive if it pushes on the body; one value for all states or
+        one for each state.
     others : tuple of Actuation
         Further kinds of load, see `plus`.
     coil : CoilShape or None
-        How the field changes from place to place; ``field_T`` is then the field at the magnet's place at rest. None:
+        How the field changes from place to place. ``field_T`` is then the field at the magnet's place at rest. None:
         the field is uniform.
 
     Examples
     --------
-    Two fields across a beam that hangs down:
+    A beam that hangs down, in two states: without a field, and with a field of 7 mT across the beam:
 
     >>> loads = Loads.along([0.0, 7.0])
     >>> loads.field_T.round(6).tolist()
@@ -72,16 +73,18 @@ class Loads:
         pressure_Pa: ArrayLike = 0.0,
         tip_force_angle_deg: ArrayLike | None = None,
     ) -> Loads:
-        """Return K states from magnitudes and angles.
+        """Return the loads in K states from magnitudes and angles.
+
+        All angles are in the beam frame, from +x toward +y.
 
         Parameters
         ----------
         field_mT : array_like, shape (K,)
             Magnitude of the field in mT.
         field_angle_deg : float
-            Direction of the field. All angles are in the beam frame, from +x toward +y.
+            Direction of the field.
         gravity_angle_deg : float or None
-            Direction of gravity; None for a beam that gravity does not bend.
+            Direction of gravity; None if gravity does not bend the beam.
         tip_force_N : array_like, shape (K,) or ()
             Force at the tip in N.
         pressure_Pa : array_like, shape (K,) or ()
@@ -92,7 +95,7 @@ class Loads:
         Raises
         ------
         ValueError
-            A tip force has no direction: neither its angle nor that of gravity is given.
+            A tip force has no direction: neither its angle nor the angle of gravity is given.
         """
         magnitude, force = np.broadcast_arrays(
             np.atleast_1d(np.asarray(field_mT, float)), np.asarray(tip_force_N, float)
@@ -100,7 +103,10 @@ class Loads:
         down = np.zeros(2) if gravity_angle_deg is None else _direction(gravity_angle_deg)
         if tip_force_angle_deg is None:
             if gravity_angle_deg is None and np.any(force != 0):
-                raise ValueError("a tip force acts along gravity, but neither gravity's angle nor its own is given")
+                raise ValueError(
+                    "the tip force has no direction: give tip_force_angle_deg, or gravity_angle_deg for a force along "
+                    "gravity"
+                )
             along = down
         else:
             along = _direction(tip_force_angle_deg).T
@@ -112,23 +118,24 @@ class Loads:
         )
 
     def plus(self, *actuations: Actuation) -> Loads:
-        """Return these loads and further kinds of load on the same specimen.
+        """Return these loads with further kinds of load on the same specimen.
 
         Raises
         ------
         ValueError
-            An actuation has another number of states.
+            A further load has another number of states than these loads.
         """
         for actuation in actuations:
             if len(actuation.numbers) != len(self):
                 raise ValueError(
-                    f"{type(actuation).__name__} has {len(actuation.numbers)} states, the other loads have {len(self)}"
+                    f"{type(actuation).__name__} has {len(actuation.numbers)} states, but the other loads have "
+                    f"{len(self)}: give one row of numbers for each state"
                 )
         return replace(self, others=(*self.others, *actuations))
 
     @cached_property
     def actuations(self) -> tuple[Actuation, ...]:
-        """Every kind of load, in the order in which `state` returns their numbers."""
+        """All kinds of load, in the order in which `state` returns the numbers that describe them."""
         pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
         return (
             UniformField(self.field_T) if self.coil is None else CoilField(self.field_T, self.coil),
@@ -142,7 +149,7 @@ class Loads:
         return len(self.field_T)
 
     def take(self, states: NDArray[np.intp]) -> Loads:
-        """Return some of the states, in the order given."""
+        """Return the loads in the given states only, in the given order."""
         pressure = np.asarray(self.pressure_Pa, float)
         return Loads(
             self.field_T[states],
@@ -154,13 +161,20 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return the numbers (m,) of state k: field, gravity, tip force, pressure, then other kinds of load."""
+        """Return the numbers (m,) that describe the loads in state k.
+
+        The order is field, gravity, tip force and pressure, then the other kinds of load.
+        """
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return the numbers (m,) of a state without loads."""
+        """Return the numbers (m,) that describe a state without loads: zeros."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return a function that gives the loads on a mesh for a state's numbers (m,) and field factors (B,)."""
+        """Return a function that computes the loads on a mesh.
+
+        The function takes the numbers (m,) that describe the loads in a state, and the field factors (B,) of B
+        candidates.
+        """
         return partial(mesh.loads, self.actuations)

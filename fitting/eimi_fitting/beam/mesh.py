@@ -1,4 +1,4 @@
-"""Structured meshes of quadrilaterals with nine nodes, of a rectangle or of a patch given by a mapping."""
+"""Structured meshes of quadrilaterals with nine nodes, on a rectangle or on a mapped rectangle."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ _FINER_AT_STEP = 5.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A structured mesh. Nodes are numbered across first, so that the stiffness matrix has the smallest band.
+    """A structured mesh of E quadrilaterals with N nodes.
+
+    Nodes are numbered first across and then along the beam. The band of the stiffness matrix is then as narrow as
+    possible.
 
     Attributes
     ----------
     nodes : ndarray, shape (N, 2)
-        Places in mm.
+        Places of the nodes in mm.
     elements : ndarray of int, shape (E, 9)
-        Nodes of each element; local node 3 i + j is at column i along, row j across.
+        Nodes of each element. Local node 3 i + j is the i-th along and the j-th across.
     columns, rows : int
         Number of columns of nodes, and number of nodes in each column.
     thickness : ndarray, shape (N,), or None
-        Depth at the nodes over the depth of the specimen; None if the depth is the same everywhere.
+        Depth at the nodes divided by the depth of the specimen; None if the depth is the same everywhere.
     """
 
     nodes: Array
@@ -37,26 +40,26 @@ class Mesh:
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
-        """Return the nodes of column i in order across; a negative i counts from the far end."""
+        """Return the nodes of column i, ordered across the beam; a negative i counts from the tip."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Return the nodes of row j in order along; a negative j counts from the last row."""
+        """Return the nodes of row j, ordered along the beam; a negative j counts from the last row."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
 def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple[Array, Array]]) -> Mesh:
-    """Return a mesh of along x across elements on the unit square, mapped by ``mapping(s, t) -> (x, y)``.
+    """Return a mesh of the unit square with ``along`` x ``across`` elements, mapped by ``mapping(s, t) -> (x, y)``.
 
-    s runs along from 0 to 1, t across from 0 to 1.
+    The coordinate s increases along the beam from 0 to 1, and t increases across the beam from 0 to 1.
 
     Raises
     ------
     ValueError
-        There is less than one element in one direction.
+        The number of elements in one direction is less than 1.
     """
     if along < 1 or across < 1:
-        raise ValueError(f"a mesh needs at least 1 x 1 elements, got {along} x {across}")
+        raise ValueError(f"a mesh needs at least one element along and one across, but {along} x {across} are given")
     columns, rows = 2 * along + 1, 2 * across + 1
     s, t = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows), indexing="ij")
     x, y = mapping(s.ravel(), t.ravel())
@@ -74,12 +77,13 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Return the ends (n + 1,) of graded elements on 0..length.
+    """Return the places (n + 1,) in mm that divide a length into n elements of graded size.
 
-    Elements at the start are ``1 + finer_at_start`` times shorter than those in the middle, elements at the end ``1 +
-    finer_at_end`` times. The grading fades exponentially over ``fade_mm``. There are n = ``count`` elements. An element
-    ends at each of ``steps_mm``. There are additional elements around these places, so that the other elements keep
-    their size.
+    Relative to the middle, elements are shorter by the factor ``1 + finer_at_start`` at the start and by the factor
+    ``1 + finer_at_end`` at the end. The factors decay exponentially to 1 over ``fade_mm``.
+
+    Without ``steps_mm`` there are n = ``count`` elements. With ``steps_mm``, each of these places is a boundary between
+    two elements. Additional elements are put around these places, so that the other elements keep their size.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -102,7 +106,7 @@ def _cumulated(density: Array) -> Array:
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """Return the mesh of rectangles between increasing lines x_mm (m + 1,) and y_mm (n + 1,)."""
+    """Return the mesh of rectangles between increasing coordinates x_mm (m + 1,) and y_mm (n + 1,) of the lines."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
@@ -110,7 +114,7 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Return the three-node Lagrange functions at n points of -1..1: values (n, 3) and derivatives (n, 3)."""
+    """Return the three-node Lagrange functions at n points s from -1 to 1: values (n, 3) and derivatives (n, 3)."""
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),
@@ -119,7 +123,10 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return the nine-node Lagrange functions at n points: values (n, 9) and local derivatives (n, 9, 2)."""
+    """Return the nine-node Lagrange functions at n points of the reference square.
+
+    xi, eta: coordinates (n,) of the points, -1 to 1. Returns values (n, 9) and derivatives by xi and eta (n, 9, 2).
+    """
     (a, da), (b, db) = quadratic_line(xi), quadratic_line(eta)
     n = a.shape[0]
     value = (a[:, :, None] * b[:, None, :]).reshape(n, 9)

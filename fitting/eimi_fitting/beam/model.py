@@ -1,4 +1,4 @@
-"""The planar finite-element model of a specimen, solved for a whole population of candidates at once."""
+"""The planar finite-element model of a specimen, solved for all candidates of a population at once."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """The planar model of a specimen, which is made once and solved for any number of candidates.
+    """The planar model of a specimen. It is built once and can be solved for any number of candidates.
 
-    The magnet is rigid. The model works per mm of depth; silicone before and behind a shallower magnet moves with the
-    magnet. `Beam` chooses between this model and that of the solid.
+    The magnet is rigid. Loads and stiffnesses are per mm of depth. If the magnet is shallower than the beam, the
+    silicone before and behind the magnet moves rigidly with the magnet. `Beam` chooses between this model and the solid
+    model.
 
     Parameters
     ----------
@@ -32,18 +33,18 @@ class BeamModel:
     along : int
         Number of elements along the flexible part, see `Grid`.
     across : int or None
-        Number of elements over the width; None: it follows from the proportions.
+        Number of elements over the width. None: chosen from the proportions of the beam.
     plane : {"plane-stress", "plane-strain"} or None
-        The planar assumption; None: the specimen's section.
+        The planar assumption. None: the section of the specimen.
 
     Raises
     ------
     ValueError
-        The magnet leaves no flexible part, or the specimen's section is solid and no plane is named.
+        The magnet leaves no flexible part, or the specimen's section is solid and ``plane`` is None.
 
     Examples
     --------
-    Two candidates of 40 and 50 kPa in two states at once; the stiffer one turns its tip less:
+    Two candidates of 40 kPa and 50 kPa in two states. The tip of the stiffer beam turns less:
 
     >>> import numpy as np
     >>> from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
@@ -68,15 +69,16 @@ class BeamModel:
         if plane is None:
             if specimen.section == "solid":
                 raise ValueError(
-                    "the specimen's section is solid and this model is planar: use Beam(specimen), or name the plane "
-                    'that stands for the solid, plane="plane-stress"'
+                    'the specimen has section = "solid", but this model is planar: use Beam(specimen), or choose a '
+                    'planar model of the solid with plane="plane-stress"'
                 )
             plane = specimen.section
         self.specimen, self.plane = specimen, plane
         flexible, width = specimen.flexible_length_mm, Strip(specimen).straight.width_mm
         if flexible <= 0:
             raise ValueError(
-                f"a {specimen.length_mm - flexible:g} mm magnet leaves no soft part of a {specimen.length_mm:g} mm beam"
+                f"the magnet and its distance from the tip take {specimen.length_mm - flexible:g} mm of a beam of "
+                f"{specimen.length_mm:g} mm: no flexible part is left between the clamp and the magnet"
             )
         if across is None:
             across = max(1, round(0.5 * along * min(width / flexible, 1.0)))
@@ -89,23 +91,25 @@ class BeamModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
-        """Pickle only the arguments, whose size is a thousandth of the model's arrays."""
+        """Pickle only the arguments, which are a thousand times smaller than the arrays of the model."""
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
-        """Return the model of another specimen with the same numbers of elements."""
+        """Return a model of another specimen with the same numbers of elements."""
         return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
-        """Return the same specimen on a mesh twice as fine along the beam and three times as fine across."""
+        """Return a model of the same specimen with twice the elements along the beam and three times those across."""
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
-        """Return the same specimen on elements of half the size."""
+        """Return a model of the same specimen with elements of half the size."""
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that interpolate the displacement of points at given places at rest (n, 2).
+        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement of n material points.
+
+        points_mm: places of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -115,7 +119,9 @@ class BeamModel:
         return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places (P, K, n, 2) in mm of material points (n, 2) given at rest.
+        """Return the places of n material points for P candidates in K states, (P, K, n, 2) in mm.
+
+        points_mm: places of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -126,7 +132,9 @@ class BeamModel:
         return points + self.displacements(shapes, self.grid.straightened(points))
 
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
-        """Return the displacements (P, K, n, 2) in mm of points (n, 2) of the straight strip (`beam.strip`).
+        """Return the displacements of n points of the straight strip (`beam.strip`), (P, K, n, 2) in mm.
+
+        There are P candidates and K states.
 
         Raises
         ------
@@ -143,7 +151,10 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places (P, K, n, 2) in mm of points (n, 2) of the magnet that are given at rest."""
+        """Return the places of n points of the magnet for P candidates in K states, (P, K, n, 2) in mm.
+
+        points_mm: places of the points at rest, shape (n, 2).
+        """
         (face_x, face_y), arm = self.grid.face_mm, points_mm - np.array(self.grid.face_mm)
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
         x = face_x + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
@@ -151,7 +162,10 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation (P, K) in degrees of the magnet or, without a magnet, of the last column of nodes."""
+        """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
+
+        Without a magnet it is the rotation of the last column of nodes.
+        """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.column(-1)[[0, -1]]
@@ -175,29 +189,33 @@ class BeamModel:
     ) -> Shapes:
         """Find the equilibrium of P candidates in K states, one state after another.
 
-        The first state is reached from rest or from ``start``, each further one by extrapolation from the states before
-        it. A step that fails is cut into smaller steps. A candidate whose smallest steps fail is marked in this and in
-        all later states, and is no longer computed.
+        The solution of the first state begins at rest or at ``start``. The solution of each later state begins at an
+        extrapolation of the states before it. A step from state to state that fails is divided into smaller steps. If
+        the smallest steps of a candidate fail, the failure is written into the status of this state and of all later
+        states, and the candidate is no longer computed.
 
         Parameters
         ----------
         law : Law
         parameters : ndarray, shape (P, n)
-            Parameters in the law's units, moduli in Pa.
+            The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads
+            The loads in K states.
         tolerance_mm : float
-            Stop Newton's method once no node moves farther than this in a step.
+            Newton's method ends when every node moves by less than this in an iteration.
         start : Configuration or None
-            Where the candidates begin: the ``last`` of an earlier result.
+            Where the candidates begin: ``last`` of an earlier result.
         bulk_modulus_Pa : ndarray, shape (P,), or None
-            Bulk moduli; None for an incompressible material.
+            Bulk modulus in Pa; None for an incompressible material.
         field_factor : ndarray, shape (P,), or None
-            Factor on each candidate's magnetic loads, for an uncertain magnetic moment or coil constant.
+            Factor on the magnetic loads of each candidate, because the magnetic moment or the coil constant is
+            uncertain.
         keep : bool
             Keep the configurations of the first candidate in ``Shapes.every``.
         near : Configuration or None
-            The ``every`` of an earlier result for a similar candidate. All states are then solved at once from these
-            configurations, and one after another if that fails or if the earlier mesh has other nodes.
+            ``Shapes.every`` of an earlier result for a similar candidate. All states are then solved at once, starting
+            at these configurations. If this fails, or if the earlier mesh has other nodes, they are solved one after
+            another.
 
         Raises
         ------
@@ -213,7 +231,10 @@ class BeamModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""
+        """Return the largest principal stretch at the Gauss points of each of E elements, (P, K, E).
+
+        There are P candidates and K states.
+        """
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
         return flat.max(axis=2).T.reshape(p, k, -1)

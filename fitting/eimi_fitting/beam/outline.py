@@ -1,8 +1,9 @@
-"""The edges that a camera sees of a simulated beam, as curves of quadratic segments in the beam frame.
+"""The edges of a simulated beam as a camera sees them, as curves of quadratic segments in the beam frame.
 
-A planar model has one line on each side. The face of a solid is seen as the envelope of its outermost points. The
-section of a bent beam bows (anticlastic bending; Timoshenko and Goodier, Theory of Elasticity, section 102). The
-outermost line therefore lies on the depth faces on the convex side, and at mid-depth on the concave side.
+A planar model has one line on each side. For a solid, the camera sees the outermost points of the face. The
+cross-section of a bent beam becomes curved (anticlastic bending; Timoshenko and Goodier, Theory of Elasticity, section
+102). The outermost points therefore lie at the front and back of the beam on the convex side, and at mid-depth on the
+concave side.
 """
 
 from __future__ import annotations
@@ -22,31 +23,31 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the two edges of a planar model.
+    """Return the two edges of a planar model for P candidates in K states.
 
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
-        Left edge (y < 0 at rest) and right edge as S quadratic segments of three points in mm, from clamp to tip. Each
-        side of an element is one segment, and so is the side of a magnet as wide as the beam, which stays straight.
+        The left edge (y < 0 at rest), then the right edge. Each edge has S quadratic segments from clamp to tip, given
+        by three points in mm. Each side of an element is a segment. The side of a magnet that is as wide as the beam is
+        also a segment, which stays straight.
     """
     place = model.mesh.nodes + shapes.displacement
     return _segments(np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2))
 
 
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
-    """Return the left and the right outline of the beam as a camera sees them.
+    """Return the left and the right outline of the beam as a camera sees them, for P candidates in K states.
 
-    The outline is the envelope of the lines on the face. At each station along the beam it passes through the point of
-    the face, at any depth, that lies farthest out along the normal of the outline. The faces of a planar model are
-    flat.
+    At each station along the beam, the outline passes through the point of the face that lies farthest out in the
+    picture, along the normal of the outline, at any depth. The faces of a planar model are normal to the plane.
 
     Parameters
     ----------
     model : BeamModel, SolidModel or SolidBeside
     shapes : Shapes
     view : View or None
-        The camera's lens; None for a telecentric lens.
+        The perspective of the camera; None for a telecentric lens.
 
     Returns
     -------
@@ -68,7 +69,10 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
         projected = place[..., :2]
     else:
         if not np.abs(place[..., 2]).max() < view.stand_off_mm:
-            raise ValueError(f"a stand-off of {view.stand_off_mm:g} mm is within the specimen")
+            raise ValueError(
+                f"stand_off_mm = {view.stand_off_mm:g} lies inside the specimen: give the distance from the beam's "
+                "mid-depth to the pupil of the lens"
+            )
         behind = place[..., :0:-1, :] * [1.0, 1.0, -1.0]
         projected = view.seen(np.concatenate([behind, place], axis=-2))
     curves = projected[..., -1, :] if view is None else projected[..., projected.shape[-2] // 2, :]
@@ -78,14 +82,21 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
-    """Return the nodes (P, K, 2, stations, depth, 3) of the left and right face, from mid-depth to the depth face."""
+    """Return the nodes of the left and right face of a solid in mm, (P, K, 2, stations, nodes in depth, 3).
+
+    There are P candidates and K states. The nodes are ordered from mid-depth, z = 0, to z = depth / 2.
+    """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
     return np.asarray(mesh.nodes[sides] + shapes.displacement[:, :, sides])
 
 
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
-    """Return points (P, K, 2, stations, 3, 3) of the left and right face of a planar model, at three depths."""
+    """Return points on the left and right face of a planar model in mm, (P, K, 2, stations, 3, 3).
+
+    There are P candidates and K states. At each station along the beam there are three points, from mid-depth, z = 0,
+    to z = depth / 2.
+    """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
     along = model.grid.straight_mm[model.mesh.row(0), 0]
@@ -95,12 +106,12 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Divide points (..., 2 S + 1, 2) into S quadratic segments (..., S, 3, 2)."""
+    """Divide lines of points (..., 2 S + 1, 2) into S quadratic segments, (..., S, 3, 2)."""
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def _outward(curves: Array) -> Array:
-    """Return the outward normals (..., 2, n, 2) of the left and the right edge of the beam."""
+    """Return the outward unit normals of the left and the right edge of the beam at n points, (..., 2, n, 2)."""
     step = np.diff(curves, axis=-2)
     length = np.linalg.norm(step, axis=-1, keepdims=True)
     direction = step / length
@@ -112,7 +123,10 @@ def _outward(curves: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point (..., n, 2) of each quadratic line (..., n, 2 D + 1, 2) that is farthest along the normal."""
+    """Return the point of each of n lines in depth that lies farthest along the normal, (..., n, 2).
+
+    The lines (..., n, 2 D + 1, 2) consist of D quadratic segments.
+    """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
     along, curved = (np.einsum("...ndi,...ni->...nd", v, normal) for v in (slope, bend))
@@ -124,7 +138,10 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Return curves (..., S, 3, 2) as polylines (..., S * per_segment + 1, 2)."""
+    """Return curves of S quadratic segments (..., S, 3, 2) as polylines (..., S * per_segment + 1, 2).
+
+    per_segment: number of straight parts into which each segment is divided.
+    """
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
     inner = np.einsum("...sad,ax->...sxd", curves, shape)

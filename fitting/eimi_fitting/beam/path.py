@@ -1,7 +1,8 @@
 """The states of a path of loads, solved one after another or all at once.
 
-Each state starts from an extrapolation of the states before it. A step that fails, or that may have ended on another
-equilibrium path, is repeated in 4, 16 and 64 smaller steps.
+One after another, the solution of each state begins at an extrapolation of the states before it. If the step from one
+state to the next fails, or perhaps ended on another equilibrium path, the step is repeated in 4, 16 and 64 smaller
+steps.
 """
 
 from __future__ import annotations
@@ -38,29 +39,30 @@ _MOST_POINTS = 6  # points of the path that an extrapolation uses
 _AT_ONCE = 1400  # elements of all candidates and states together: more need more memory and save no time
 
 Path = list[tuple[Array, Configuration]]
-"""The numbers of a state's loads (m,), see `Loads.state`, and the candidates' configuration under these loads."""
+"""Solved states: the numbers (m,) that describe the loads, see `Loads.state`, and the configuration under them."""
 LoadsAt = Callable[[Array, Array], SolidLoads]
-"""The loads on the mesh, from a state's numbers and the candidates' field factors; see `Loads.on`."""
+"""A function that computes the loads on the mesh, see `Loads.on`."""
 
 
 @dataclass(frozen=True)
 class Shapes:
     """The shapes of P candidates in K states.
 
-    A state that is not converged holds the last configuration that was reached; look at its status.
+    The mesh has N nodes in d dimensions. If a state could not be solved, its row holds the last configuration that was
+    reached. The status tells which states were solved.
 
     Attributes
     ----------
     displacement : ndarray, shape (P, K, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (P, K, 3)
-        Translation of the magnet's reference point in mm and rotation in rad; zero without a magnet.
+        Translation of the magnet's reference point in mm and the magnet's rotation in rad; zero without a magnet.
     status : ndarray, shape (P, K)
         `Status` of each state.
     iterations : ndarray, shape (P, K)
-        Number of tangents that were factorised.
+        Number of tangent stiffnesses that were factorised.
     max_stretch : ndarray, shape (P, K)
-        Largest principal stretch.
+        Largest principal stretch; 1 in states without a solution.
     last : Configuration
         The configurations of all candidates in the last state.
     every : Configuration or None
@@ -77,11 +79,14 @@ class Shapes:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Whether every state of a candidate converged, (P,)."""
+        """Whether all states of each of P candidates have the status CONVERGED, shape (P,)."""
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return some of the candidates; an index may occur more than once."""
+        """Return the shapes of the given candidates only; a candidate may occur more than once.
+
+        ``every`` is kept only if the first of the given candidates is the first candidate of these shapes.
+        """
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -101,7 +106,7 @@ class Candidates:
     ----------
     batch : Batch
     field_factor : ndarray, shape (P,), or None
-        Factor on each candidate's magnetic loads; None: 1 for all.
+        Factor on the magnetic loads of each candidate; None: 1 for all candidates.
     sound : ndarray of bool, shape (P,)
         Whether all numbers of a candidate are finite and its shear modulus is positive.
     """
@@ -111,7 +116,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the batch of some candidates, and their field factors or one factor (1,) for all."""
+        """Return the batch of the given candidates, and their field factors or one factor (1,) for all of them."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -124,7 +129,18 @@ def candidates(
     bulk_modulus_Pa: Array | None,
     field_factor: Array | None,
 ) -> Candidates:
-    """Return the candidates of parameters (P, n) in Pa, bulk moduli (P,) and field factors (P,).
+    """Return P candidates.
+
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray, shape (P, n)
+        The n parameters of the law for each candidate; moduli in Pa.
+    section : {"plane-stress", "plane-strain", "solid"}
+    bulk_modulus_Pa : ndarray, shape (P,), or None
+        Bulk modulus in Pa; None: 10 000 times the shear modulus, for an incompressible material.
+    field_factor : ndarray, shape (P,), or None
+        Factor on the magnetic loads of each candidate; None: 1.
 
     Raises
     ------
@@ -140,7 +156,10 @@ def candidates(
     bulk = BULK_RATIO * np.where(sound, mu, 1.0)
     if bulk_modulus_Pa is not None:
         if section == "plane-stress":
-            raise ValueError("plane stress is computed for incompressible materials only: leave out the bulk modulus")
+            raise ValueError(
+                "a bulk modulus is given, but plane stress is computed for incompressible materials only: leave the "
+                "bulk modulus out, or choose another section"
+            )
         bulk_MPa = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
         sound = sound & np.isfinite(bulk_MPa) & (bulk_MPa > 0)
         bulk = np.where(sound, np.minimum(bulk_MPa, _MOST_BULK_RATIO * mu), bulk)
@@ -161,16 +180,16 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Solve the K states one after another; see `BeamModel.solve`.
+    """Solve K states one after another; see `BeamModel.solve`.
 
     Parameters
     ----------
     keep : bool
         Keep the configurations of the first candidate in ``Shapes.every``.
     beside : Configuration or None
-        For one candidate: the configurations of a model that moves almost as this model does, one row for each state.
-        The difference between the two models is extrapolated. Its sum with the other model's configuration is the first
-        start.
+        For one candidate only: the configurations of another model that moves almost like this model, one row for each
+        state. The difference between the two models is extrapolated from the states before. The solution then begins at
+        the other model's configuration plus this difference.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -219,9 +238,11 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Solve many states together, each from the configuration of a similar beam, which is its row of ``near``.
+    """Solve many states together. The solution of each state begins at the row of ``near`` for this state.
 
-    Returns None if Newton's method does not contract at once for one of the candidates in one of the states.
+    near: the configurations of a similar beam, one row for each state. Returns None if one candidate does not converge
+    in a few iterations of Newton's method in one of the states, or if its strains are much larger than those of
+    ``near``.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -255,7 +276,7 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark states as UNSTABLE if the candidate's law is not Drucker-stable up to the stretches that were reached."""
+    """Mark converged states as UNSTABLE if the law of the candidate is not Drucker-stable up to the largest stretch."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -273,12 +294,23 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Move ``rows`` of ``now`` to the new load in one step; repeat candidates that fail in 4, 16 and 64 steps.
+    """Move the candidates ``rows`` from the last state to a new load, in one step or in 4, 16 and 64 steps.
 
-    A candidate is also repeated if it may have left its path. If it buckles for certain in steps of two sizes, its path
-    loses stability before the load is reached. The candidate is then not repeated in smaller steps.
+    More steps are taken for a candidate whose step fails, or that may have left its equilibrium path. If a candidate
+    buckles on its path in steps of two sizes, the path loses stability before the load is reached. No smaller steps are
+    then tried.
 
-    near: a configuration under a load close to this one, which is tried as the first start.
+    Parameters
+    ----------
+    now : Configuration
+        The configuration of all candidates, which is overwritten for candidates that reach the new load.
+    near : Configuration or None
+        A configuration under a load close to the new load, at which the first attempt begins.
+
+    Returns
+    -------
+    status, iterations : ndarray
+        For each of ``rows``.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
@@ -316,14 +348,25 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Move ``rows`` from the end of the path to the load in equal steps.
+    """Move the candidates ``rows`` from the end of the path to a load in equal steps.
 
-    If Newton's method does not contract at once, it may end at an equilibrium on another path (Deuflhard 2011, Newton
-    Methods for Nonlinear Problems, section 5.1). A candidate counts as certain to be on its path if it took few
+    If Newton's method does not converge in a few iterations, it may end at an equilibrium on another path (Deuflhard
+    2011, Newton Methods for Nonlinear Problems, section 5.1). A candidate is certain to be on its path if it needs few
     iterations in each step.
 
-    Returns the configuration, the Status, the numbers of iterations, and whether each candidate is certain. only_try:
-    see `Solid.equilibrium`.
+    Parameters
+    ----------
+    cuts : int
+        Number of steps.
+    only_try : bool
+        See `Solid.equilibrium`.
+
+    Returns
+    -------
+    reached, status, iterations
+        As from `Solid.equilibrium`, for each of ``rows``.
+    sure : ndarray of bool
+        Whether each of ``rows`` is certain to be on its path.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -371,7 +414,10 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return (B,) whether the largest strain is near the predicted one; in a folded corner it is far larger."""
+    """Return whether the largest strain of each of B candidates is not much larger than the predicted strain, (B,).
+
+    In a folded corner of the mesh the strain is far larger than predicted.
+    """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 
@@ -381,7 +427,10 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Extrapolate a path by Lagrange's polynomial; None if the path is not straight in the space of loads."""
+    """Return the configuration under a load, extrapolated from the states of a path by Lagrange's polynomial.
+
+    The result is None if the loads of the last states do not lie on a line with the new load.
+    """
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

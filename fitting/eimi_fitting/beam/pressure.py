@@ -1,12 +1,13 @@
 """Pressure on a face: a load that stays normal to the face and proportional to the present length of the face.
 
-On a planar body the force f_a of a pressure p on node a of a side is linear in the current places x(xi) of its nodes,
+The pressure p acts on a side of an element of a planar body. The force on node a of the side is a linear function of
+the present places x(xi) of the nodes, with the coordinate xi along the side and the shape function N_a of the node:
 
-    f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi) dxi,
+    f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi) dxi.
 
-so that the exact tangent is p times a constant matrix (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element
-Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for a skew pair at each of the two ends of the face
-(their Eq. 8.25b), because a free end makes the load non-conservative.
+The exact tangent is therefore p times a constant matrix (Bonet and Wood, Nonlinear Continuum Mechanics for Finite
+Element Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for a skew pair at each end of the face (Eq.
+8.25b of the same book), because a free end makes the load non-conservative.
 """
 
 from __future__ import annotations
@@ -20,28 +21,29 @@ Array = NDArray[np.float64]
 
 
 class FollowerPressure:
-    """The sides of elements on which a pressure acts, and the operator that gives the nodal forces of this pressure.
+    """The sides of elements on which a pressure acts, and the matrix that gives the nodal forces of this pressure.
 
     Parameters
     ----------
     mesh : Mesh
     nodes : ndarray of int, shape (2 S + 1,)
-        Nodes along the S sides in order, with the body to their left.
+        Nodes along the S sides, in the direction in which the body lies to the left.
     spans : ndarray, shape (S, 2), or None
-        The part of each side that is under pressure, in the side's local coordinate from -1 to 1; None: the whole
-        sides.
+        Start and end of the part of each side that is under pressure, in the side's coordinate xi from -1 to 1; None:
+        the whole sides.
 
     Attributes
     ----------
     elements : ndarray of int, shape (F,)
-        The elements of the sides.
+        The F elements with a side under pressure.
     operator : ndarray, shape (F, 18, 18)
-        The matrix that gives the forces of unit pressure from the places of the element's nodes.
+        The matrix that is multiplied by the places of an element's nodes in mm and by the pressure in N/mm², and gives
+        the nodal forces in N per mm of depth.
 
     Raises
     ------
     ValueError
-        A side under pressure belongs to no element.
+        A side under pressure belongs to no element, or to two elements.
     """
 
     def __init__(self, mesh: Mesh, nodes: Indices, spans: Array | None = None) -> None:
@@ -53,7 +55,10 @@ class FollowerPressure:
                 continue
             holding = np.flatnonzero(np.isin(mesh.elements, side).sum(axis=1) == 3)
             if len(holding) != 1:
-                raise ValueError(f"the side at {mesh.nodes[side[1]]} mm is not a face of the silicone")
+                x, y = mesh.nodes[side[1]]
+                raise ValueError(
+                    f"the pressure face contains ({x:g}, {y:g}) mm, which is not on a face of the silicone"
+                )
             local = np.array([np.flatnonzero(mesh.elements[holding[0]] == node)[0] for node in side])
             xi = 0.5 * (first + last) + 0.5 * (last - first) / np.sqrt(3) * np.array([-1.0, 1.0])  # exact for cubics
             values = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
@@ -67,18 +72,20 @@ class FollowerPressure:
         self._rest = mesh.nodes[mesh.elements[self.elements]].transpose(0, 2, 1).reshape(-1, 1, 18)
 
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
-        """Subtract the forces of a pressure from the internal forces, and their tangent from the stiffness.
+        """Subtract the nodal forces of a pressure from the internal forces, and their derivative from the stiffness.
+
+        There are E elements and B candidates.
 
         Parameters
         ----------
         pressure : ndarray, shape (B,) or (1,)
             In N/mm².
         nodal : ndarray, shape (E, B, 18)
-            Displacements in mm.
+            Displacements of the elements' nodes in mm.
         force : ndarray, shape (E, B, 18)
-            Internal forces, changed in place.
+            Internal forces of the elements, changed in place.
         stiffness : ndarray, shape (E, B, 18, 18)
-            Stiffness matrices, changed in place.
+            Stiffness matrices of the elements, changed in place.
         """
         tangent = pressure[:, None, None] * self.operator[:, None]  # (F, B, 18, 18)
         place = self._rest + nodal[self.elements]

@@ -1,11 +1,12 @@
-"""Smooth deviations of the rest shape, as sums of a few modes.
+"""Smooth deviations from the given rest shape, as sums of a few modes.
 
 A mode of bending has the curvature
 
     kappa_i(s) = c_i P_i(2 s / l - 1),    i = 0, 1, 2,
 
-with Legendre's polynomials P_i and the flexible length l; c_i makes the largest offset of the centre line 1 mm. A mode
-of the width is the polynomial P_1 or P_2 itself, so that the mean width of the flexible part is unchanged.
+with the arc length s from the clamp, Legendre's polynomials P_i and the length l of the flexible part. The factor c_i
+makes the largest offset of the centre line 1 mm. A mode of the width is the polynomial P_1 or P_2 itself. It does not
+change the mean width of the flexible part.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ def with_modes(
     ----------
     specimen : Specimen
     bends_mm : sequence of float
-        Amplitudes of the modes of bending: the largest offset of the centre line, toward +y, in mm.
+        Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y.
     widths_mm : sequence of float
-        Amplitudes of the modes of the width: half of the change from the clamp to the end of the flexible part (first),
-        and the amplitude of P_2 (second).
+        Amplitudes of the polynomials P_1 and P_2 of the width, in mm. The first is half of the change of the width from
+        the clamp to the end of the flexible part.
     """
     if not any(bends_mm) and not any(widths_mm):
         return specimen
@@ -61,7 +62,20 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table with a smooth function of s / l added; the function is constant beyond the flexible part."""
+    """Return a table (fraction of the length, value) with a mode added to its values.
+
+    Parameters
+    ----------
+    rows : tuple of (float, float)
+        The table before; it may be empty.
+    share : float
+        Length of the flexible part divided by the length of the beam.
+    mode : callable
+        The mode as a function of s / l, 0 at the clamp and 1 at the end of the flexible part. Beyond the flexible part
+        the value at 1 is added.
+    before : callable
+        The value of the table at any fraction of the length.
+    """
     if rows:
         at, values = np.array(rows).T
         if len(at) < _STATIONS:
@@ -78,12 +92,24 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 
 
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
-    """Return the offset (n,) in mm of the centre line due to modes of bending, at shares (n,) of the length."""
+    """Return the offset of the centre line due to modes of bending, (n,) in mm.
+
+    Parameters
+    ----------
+    bends_mm : sequence of float
+        Amplitudes of the modes in mm, see `with_modes`.
+    along : ndarray, shape (n,)
+        Arc length from the clamp, divided by the length of the flexible part.
+    """
     return sum((a * _turn(i, along, 1) for i, a in enumerate(bends_mm)), start=np.zeros(len(along)))
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return l times the angle of mode i at x = s / l for a largest offset of 1; or return the offset itself."""
+    """Return the angle of the centre line due to mode i, multiplied by l and divided by the largest offset.
+
+    x: arc length s divided by l, the length of the flexible part. With ``integrals``, return the offset divided by the
+    largest offset.
+    """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
     return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

@@ -1,6 +1,6 @@
 """The stress-free shape of a beam that is not a straight strip of constant width: its bend, width and depth.
 
-All tables are over the share of the length, from 0 at the clamp to 1 at the tip, so that they keep their form if the
+All tables are functions of the fraction of the length, from 0 at the clamp to 1 at the tip. They need no change if the
 length changes.
 """
 
@@ -21,20 +21,23 @@ _FEWEST_TURNS = 17  # rows of the table of a measured centre line
 
 @dataclass(frozen=True)
 class RestShape:
-    """The stress-free shape of a specimen; an empty table means straight, or the specimen's constant width or depth.
+    """The stress-free shape of a specimen, as tables of its bend, width and depth.
+
+    An empty table means that the beam is straight, or that its width or depth is constant.
 
     Parameters
     ----------
     turns : tuple of (float, float)
-        Share of the length, and angle in rad between the centre line and the normal of the clamp; a cubic spline
-        connects the rows. The centre line leaves the clamp along its normal, so that the first row is (0, 0).
+        Rows of the fraction of the length and the angle of the centre line in rad, connected by a cubic spline. The
+        angle is measured from the normal of the clamp. The centre line leaves the clamp along this normal, and the
+        first row is therefore (0, 0).
     widths, depths : tuple of (float, float)
-        Share of the length, and addition to the specimen's width or depth in mm; straight lines connect the rows. Two
-        rows at the same share are a step.
+        Rows of the fraction of the length and the addition to the specimen's width or depth in mm, connected by
+        straight lines. Two rows with the same fraction are a step.
 
     Examples
     --------
-    A strip that was cast with a radius of 100 mm, and becomes 1 mm narrower from the clamp to the tip:
+    A strip of 30 mm that was cast with a radius of 100 mm, and becomes 1 mm narrower from the clamp to the tip:
 
     >>> import numpy as np
     >>> from eimi_fitting.beam.rest_shape import RestShape
@@ -51,7 +54,7 @@ class RestShape:
     depths: Rows = ()
 
     def angle_rad(self, shares: Array) -> Array:
-        """Return the angles of the centre line at shares of the length."""
+        """Return the angle of the centre line in rad at fractions of the length, in their shape."""
         if not self.turns:
             return np.zeros(np.shape(shares))
         at, angles = np.array(self.turns).T
@@ -61,13 +64,16 @@ class RestShape:
 
     @property
     def kinks(self) -> Array:
-        """The shares at which the slope of width or depth jumps."""
+        """The fractions of the length at which the slope of the width or of the depth jumps."""
         shares = [s for rows in (self.widths, self.depths) for s in _kinks(rows)]
         return np.unique(np.asarray(shares, float))
 
 
 def table_at(rows: Rows, shares: Array) -> Array:
-    """Return the value of a table with rows (share, value) at some shares; zero for an empty table."""
+    """Return the value of a table at fractions of the length, in their shape; zero for an empty table.
+
+    rows: fraction of the length and value, connected by straight lines.
+    """
     if not rows:
         return np.zeros(np.shape(shares))
     at, values = np.array(rows).T
@@ -86,29 +92,33 @@ def _kinks(rows: Rows) -> list[float]:
 
 
 def centre_line(points_mm: Array, length_mm: float) -> Rows:
-    """Return the table of angles (``turns``) of a measured centre line.
+    """Return the table of angles (``RestShape.turns``) of a measured centre line.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, 2)
-        Points in order from the clamp (0, 0) to the tip, in the beam frame. The line through them may be up to 2 %
-        longer or shorter than the beam.
+        Points in order from the clamp (0, 0) to the tip, in the beam frame. The curve through the points may be up to 2
+        % longer or shorter than the beam.
     length_mm : float
         Length of the beam.
 
     Raises
     ------
     ValueError
-        There are fewer than four points, two neighbours are the same, or the line has another length or another start.
+        There are fewer than four points, two neighbouring points are the same, the first point is not at the clamp, or
+        the curve is too long or too short.
     """
     points = np.asarray(points_mm, float)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 4:
-        raise ValueError("a centre line needs at least 4 points x, y")
+        raise ValueError(f"a centre line needs at least 4 points x, y: the shape is {points.shape}, not (4 or more, 2)")
     if np.hypot(*points[0]) > 0.02 * length_mm:
-        raise ValueError(f"the centre line begins at ({points[0, 0]:g}, {points[0, 1]:g}) mm, not at the clamp (0, 0)")
+        raise ValueError(
+            f"the centre line begins at ({points[0, 0]:g}, {points[0, 1]:g}) mm, but should begin at the clamp, (0, 0)"
+        )
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if np.any(steps <= 0):
-        raise ValueError(f"points {int(np.argmin(steps)) + 1} and {int(np.argmin(steps)) + 2} are the same")
+        first = int(np.argmin(steps)) + 1
+        raise ValueError(f"points {first} and {first + 1} of the centre line are the same: remove one of them")
     chord = np.concatenate([[0.0], np.cumsum(steps)])
     spline = CubicSpline(chord, points, bc_type=((1, np.array([1.0, 0.0])), "not-a-knot"))
     fine = np.linspace(0, chord[-1], 20 * len(points))
@@ -116,7 +126,10 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
     speed = np.linalg.norm(slope, axis=1)
     arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
     if abs(arc[-1] / length_mm - 1) > 0.02:
-        raise ValueError(f"the centre line is {arc[-1]:.4g} mm long; its length should be length_mm = {length_mm:g}")
+        raise ValueError(
+            f"the centre line is {arc[-1]:.4g} mm long, but the beam has length_mm = {length_mm:g}: they may differ by "
+            "2 %"
+        )
     angle = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     shares = np.linspace(0, 1, max(_FEWEST_TURNS, 2 * len(points)))
     at = np.interp(shares, arc / arc[-1], angle)

@@ -1,4 +1,4 @@
-"""A rigid body in the silicone: its nodes follow three unknowns, two translations and a rotation."""
+"""A rigid body in the silicone: its nodes move with three unknowns, two translations and a rotation."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The kinematics of the nodes that are tied to a rigid body, and of the elements with such nodes.
+    """The kinematics of the nodes that move with a rigid body, and of the elements that have such nodes.
 
-    With the translation U, the rotation matrix R(theta) and the arm s from the reference point at rest, a tied node is
-    displaced by U + (R - 1) s. It does not move in depth.
+    Let U be the translation of the body's reference point, R(theta) the matrix of its rotation theta, and s the vector
+    from the reference point to a node at rest. The displacement of the node is U + (R - 1) s. The node does not move in
+    depth.
 
     Attributes
     ----------
     nodes : ndarray of int, shape (T,)
-        The tied nodes.
+        The T nodes that move with the body.
     arms : ndarray, shape (T, 2)
-        Their arms s in mm.
+        The vectors s of these nodes in mm.
     elements : ndarray of int, shape (Et,)
-        The elements that have tied nodes.
+        The elements that have at least one of these nodes.
     """
 
     def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
@@ -44,14 +45,20 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *rest], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Compute the displacements (B, N, d) of the tied nodes from the body's unknowns (B, 3), in place."""
+        """Write the displacements of the body's nodes into the displacements of all nodes, (B, N, d) in mm, in place.
+
+        rigid: the translation of the body in mm and its rotation in rad for each of B candidates, (B, 3).
+        """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
         displacement[:, self.nodes, 0] = rigid[:, 0:1] + (c - 1) * x - s * y
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives (Et, B, unknowns, 3) of local displacements with respect to the body's unknowns."""
+        """Return the derivatives of the unknowns of the body's elements by translation and rotation, (Et, B, u, 3).
+
+        There are B candidates, and an element has u unknowns. rigid: see `carry`.
+        """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
         tie[..., :2] = self._translation
@@ -59,14 +66,20 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness (B,) due to the forces (E, B, unknowns) on the tied nodes."""
+        """Return the part of the rotational stiffness that the forces on the body's nodes cause, (B,) for B candidates.
+
+        force: forces (E, B, u) on the u unknowns of each of E elements. rigid: see `carry`.
+        """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
         return np.asarray(np.sum(bending * force[self.elements], axis=(0, 2)))
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment (B,) of a dead load with the potential -tensor : R(theta), and its stiffness (B,)."""
+    """Return the moment of a dead load with the potential -tensor : R(theta), and its stiffness, (B,) each.
+
+    tensor: (B, 2, 2) for B candidates, or (1, 2, 2). rigid: translation and rotation theta of the body, (B, 3).
+    """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]
     return c * odd - s * even, c * even + s * odd

@@ -1,6 +1,7 @@
 """The solid mesh of a specimen: the lines of the planar grid, and elements over half of the depth.
 
-Specimen, magnet and loads are symmetric about mid-depth (z = 0), which therefore stays plane.
+Specimen, magnet and loads are symmetric about mid-depth, z = 0. The plane at mid-depth therefore stays plane, and only
+the half with z > 0 needs a mesh.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the lines over half the depth: at least two elements on each side of the edge of a shallower magnet."""
+    """Return the places in mm of the lines over half of the depth, from mid-depth.
+
+    If the magnet is shallower than the beam, there are at least two elements on each side of the magnet's edge.
+    """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
         return np.linspace(0, half, _FEWEST + more + 1)
@@ -43,9 +47,10 @@ class SolidGrid:
     ----------
     specimen : Specimen
     along, across : int
-        See `Grid`.
+        Numbers of elements, see `Grid`.
     more : int
-        Further elements in each part of half the depth, behind and before the magnet's face.
+        Additional elements in depth: over half of the depth, or in each of the two parts of this half if the magnet is
+        shallower than the beam.
 
     Attributes
     ----------
@@ -54,13 +59,15 @@ class SolidGrid:
     strip : Strip
         The geometry at rest.
     straight_mm : ndarray, shape (N, 3)
-        The nodes in the straight strip.
+        Places of the N nodes in the straight strip.
     z_mm : ndarray
-        The lines in depth, from mid-depth.
+        Places of the lines in depth, from mid-depth.
     mesh : Bricks
         The elements of silicone.
-    block_mm, magnet_nodes, per_specimen, face_mm, turn_rad
-        See `Grid`; the half that is meshed bears half of a load.
+    per_specimen : float
+        The fraction of a load on the whole specimen that acts on the mesh: 1/2.
+    block_mm, magnet_nodes, face_mm, turn_rad
+        See `Grid`.
     """
 
     per_specimen = 0.5
@@ -89,7 +96,10 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2 or 3) of the straight strip that correspond to places (n, 2 or 3) at rest."""
+        """Return the points of the straight strip that correspond to points of the rest shape, in mm.
+
+        points_mm: shape (n, 2) or (n, 3), like the result.
+        """
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
@@ -97,7 +107,10 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether points of the straight strip, (n, 2) at mid-depth or (n, 3), move with the magnet, (n,)."""
+        """Return, for points of the straight strip in mm, whether each moves with the magnet, shape (n,).
+
+        points_mm: (n, 3), or (n, 2) for points at mid-depth.
+        """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
         if points.shape[1] == 3 and self.block_mm[2] < self._straight.depth_mm:
@@ -105,9 +118,9 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that interpolate at points (n, 3) of the straight strip.
+        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at points (n, 3) of the strip.
 
-        A point behind mid-depth is replaced by its mirror image.
+        points_mm: places in the straight strip. A point with z < 0 is replaced by its mirror image.
 
         Raises
         ------
@@ -117,7 +130,10 @@ class SolidGrid:
         points = np.atleast_2d(np.asarray(points_mm, float))
         depth = np.abs(points[:, 2])
         if np.any(depth > self.z_mm[-1] + _SAME_MM):
-            raise ValueError(f"z = {points[np.argmax(depth), 2]:g} mm is not in the specimen (±{self.z_mm[-1]:g} mm)")
+            raise ValueError(
+                f"a point at z = {points[np.argmax(depth), 2]:g} mm is not on the specimen, which covers z from "
+                f"{-self.z_mm[-1]:g} to {self.z_mm[-1]:g} mm"
+            )
         self.flat.place(points[:, :2])
         lines = (self.flat.x_mm, self.flat.y_mm, self.z_mm)
         cells, local = [], []
@@ -129,7 +145,10 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that spread a force evenly in depth at a point (2,)."""
+        """Return nodes (n, 27) and weights (n, 27) that distribute a force evenly in depth.
+
+        point_mm: place (2,) of the force in the straight strip.
+        """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)
         z = (ends[:-1, None] + half[:, None] * (1 + gauss)).ravel()

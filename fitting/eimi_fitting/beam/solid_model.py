@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 
 class SolidModel:
-    """The solid model of a specimen; the specimen's entry for the section is ignored.
+    """The finite-element model of a specimen as a solid. The specimen's entry ``section`` is ignored.
 
-    The magnet is rigid; the silicone beside, before and behind it is soft.
+    The magnet is rigid. The silicone beside, before and behind the magnet is soft.
 
     Parameters
     ----------
@@ -27,22 +27,26 @@ class SolidModel:
     along, across : int
         Numbers of elements along the flexible part and over the width, as in `BeamModel`.
     more : int
-        Further elements over half of the depth, see `SolidGrid`.
+        Additional elements over half of the depth, see `SolidGrid`.
 
     Raises
     ------
     ValueError
-        The magnet leaves no flexible part, or the specimen has a pressure face, which this model does not take.
+        The magnet leaves no flexible part, or the specimen has a pressure face.
     """
 
     def __init__(self, specimen: Specimen, along: int = 26, across: int = 3, more: int = 0) -> None:
         flexible = specimen.flexible_length_mm
         if flexible <= 0:
             raise ValueError(
-                f"a {specimen.length_mm - flexible:g} mm magnet leaves no soft part of a {specimen.length_mm:g} mm beam"
+                f"the magnet and its distance from the tip take {specimen.length_mm - flexible:g} mm of a beam of "
+                f"{specimen.length_mm:g} mm: no flexible part is left between the clamp and the magnet"
             )
         if specimen.pressure_face is not None:
-            raise ValueError("the solid model takes no pressure_face: choose a planar section")
+            raise ValueError(
+                'pressure_face is not possible with section = "solid": choose section = "plane-stress" or '
+                '"plane-strain"'
+            )
         self.specimen, self.along, self.across, self.more = specimen, along, across, more
         self.grid = SolidGrid(specimen, along, across, more)
         self.mesh = self.grid.mesh
@@ -54,7 +58,7 @@ class SolidModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments, as `BeamModel` does."""
+        """Pickle only the arguments, like `BeamModel`."""
         return SolidModel, (self.specimen, self.along, self.across, self.more)
 
     def solve(
@@ -76,12 +80,12 @@ class SolidModel:
         law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         beside : Configuration or None
-            For one candidate: the configurations of its planar model, see `path.follow`.
+            For one candidate only: the configurations of its planar model, see `path.follow`.
 
         Returns
         -------
         Shapes
-            With displacements (P, K, N, 3).
+            With displacements (P, K, N, 3) of the N nodes.
 
         Raises
         ------
@@ -92,7 +96,10 @@ class SolidModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation (P, K) in degrees of the magnet or, without a magnet, of the last nodes at mid-depth."""
+        """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
+
+        Without a magnet it is the rotation of the last nodes at mid-depth.
+        """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         corners = self.mesh.numbers[-1, [0, -1], 0]
@@ -102,13 +109,18 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""
+        """Return the largest principal stretch at the Gauss points of each of E elements, (P, K, E).
+
+        There are P candidates and K states.
+        """
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places (P, K, n, 3) in mm of material points (n, 3) given at rest; z = 0 is mid-depth.
+        """Return the places of n material points for P candidates in K states, (P, K, n, 3) in mm.
+
+        points_mm: places of the points at rest, shape (n, 3), with z = 0 at mid-depth.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The specimen: a beam of soft material, perhaps with a magnet at its tip."""
+"""The specimen: a beam of soft material that may have a magnet at its tip."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ STANDARD_GRAVITY = 9.80665  # m / s²
 class Magnet:
     """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
 
-    The magnet lies at the distal end of the beam, or ``tip_offset_mm`` before this end. Silicone surrounds it where the
-    specimen is wider, longer or deeper. In a planar model the silicone before and behind the magnet moves rigidly with
-    it.
+    The magnet ends at the tip of the beam, or ``tip_offset_mm`` before the tip. If the specimen is wider, longer or
+    deeper than the magnet, silicone surrounds the magnet. In a planar model the silicone before and behind the magnet
+    moves rigidly with the magnet.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ class Magnet:
         Remanent flux density.
     density_kg_m3 : float
     tip_offset_mm : float
-        Distance from the magnet's distal face to the tip of the specimen.
+        Distance from the end of the magnet to the tip of the specimen.
     magnetisation_angle_deg : float
-        Angle between the magnetisation and the magnet's long axis, in the plane of the picture, from +x toward +y.
+        Angle from the magnet's long axis to the magnetisation, in the plane of the picture, from +x toward +y.
 
     Examples
     --------
@@ -54,20 +54,30 @@ class Magnet:
 
     @property
     def moment_A_m2(self) -> float:
-        """The magnitude of the dipole moment: remanence / mu0 times volume."""
+        """The magnitude of the dipole moment, B_r V / mu_0, with the remanence B_r and the volume V."""
         volume_m3 = self.length_mm * self.width_mm * self.depth_mm * 1e-9
         return self.remanence_T / VACUUM_PERMEABILITY * volume_m3
 
     @property
     def direction(self) -> tuple[float, float]:
-        """The unit vector of the magnetisation in a magnet that lies along x."""
+        """The unit vector of the magnetisation if the magnet lies along x."""
         angle = np.radians(self.magnetisation_angle_deg)
         return float(np.cos(angle)), float(np.sin(angle))
 
 
 @dataclass(frozen=True)
 class PressureFace:
-    """The face under pressure: the left (y < 0) or right face, from ``from_mm`` to ``to_mm`` (None: to the tip)."""
+    """The part of a side of the beam on which a pressure acts.
+
+    Attributes
+    ----------
+    side : {"left", "right"}
+        The left side (y < 0) or the right side (y > 0).
+    from_mm : float
+        Start of the part, as distance from the clamp.
+    to_mm : float or None
+        End of the part, as distance from the clamp; None: the tip.
+    """
 
     side: Literal["left", "right"]
     from_mm: float = 0.0
@@ -76,30 +86,30 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A beam that is clamped at x = 0; it is straight, with constant width and depth, unless ``rest_shape`` is given.
+    """A beam that is clamped at x = 0. It is straight, with constant width and depth, unless ``rest_shape`` is given.
 
-    The beam frame has x from the clamp along the beam, y across, and its origin in the middle of the clamp line. The
-    width is along y, the depth out of the plane.
+    The beam frame has its origin in the middle of the clamped section, x along the beam and y across it. The width is
+    along y. The depth is normal to the plane of the picture.
 
     Parameters
     ----------
     length_mm : float
-        Length from the clamp to the tip, the magnet included, along the centre line.
+        Length along the centre line from the clamp to the tip, including the magnet.
     width_mm, depth_mm : float
-        Width and depth. If they vary along the beam, the tables of ``rest_shape`` are added to these numbers.
+        Width and depth. If they vary along the beam, the tables of ``rest_shape`` are added to these values.
     density_kg_m3 : float
         Density of the silicone.
     section : {"solid", "plane-stress", "plane-strain"}
-        The model of the depth: the whole solid, or a planar assumption.
+        How the depth is modelled: as a solid, or by a planar assumption.
     magnet : Magnet or None
     tip_load_mm : tuple of float or None
-        Material point at which a tip force acts: the arc length from the clamp, and the distance from the centre line.
-        None: the middle of the tip.
+        Material point at which a tip force acts: arc length from the clamp, and distance from the centre line. None:
+        the middle of the tip.
     magnetisation_A_per_m : tuple of float
-        Magnetisation of a silicone that was cast with magnetic powder, along and across the centre line at rest.
+        Magnetisation along and across the centre line at rest, for silicone that was cast with magnetic powder.
     pressure_face : PressureFace or None
     rest_shape : RestShape or None
-        The stress-free shape; None for a straight beam of one width and depth.
+        The stress-free shape; None for a straight beam of constant width and depth.
 
     Examples
     --------
@@ -126,16 +136,22 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """The section of a planar model; plane stress for a solid, because its error is the smallest."""
+        """The section of a planar model of this specimen.
+
+        For a solid it is plane stress, whose error is smaller than the error of plane strain.
+        """
         return "plane-stress" if self.section == "solid" else self.section
 
     @property
     def flexible_length_mm(self) -> float:
-        """The length between the clamp and the magnet."""
+        """The length between the clamp and the magnet in mm; without a magnet, the whole length."""
         magnet = self.magnet
         return self.length_mm - (magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0)
 
     @property
     def field_place_mm(self) -> float:
-        """The x of the place at which the strength of a field is stated: the middle of the magnet, else of the beam."""
+        """The distance from the clamp, in mm, of the place to which the strength of a field refers.
+
+        The place is the middle of the magnet. Without a magnet it is the middle of the beam.
+        """
         return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

@@ -1,12 +1,13 @@
-"""The geometry of a specimen at rest: the map from a straight strip of one width and depth to its stress-free shape.
+"""The geometry of a specimen at rest: the map from a straight strip of constant width and depth to the rest shape.
 
-A point of the straight strip has the coordinates (s, t): s is the arc length of the centre line from the clamp, t the
-distance from it. Meshes are made of lines of constant s and t and mapped by
+A point of the straight strip has the coordinates (s, t): the arc length s of the centre line from the clamp, and the
+distance t from the centre line. Meshes consist of lines of constant s and t, which are mapped by
 
     x(s, t) = c(s) + n(s) t w(s) / w_0
 
-with the centre line c, its normal n, the width w(s) and the width w_0 of the straight strip. A magnet is a rigid block:
-the centre line is straight along it, and the lines at its sides keep their distance from the centre line there.
+with the centre line c, its unit normal n, the width w(s) and the width w_0 of the straight strip. A magnet is a rigid
+block. The centre line is straight along the magnet, and the lines at the sides of the magnet have the same distance
+from the centre line as in the strip.
 """
 
 from __future__ import annotations
@@ -39,15 +40,15 @@ class Strip:
     Attributes
     ----------
     straight : Specimen
-        The straight strip that is mapped: it has the width and the depth of the specimen at its magnet, or else the
-        specimen's own numbers.
+        The straight strip that is mapped. It has the smallest width and depth that the specimen has along its magnet;
+        without a magnet, ``width_mm`` and ``depth_mm`` of the specimen.
     is_straight : bool
-        Whether the map is the identity.
+        Whether the strip and the specimen at rest are the same.
 
     Raises
     ------
     ValueError
-        The width or the depth is not above zero somewhere.
+        The width or the depth is not positive everywhere.
     """
 
     def __init__(self, specimen: Specimen) -> None:
@@ -68,7 +69,7 @@ class Strip:
             for name, table in (("width_mm", self.width_mm), ("depth_mm", self.depth_mm)):
                 smallest = float(table(np.linspace(0, self._length, 257)).min())
                 if not smallest > 0:
-                    raise ValueError(f"{name} of the rest shape falls to {smallest:g} mm; it has to be above 0")
+                    raise ValueError(f"{name} of the rest shape falls to {smallest:g} mm, but must be above 0 mm")
                 if magnet:
                     sizes[name] = float(table(along).min())
             self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])
@@ -77,20 +78,20 @@ class Strip:
 
     @property
     def kinks_mm(self) -> Array:
-        """The arc lengths in the flexible part at which the slope of width or depth jumps."""
+        """The arc lengths in the flexible part at which the slope of the width or of the depth jumps."""
         at = self._length * replace(self._shape, widths=self._widths, depths=self._depths).kinks
         return np.asarray(at[(at > 0) & (at < self._near)])
 
     def width_mm(self, along_mm: Array) -> Array:
-        """Return the width (n,) at arc lengths (n,)."""
+        """Return the width (n,) in mm at arc lengths (n,) in mm."""
         return self._width_mm + table_at(self._widths, np.asarray(along_mm) / self._length)
 
     def depth_mm(self, along_mm: Array) -> Array:
-        """Return the depth (n,) at arc lengths (n,)."""
+        """Return the depth (n,) in mm at arc lengths (n,) in mm."""
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle (n,) of the centre line at arc lengths (n,); it is constant along a magnet."""
+        """Return the angle of the centre line in rad at arc lengths (n,) in mm, (n,). It is constant along a magnet."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -109,7 +110,7 @@ class Strip:
         return CubicHermiteSpline(ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the places at rest (n, 2) of points (n, 2) of the straight strip."""
+        """Return the places at rest (n, 2) of points (n, 2) of the straight strip, in mm."""
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -121,7 +122,10 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip for given places at rest; the inverse of `at_rest`."""
+        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest, in mm.
+
+        This is the inverse of `at_rest`.
+        """
         places = np.asarray(places_mm, float)
         if self.is_straight:
             return places
@@ -145,7 +149,10 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances (2, n) of the magnet's side and the edge from the centre line: in the strip, at rest."""
+        """Return the distances of the magnet's side and of the beam's edge from the centre line in mm.
+
+        s: arc lengths (n,) in mm. The first result is for the strip, (2, 1), the second for the beam at rest, (2, n).
+        """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
         return self._lines(s, self.width_mm, 0.5 * self.straight.width_mm, core)
@@ -159,11 +166,17 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Map distances z (n,) from mid-depth in the straight strip to the specimen, at arc lengths s."""
+        """Return the distances from mid-depth at rest of points of the straight strip, (n,) in mm.
+
+        s: arc lengths (n,); z: distances from mid-depth in the strip (n,).
+        """
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Map distances z (n,) from mid-depth in the specimen to the straight strip; the inverse of `z_at_rest_mm`."""
+        """Return the distances from mid-depth in the straight strip of points of the beam at rest, (n,) in mm.
+
+        s: arc lengths (n,); z: distances from mid-depth at rest (n,). This is the inverse of `z_at_rest_mm`.
+        """
         return _moved(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
     def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
@@ -172,15 +185,18 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth (n,) over the depth of the straight strip; None if the depth is the same everywhere."""
+        """Return the depth at arc lengths (n,), divided by the depth of the straight strip, (n,).
+
+        None if the depth is the same everywhere.
+        """
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return the distances (n,) from the centre line after two lines beside it have moved.
+    """Return distances (n,) from the centre line after two lines beside the centre line have moved.
 
-    The two lines (2, n) are at the distances ``before`` and move to the distances ``after``. Places between the lines,
-    and between the centre and the inner line, move in proportion.
+    The two lines are at the distances ``before`` and move to the distances ``after``, (2, n) each. A place between the
+    centre line and the inner line keeps its fraction of the distance, and so does a place beyond the inner line.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
@@ -189,9 +205,12 @@ def _moved(value: Array, before: Array, after: Array) -> Array:
 
 
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
-    """Return the table with a short ramp in place of every step.
+    """Return a table of the width or the depth with a short ramp in place of every step.
 
-    The ramp lies in the wider part, whose shoulders bear little stress, except at a face of the magnet.
+    The ramp lies in the wider part, whose shoulders bear little stress. Only at a face of the magnet it lies in the
+    narrower part.
+
+    rows: fraction of the length and value. magnet_mm: the places of the two faces of the magnet.
     """
     ramped = list(rows)
     for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):

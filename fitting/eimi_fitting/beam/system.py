@@ -1,12 +1,14 @@
-"""The linear system of a Newton step: the banded matrix of the nodes and the three unknowns of a rigid body.
+"""The linear system of a Newton step: the band matrix of the nodes and the three unknowns of a rigid body.
 
-A body at the end of the beam couples to the last few nodes, so that its rows fit in the band. A body with silicone
-around it couples to many columns and would widen the band. Its three rows then border the matrix K of the nodes,
+A body at the end of the beam is coupled to the last few nodes only, and its rows fit in the band. A body with silicone
+around it is coupled to many columns of nodes and would widen the band. Its three unknowns y are then kept apart from
+the unknowns x of the nodes. With the matrix K of the nodes, the coupling C and R, and the matrix D of the body,
 
     [K  C] [x]   [f]
-    [R  D] [y] = [g],    (D - R K^-1 C) y = g - R K^-1 f,    x = K^-1 (f - C y),
+    [R  D] [y] = [g],    (D - R K^-1 C) y = g - R K^-1 f,    x = K^-1 (f - C y).
 
-and the Schur complement costs three more right-hand sides. All of it is done for a whole batch of candidates.
+The Schur complement D - R K^-1 C costs three more right-hand sides. All steps are done for the candidates of a batch
+together.
 """
 
 from __future__ import annotations
@@ -28,10 +30,18 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution for a batch; zero for candidates whose system could not be solved.
+    """The solution of the linear systems of B candidates; zero for candidates whose system could not be solved.
 
-    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) whether the system could be solved; indefinite: (B,) whether
-    the matrix of nodes and body is not positive definite, False for a matrix that is not symmetric.
+    Attributes
+    ----------
+    nodes : ndarray, shape (B, n)
+        The n unknowns of the nodes.
+    body : ndarray, shape (B, 3)
+        The unknowns of the body.
+    sound : ndarray of bool, shape (B,)
+        Whether the system could be solved.
+    indefinite : ndarray of bool, shape (B,)
+        Whether the matrix of nodes and body is not positive definite; False for matrices that are not symmetric.
     """
 
     nodes: Array
@@ -41,18 +51,18 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The structure of the linear system, which is made once for a mesh.
+    """The structure of the linear system, which is computed once for a mesh.
 
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Number of each local unknown, -1 if it is fixed or tied.
+        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to a node of the body.
     n : int
-        Number of free unknowns.
+        Number of unknowns of the nodes.
     tied : ndarray of int or None
-        Elements that have nodes of a rigid body.
+        The elements that have nodes of the rigid body; None without a body.
     at_once : int or None
-        Number of elements whose matrices are added together; None: all of them.
+        Number of elements whose matrices are added together; None: all elements.
     """
 
     def __init__(self, dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> None:
@@ -74,7 +84,7 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Return the forces (B, n) on the nodes from those of the elements (E, B, d)."""
+        """Return the assembled forces (B, n) on n unknowns from element forces (E, B, d), for B candidates."""
         return self._assembly.vector(force)[:, : self.n]
 
     def solve(
@@ -87,17 +97,20 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness and the forces of the elements and solve K x = right - forces.
+        """Assemble the stiffness K and the forces of the elements, and solve K x = right - forces for B candidates.
 
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of all elements; or parts of ``at_once`` elements, none of which is kept.
+            The matrices of all E elements with d unknowns each; or parts of ``at_once`` elements, which are not kept in
+            memory.
         force : ndarray, shape (E, B, d)
-        right : ndarray, shape (B or 1, n)
+            Forces of the elements.
+        right : ndarray, shape (B, n) or (1, n)
+            Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, further stiffness (B, 3, 3)
-            of the body, and the body's right-hand side (B or 1, 3).
+            Derivatives (Et, B, d, 3) of the unknowns of the Et elements with nodes of the body by the unknowns of the
+            body; additional stiffness of the body, (B, 3, 3); right-hand side for the body, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             Which candidates to solve.
         symmetric : bool
@@ -149,7 +162,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Pass on the matrices of the elements, and append those of the tied elements to a list."""
+        """Yield the matrices of the elements part by part, and append those of the body's elements to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -157,13 +170,16 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Sum rows (Et, B, 3, d) over the tied elements, (B, 3, m), for the m free unknowns that couple to the body."""
+        """Return the sum of rows (Et, B, 3, d) over the Et elements with nodes of the body, (B, 3, m).
+
+        The m columns are the unknowns of the nodes that are coupled to the body. There are B candidates.
+        """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the body's rows and corner into the lower band; the body's unknowns are the last three."""
+        """Write the body's rows and its 3 x 3 matrix into the lower band, as the last three unknowns."""
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]
@@ -185,16 +201,21 @@ class System:
 
 
 class FactoredSystem:
-    """A factorised system, solved for many right-hand sides.
+    """A factorised system of B candidates that is solved for many right-hand sides.
 
     Parameters
     ----------
     structure : System
     stiffness : ndarray, shape (E, B, d, d)
-        Symmetric matrices of the elements.
+        Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, and further stiffness (B, 3, 3)
-        of the body.
+        Derivatives (Et, B, d, 3) of the unknowns of the Et elements with nodes of the body by the unknowns of the body,
+        and additional stiffness of the body, (B, 3, 3).
+
+    Attributes
+    ----------
+    sound : ndarray of bool, shape (B,)
+        Whether the matrix of nodes and body is positive definite.
     """
 
     def __init__(self, structure: System, stiffness: Array, body: tuple[Array, Array] | None) -> None:
@@ -221,7 +242,10 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Return the nodes' unknowns (m, B, n) and the body's (m, B, 3) for right-hand sides of the same shapes."""
+        """Return the unknowns of the nodes (m, B, n) and of the body (m, B, 3) for m right-hand sides.
+
+        The right-hand sides for nodes and body have the same shapes as the unknowns.
+        """
         structure = self._structure
         if self._body is None:
             return self._factor.solve(nodes), np.zeros_like(body)

@@ -1,13 +1,15 @@
-"""The motion of a beam in time, with inertia and internal variables; it verifies the theory of small motions.
+"""The motion of a beam in time, with inertia and viscoelasticity. It is used to verify the theory of small motions.
 
-The stress of a quasi-linear material is S = S_inf + sum_i Q_i, where S_inf = g_inf S_e(F) is that of the long-term law
-and Q_i relaxes with the time tau_i. Over a step from n to n + 1, in which the elastic stress changes linearly,
+The stress of a quasi-linear viscoelastic material is S = g_inf S_e(F) + sum_i Q_i. Here S_e(F) is the elastic stress of
+the instantaneous law at the deformation gradient F, and g_inf is the ratio of the long-term to the instantaneous
+modulus. The internal variable Q_i belongs to term i of the Prony series, with the relative modulus g_i and the
+relaxation time tau_i. In a time step dt from n to n + 1, in which the elastic stress changes linearly,
 
-    Q_i <- exp(-dt / tau_i) Q_i + g_i a_i (S_e[n+1] - S_e[n]),    a_i = (1 - exp(-dt / tau_i)) tau_i / dt
+    Q_i[n+1] = exp(-dt / tau_i) Q_i[n] + g_i a_i (S_e[n+1] - S_e[n]),    a_i = (1 - exp(-dt / tau_i)) tau_i / dt
 
 (Simo and Hughes 1998, Computational Inelasticity, section 10.3). Time is integrated by the generalised-alpha method
-with alpha_f = 0 (Chung and Hulbert 1993, J. Appl. Mech. 60:371), which damps only vibrations that the steps do not
-resolve. Each step is solved by Newton's method. The model is planar, in plane stress.
+with alpha_f = 0 (Chung and Hulbert 1993, J. Appl. Mech. 60:371). This method damps only vibrations that are too fast
+for the time step. Each step is solved by Newton's method. The beam model is planar, in plane stress.
 """
 
 from __future__ import annotations
@@ -37,14 +39,16 @@ _MOST_PARTS = 64  # largest number of parts into which a step is divided
 
 
 class NotSolved(Exception):
-    """Newton's method did not converge in a step of the motion."""
+    """Newton's method did not converge in a time step of the motion."""
 
 
 @dataclass
 class _State:
-    """A state of the motion: displacements, velocities, accelerations and stresses.
+    """The motion at one time: displacements, velocities, accelerations and stresses.
 
-    Nodes have the shape (N, 2), the body's points (2, 2).
+    Arrays of nodes have the shape (N, 2), arrays of the rigid body's two points (2, 2). ``rigid`` is the translation of
+    the body in mm and its rotation in rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the
+    internal variables Q_i of the module.
     """
 
     nodes: Array
@@ -60,7 +64,7 @@ class _State:
 
 
 class Transient:
-    """The motion of one candidate under loads that change from step to step.
+    """The motion of one candidate in time, under loads that change from step to step.
 
     Parameters
     ----------
@@ -68,23 +72,25 @@ class Transient:
         In plane stress.
     law : Law
     parameters : ndarray, shape (n,)
-        Parameters of the instantaneous law, moduli in Pa.
+        The n parameters of the instantaneous law; moduli in Pa.
     series : Prony
-        One series, with terms (m,).
+        One Prony series with m terms.
     loads : Loads
-        Loads of one state; the motion starts from rest in its equilibrium.
+        Loads in one state. The motion starts from rest in the equilibrium under these loads.
 
     Raises
     ------
     ValueError
-        The model is not in plane stress.
+        The beam model is not in plane stress.
     NotSolved
-        The beam has no equilibrium under the first loads.
+        The beam has no equilibrium under these loads.
     """
 
     def __init__(self, model: BeamModel, law: Law, parameters: Array, series: Prony, loads: Loads) -> None:
         if model.plane != "plane-stress":
-            raise ValueError(f"the motion in time is computed in plane stress, not in {model.plane}")
+            raise ValueError(
+                f'the motion is computed in plane stress only: the model needs "plane-stress", not "{model.plane}"'
+            )
         self.model, self.series, self._solid = model, series, model.solid
         self._inertia = Inertia(model)
         self._instantaneous = candidates(law, parameters[None], model.plane, None, None).batch
@@ -93,7 +99,7 @@ class Transient:
         long_term = np.where(is_modulus, float(series.long_term) * parameters, parameters)
         rest = model.solve(law, long_term[None], loads, tolerance_mm=_TOLERANCE_MM)
         if not rest.converged[0]:
-            raise NotSolved("the beam has no equilibrium under the first loads")
+            raise NotSolved("no equilibrium of the beam was computed under the loads at the start of the motion")
         now = rest.last
         elastic = self._evaluated(self._instantaneous, now.displacement).S
         body = self._inertia
@@ -120,11 +126,11 @@ class Transient:
 
     @property
     def rigid(self) -> Array:
-        """Translation of the magnet in mm and its rotation in rad, (3,)."""
+        """Translation of the magnet in mm and its rotation in rad, at the present time, (3,)."""
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the present shape as one candidate in one state."""
+        """Return the shape at the present time, as shapes of one candidate in one state."""
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))
@@ -133,19 +139,20 @@ class Transient:
         )
 
     def advance(self, step_s: float, loads: Loads, with_inertia: bool = True) -> None:
-        """Advance by one step under the loads of one state; a step that fails is divided into halves.
+        """Advance the motion by one time step under the loads in one state. A step that fails is divided into halves.
 
         Parameters
         ----------
         step_s : float
+            Length of the step in s.
         loads : Loads
         with_inertia : bool
-            False for creep, whose steps may be longer than a period.
+            False for creep, which is slow. The steps may then be longer than a period of vibration.
 
         Raises
         ------
         NotSolved
-            Newton's method did not converge.
+            Newton's method does not converge in 64 parts of the step.
         """
         parts = 1
         while parts <= _MOST_PARTS:
@@ -156,7 +163,10 @@ class Transient:
                 return
             except NotSolved:
                 self._state, self.time_s, parts = before, time_s, 2 * parts
-        raise NotSolved(f"no solution at {self.time_s + step_s:.6g} s")
+        raise NotSolved(
+            f"Newton's method does not converge between {self.time_s:.6g} s and {self.time_s + step_s:.6g} s, even in "
+            f"{_MOST_PARTS} parts of this step"
+        )
 
     def _advance(self, step_s: float, loads: Loads, with_inertia: bool) -> None:
         old = self._state
@@ -194,7 +204,7 @@ class Transient:
             if largest < _TOLERANCE_MM:
                 self._settle(nodes, rigid, batch, stiffness, fading, share, step_s, gamma, accelerations, with_inertia)
                 return
-        raise NotSolved(f"no solution at {self.time_s + step_s:.6g} s")
+        raise NotSolved(f"Newton's method does not converge at {self.time_s + step_s:.6g} s")
 
     def _newton(
         self,
@@ -206,7 +216,7 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return one step of Newton's method for nodes (N, 2) and body (3,)."""
+        """Return one step of Newton's method for the nodes, (N, 2) in mm, and for the body, (3,) in mm and rad."""
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
         K = element.stiffness(solid.ops, ev, ev.S + remembered)
@@ -249,7 +259,7 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Store the state at the end of a step."""
+        """Store the motion at the end of a time step."""
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness
         change = elastic - old.elastic
@@ -268,7 +278,7 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return displacements (N, 2) of the nodes; tied nodes follow the rigid body."""
+        """Return the displacements of all nodes, (N, 2) in mm. The body's nodes move with the rigid body."""
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -283,18 +293,24 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return a derivative, with respect to the angle, of the rotated arms (2, 2) of the body's points."""
+        """Return the vectors from the reference point to the body's two points, or a derivative, (2, 2) in mm.
+
+        derivative: 0 for the vectors, 1 or 2 for their first or second derivative by the angle.
+        """
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _carried(self, rigid: Array) -> Array:
-        """Return the displacements (2, 2) of the body's points."""
+        """Return the displacements of the body's two points, (2, 2) in mm."""
         return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
 
 
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
-    """Return the nodal forces (E, B, 2, 9) of a second Piola-Kirchhoff stress (3, E, B, q)."""
+    """Return the nodal forces (E, B, 2, 9) of a second Piola-Kirchhoff stress (3, E, B, q).
+
+    There are E elements with q Gauss points each, and B candidates. F: deformation gradient (2, 2, E, B, q).
+    """
     s11, s22, s12 = stress
     (f11, f12), (f21, f22) = F
     n, b = s11.shape[:2]

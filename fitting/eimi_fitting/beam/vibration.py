@@ -1,12 +1,13 @@
 """Small vibrations about a static equilibrium: the matrices of the reduced motion, and its complex frequencies.
 
-A small motion u(t) = Re(v exp(s t)) about an equilibrium satisfies
+A small motion u(t) = Re(v exp(s t)) about an equilibrium, with the mode v and the complex rate s, satisfies
 
     (r(s) K_m + K_g + s² M) v = 0,        r(s) = mu*(s) / mu,
 
-where mu is the modulus of the equilibrium, K_m the part of the tangent that comes from the tangent of the law, K_g the
-part that comes from stresses and loads (gravity, field), and M the mass. The problem is reduced to a few shapes, the
-lowest undamped modes of the candidates. Its roots s can then be computed quickly for any function r(s).
+with the shear modulus mu with which the equilibrium was computed and the complex modulus mu*(s) of the viscoelastic
+law. K_m is the part of the tangent stiffness that contains the tangent of the hyperelastic law. K_g is the part that
+contains stresses and loads (gravity, field). M is the mass matrix. The motion is reduced to a few shapes: the lowest
+undamped modes of each candidate. The rates s can then be computed quickly for any function r(s).
 """
 
 from __future__ import annotations
@@ -42,16 +43,16 @@ _TOLERANCE_MM = 1e-5
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of B candidates, reduced to r shapes.
+    """The matrices of small motions of B candidates, reduced to r shapes; symbols as in the module `beam.vibration`.
 
     Attributes
     ----------
     material, rest, mass : ndarray, shape (B, r, r)
-        K_m, K_g and M in N/mm and N s²/mm, for the share of the specimen that the mesh represents.
+        The matrices K_m and K_g in N/mm, and M in N s²/mm, for the fraction of the specimen that the mesh represents.
     nodal : ndarray, shape (r, B, N, d)
-        Displacements of the nodes in the shapes, in mm.
+        Displacements of the N nodes in the shapes, in mm.
     rigid : ndarray, shape (r, B, 3)
-        Motion of the magnet in the shapes.
+        Translation of the magnet in the shapes in mm, and its rotation in rad.
     sound : ndarray of bool, shape (B,)
         Which candidates have a stable equilibrium.
     """
@@ -64,16 +65,19 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the undamped frequencies (B, count), for the modulus of the equilibrium."""
+        """Return the lowest ``count`` undamped frequencies of B candidates, (B, count) in Hz.
+
+        The stiffness is that of the modulus with which the equilibrium was computed, r = 1.
+        """
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s (B, count) of the lowest vibrations; see `complex_roots`."""
+        """Return the complex rates s of the lowest ``count`` vibrations, (B, count) in 1/s; see `complex_roots`."""
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the motion of the candidates in some rows."""
+        """Return the reduced motion of the given candidates only."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],
@@ -83,20 +87,25 @@ class ReducedMotion:
 def complex_roots(
     material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
-    """Return the rates s of damped vibrations, det(r(s) K_m + K_g + s² M) = 0, with positive frequency.
+    """Return the complex rates s of damped vibrations: det(r(s) K_m + K_g + s² M) = 0.
+
+    The symbols are those of the module `beam.vibration`. Only rates with a positive imaginary part (frequency) are
+    returned.
 
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, r, r)
+        K_m, K_g and M of B candidates, reduced to r shapes.
     ratio : callable
-        Takes rates (B, count) and returns mu*(s) divided by the modulus of the equilibrium, (B, count).
+        The function r(s): it takes rates (B, count) in 1/s and returns the complex modulus divided by the modulus of
+        the equilibrium, (B, count).
     count : int
-        Number of modes, at most r.
+        Number of modes. If it is larger than the number of shapes, all shapes are used.
 
     Returns
     -------
     ndarray of complex, shape (B, count)
-        NaN for a mode that does not vibrate.
+        In 1/s; NaN for a mode that does not vibrate.
     """
     count = min(count, material.shape[-1])
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
@@ -114,21 +123,24 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the rates s (B, count) with s² = -lambda(r(s)), by fixed-point steps that Aitken's formula accelerates.
+    """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration.
+
+    The iteration is accelerated by Aitken's formula. lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the
+    mass M; the other symbols are those of the module `beam.vibration`.
 
     Parameters
     ----------
     squares : callable
-        Takes values of r (B, count) and returns the eigenvalues lambda of r K_m + K_g and M, (B, count), in 1/s².
+        Takes values of r (B, count), and returns the eigenvalues lambda(r), (B, count) in 1/s².
     ratio : callable
-        Takes rates (B, count) and returns r(s), (B, count).
+        The function r(s): takes rates s (B, count), and returns values of r (B, count).
     size : tuple of int
         B and count.
 
     Returns
     -------
     ndarray of complex, shape (B, count)
-        NaN where the steps do not converge, or the motion does not vibrate.
+        In 1/s; NaN where the iteration does not converge, or where the motion does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -149,16 +161,30 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the eigenvalues (B, q, count) of r K_m + K_g and M, in 1/s², for q real values of r."""
+    """Return the lowest eigenvalues of the stiffness r K_m + K_g and the mass M, in 1/s², for q values of r.
+
+    Parameters
+    ----------
+    material, rest, mass : ndarray, shape (B, r, r)
+        K_m, K_g and M of B candidates, reduced to r shapes; see the module `beam.vibration`.
+    stiffening : ndarray, shape (q,)
+        Real values of r(s).
+    count : int
+        Number of eigenvalues.
+
+    Returns
+    -------
+    ndarray, shape (B, q, count)
+    """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return both stiffnesses (B, r, r) in coordinates in which the mass is the unit matrix.
+    """Return the stiffnesses K_m and K_g in coordinates in which the mass is the unit matrix, (B, r, r) each.
 
-    A shape that is nearly a sum of other shapes adds no motion; it gets a stiffness above that of all others. The
-    stiffnesses of candidates that are not finite are 0.
+    A shape that is nearly a sum of other shapes adds no motion. It gets a stiffness that is larger than that of all
+    other shapes. The stiffnesses of a candidate with values that are not finite are replaced by 0.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))
@@ -178,7 +204,7 @@ class Vibration:
     ----------
     model : BeamModel or SolidModel
     tip_mass_kg : float
-        A point mass where a tip force acts: a weight that moves with the beam.
+        A point mass at the point where a tip force acts, for example a weight that moves with the beam.
 
     Raises
     ------
@@ -188,7 +214,10 @@ class Vibration:
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
         if model.specimen.pressure_face is not None:
-            raise ValueError("vibrations under a pressure that follows its face are not computed")
+            raise ValueError(
+                "the specimen has a pressure_face, but vibrations under a pressure are not computed: leave out "
+                "pressure_face"
+            )
         self.model = model
         self.inertia = Inertia(model, tip_mass_kg)
         self._solid = model.solid
@@ -204,25 +233,31 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the reduced motion about the equilibria of B candidates in one state, and the equilibria.
+        """Return the reduced motion of B candidates about their equilibria in one state, and the equilibria.
 
         Parameters
         ----------
         law : Law
         parameters : ndarray, shape (B, n)
-            Moduli in Pa.
+            The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads
-            The loads of one state.
+            The loads in one state.
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads of each candidate.
         basis : tuple of ndarray, or None
-            Shapes of all nodes (r, N, d) and of the magnet (r, 3) to which the motion is reduced; None for the modes of
-            each candidate.
+            Displacements of the nodes (r, N, d) and of the magnet (r, 3) in the r shapes to which the motion is
+            reduced. None: the lowest undamped modes of each candidate.
         shapes : int
-            Number of modes for each stiffening, if ``basis`` is None.
+            Number of modes for each of ``stiffenings``, if ``basis`` is None.
         stiffenings : sequence of float
-            Values of r for which the undamped modes of r K_m + K_g are computed. All of them together are the shapes. A
-            material is stiffer in a vibration than at rest, and under large loads its modes then have other shapes.
+            Ratios r of the modulus in a vibration to the modulus of the equilibrium. The undamped modes of the
+            stiffness r K_m + K_g (see the module) for all these ratios together are the shapes. A material is stiffer
+            in a vibration than at rest, and under large loads its modes then have other shapes.
+
+        Returns
+        -------
+        reduced : ReducedMotion
+        equilibria : Configuration
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
@@ -240,7 +275,10 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion about configurations that are already in equilibrium; see `about`."""
+        """Return the reduced motion about configurations that are already in equilibrium; see `about`.
+
+        chosen: B candidates. now: their configurations. loads: the loads in one state.
+        """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
         on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)
@@ -276,7 +314,8 @@ class Vibration:
     ) -> tuple[Array, Array]:
         """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
 
-        The modes are nodal (m, B, n) and rigid (m, B, 3), of unit mass.
+        The m modes have unit mass. They are given by the n unknowns of the nodes, (m, B, n), and by the motion of the
+        body, (m, B, 3), for B candidates.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -308,7 +347,11 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the unknowns (m, E, B, u) of the elements for nodes (m, B, n) and body (m, B, 3)."""
+        """Return the unknowns of the elements, (m, E, B, u), in m shapes of B candidates.
+
+        free: unknowns of the nodes (m, B, n); rigid: motion of the body (m, B, 3). There are E elements with u unknowns
+        each.
+        """
         solid = self._solid
         m, b = free.shape[:2]
         flat = np.zeros((m * b, solid.mesh.nodes.size))
@@ -334,7 +377,7 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices (B, m, m) of shapes."""
+        """Return the mass matrices (B, m, m) of m shapes of B candidates. The arguments are as in `_local`."""
         m, e, b, u = local.shape
         d = self._solid.dimensions
         by_direction = local.reshape(m, e, b, d, u // d)
@@ -347,11 +390,11 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the motion (m, B, 2) of the point mass in nodal shapes (m, B, N, d)."""
+        """Return the motion of the point mass, (m, B, 2), for displacements of the nodes (m, B, N, d) in m shapes."""
         return np.einsum("mbni,n->mbi", nodal[..., :2], self.inertia.point_shares)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return M times shapes, for the nodes (m, B, n) and the body (m, B, 3)."""
+        """Return the mass matrix times m shapes of B candidates, for the nodes (m, B, n) and the body (m, B, 3)."""
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -370,9 +413,11 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return eigenvalues (B, m) and vectors (B, m, m) of unit mass; linearly dependent shapes are held at rest.
+    """Return the eigenvalues (B, m) and the eigenvectors (B, m, m) of stiffness and mass; the modes have unit mass.
 
-    The mass matrix has ones on its diagonal. A multiple of the rounding error is added to make it positive definite.
+    stiffness, mass: symmetric matrices (B, m, m) of B candidates. The mass matrix must have ones on its diagonal. A
+    multiple of the rounding error is added to its diagonal, so that it is positive definite even if shapes are linearly
+    dependent.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -382,7 +427,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the reduced matrices (B, m, m) of shapes (m, E, B, u) and element matrices (E, B, u, u)."""
+    """Return the matrices (B, m, m) of m shapes, reduced from element matrices (E, B, u, u).
+
+    local: unknowns (m, E, B, u) of the E elements in the shapes of B candidates.
+    """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
 
@@ -390,7 +438,17 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the element tangents (E, B, u, u) of law and stresses, the tie, and the body's tangent (B, 3, 3)."""
+    """Return the tangent stiffness about an equilibrium in parts.
+
+    Returns
+    -------
+    material, rest : ndarray, shape (E, B, u, u)
+        The parts K_m and K_g of the stiffness of each of E elements with u unknowns, for B candidates; see the module.
+    tie : ndarray or None
+        Derivatives of the elements' unknowns by those of the rigid body, see `RigidBody.matrix`; None without a body.
+    body_rest : ndarray, shape (B, 3, 3)
+        The part of K_g that belongs to the body.
+    """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)
     nodal = solid.by_element(now.displacement)

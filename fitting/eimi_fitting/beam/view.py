@@ -1,4 +1,4 @@
-"""The perspective of a camera with an ordinary lens, for places that are not at mid-depth."""
+"""The perspective of a camera with an ordinary lens, which matters for places that are not at mid-depth."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A lens in front of the plane of the beam. Lengths are true at mid-depth.
+    """A lens in front of the plane of the beam. Lengths at mid-depth appear in true size.
 
-    The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is stated. A tilt about the axis of the
-    lens is a roll, which is no part of a view.
+    The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is given. A rotation of the camera about
+    the axis of the lens is not described by a view.
 
     Attributes
     ----------
     centre_mm : ndarray, shape (2,)
-        The point at mid-depth that lies on the axis of the lens.
+        The point at mid-depth on the axis of the lens.
     stand_off_mm : float
-        Distance from the pupil to that point.
+        Distance from the pupil of the lens to this point.
     tilt_deg : tuple of float
-        Angles by which the plane of the beam comes nearer to the camera along x and along y.
+        Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     ruler_mm : ndarray, shape (2, 2), optional
-        Two places whose distance and direction were measured in the picture. A tilt leaves both as they are. Without
-        them the scale holds where the axis of the lens meets the plane.
+        Two places at mid-depth. With a tilt, the image is scaled and rotated so that the distance and direction between
+        these places are true. Without the two places, the scale is true where the axis of the lens meets mid-depth.
 
     Examples
     --------
-    Along x the plane comes nearer by 3 degrees. The place at 40 mm appears farther from the clamp:
+    The plane comes nearer to the camera by 3 degrees along x. The place at 40 mm appears farther from the clamp:
 
     >>> view = View(np.zeros(2), stand_off_mm=200.0, tilt_deg=(3.0, 0.0))
     >>> view.seen(np.array([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]])).round(2).tolist()
@@ -44,9 +44,9 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return the image (..., 2) in mm of places (..., 3) in mm; z points away from the camera.
+        """Return where places (..., 3) in mm appear in the image, (..., 2) in mm at mid-depth.
 
-        The clamp, at the origin, always appears at the origin if it lies at mid-depth.
+        z points away from the camera. The clamp, at the origin, always appears at the origin.
         """
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
@@ -62,7 +62,7 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Return the projection (..., 2) of places (..., 3) onto the tilted picture, relative to its centre."""
+        """Return the projection of places (..., 3) onto a tilted picture, (..., 2) in mm from its centre."""
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle
