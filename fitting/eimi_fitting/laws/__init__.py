@@ -1,10 +1,10 @@
-"""Hyperelastic laws, one file for each; the dictionary `LAWS` maps a law's name to the law.
+"""Hyperelastic laws, one file for each. The dictionary `LAWS` gives the law that has a name.
 
-law            the interface `Law` that every law implements, and the values that pass through it
+law            the interface `Law` that every law implements, and the types of its arguments and results
 neo_hookean    the Neo-Hookean law, one parameter
 mooney_rivlin  the Mooney-Rivlin law, two parameters
 yeoh           the Yeoh law, three parameters
-ogden          the Ogden law of three terms, six parameters
+ogden          the Ogden law with three terms, six parameters
 sum_of_terms   a law that is a sum of chosen terms and linear in its coefficients
 invariants     base classes for laws that are functions of the invariants I1 and I2
 prony          the relaxation of a quasi-linear viscoelastic material

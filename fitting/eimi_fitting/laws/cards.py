@@ -1,8 +1,9 @@
 """Material cards: an identified law in the input format of a finite-element program.
 
-The programs define the constants of the same energy differently. Each law converts its parameters from the energy in
-its docstring (`Law.card`), and refuses a program that lacks the law; no term is ever dropped. This module writes the
-constants in the format of each program. The volume terms, with the bulk modulus K, are:
+The programs define the constants of the same strain energy differently. Each law converts its parameters to the
+constants of a program (`Law.card`), and raises NotInSolver if the program does not have the law. No term is ever
+dropped. This module writes the constants in the format of each program. With the determinant J of the deformation
+gradient and the bulk modulus K, the energies of the volume are:
 
     abaqus, calculix   (J-1)^2/D1, D1 = 2/K
     ansys              (J-1)^2/d, d = 2/K
@@ -43,15 +44,15 @@ class Material:
     law
         The law.
     parameters
-        (n,) parameters in the law's order, moduli in Pa.
+        (n,) parameters in the order of the law; moduli in Pa.
     bulk_modulus_Pa
         Bulk modulus, chosen by the user.
     name
         Name of the material in the program: letters, digits, ``_`` and ``-``.
     origin
-        Lines that state where the parameters came from and for which strains they are valid.
+        Comments on where the parameters come from, and for which strains they are valid.
     relaxation
-        Prony series of one material; ``parameters`` then belong to the instantaneous modulus. None without a series.
+        Prony series of one material. The moduli in ``parameters`` are then instantaneous moduli. None without a series.
 
     Examples
     --------
@@ -69,7 +70,7 @@ class Material:
 
     @property
     def long_term(self) -> Material:
-        """The same material with the parameters of its long-term modulus."""
+        """The same material with long-term moduli, which are reached after a long time."""
         if self.relaxation is None:
             return self
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
@@ -77,11 +78,11 @@ class Material:
         return replace(self, parameters=scaled)
 
     def named_Pa(self) -> dict[str, float]:
-        """Return the parameters by name, moduli in Pa."""
+        """Return the parameters by name; moduli in Pa."""
         return self._named(self.parameters)
 
     def named_MPa(self) -> dict[str, float]:
-        """Return the parameters by name, moduli in MPa."""
+        """Return the parameters by name; moduli in MPa."""
         return self._named(moduli_in_MPa(self.parameters, self.law.units))
 
     def _named(self, parameters: Array) -> dict[str, float]:
@@ -89,12 +90,18 @@ class Material:
         return {name: float(x) + 0.0 for name, x in zip(self.law.parameter_names, parameters, strict=True)}
 
     def constants_for(self, solver: str) -> CardConstants:
-        """Return the law's constants in a program, in MPa; raise NotInSolver if the program lacks the law."""
+        """Return the constants of the law in a finite-element program, in MPa.
+
+        Raises
+        ------
+        NotInSolver
+            If the program does not have the law.
+        """
         return self.law.card(solver, self.named_MPa(), MPA_PER_PA * self.bulk_modulus_Pa)
 
 
 def material_card(solver: str, material: Material) -> str:
-    """Write the material card of a finite-element program.
+    """Return the text of a material card for a finite-element program.
 
     Parameters
     ----------
@@ -106,16 +113,17 @@ def material_card(solver: str, material: Material) -> str:
     Returns
     -------
     str
-        The text of the card. Moduli are in MPa; in COMSOL's card each value carries its unit.
+        The text of the card. Moduli are in MPa. In COMSOL's card each value carries its unit.
 
     Raises
     ------
     NotInSolver
-        If the program lacks the law or cannot represent it completely, or if the law has no stiffness at rest.
+        If the program does not have the law or cannot represent it completely, or if the law has no stiffness at rest.
     KeyError
         If the solver is unknown.
     ValueError
-        If the bulk modulus is not above two thirds of the initial shear modulus; Poisson's ratio would be negative.
+        If the bulk modulus is not above two thirds of the initial shear modulus. Poisson's ratio would then be
+        negative.
 
     Examples
     --------
@@ -126,11 +134,13 @@ def material_card(solver: str, material: Material) -> str:
     """
     modulus = float(material.law.initial_shear_modulus(material.parameters))
     if not modulus > 0:
-        raise NotInSolver(f"its initial shear modulus is {modulus:.4g} Pa, but a program needs a positive one")
+        raise NotInSolver(
+            f"the initial shear modulus is {modulus:.4g} Pa, but a finite-element program needs a positive value"
+        )
     if not material.bulk_modulus_Pa > 2 * modulus / 3:
         raise ValueError(
-            f"a bulk modulus of {material.bulk_modulus_Pa:.4g} Pa should be above two thirds of the initial shear "
-            f"modulus, {2 * modulus / 3:.4g} Pa; silicones have 1000 times that modulus and more"
+            f"the bulk modulus is {material.bulk_modulus_Pa:.4g} Pa, but should be above two thirds of the initial "
+            f"shear modulus, {2 * modulus / 3:.4g} Pa; for silicones it is 1000 times the initial shear modulus or more"
         )
     return SOLVERS[solver](material)
 
@@ -141,21 +151,21 @@ def plain_number(value: float) -> str:
 
 
 def _number(value: float | str) -> str:
-    """Format a number with ten significant digits; return an expression unchanged."""
+    """Format a number with ten significant digits. An expression is returned unchanged."""
     return value if isinstance(value, str) else f"{value:.10g}"
 
 
 def _notes(material: Material, units: str, volume: str, *more: str) -> list[str]:
-    """Return the lines that every card has as comments: the material, its law, its moduli and its units."""
+    """Return the lines of comments that every card has: the material, its law, its moduli and its units."""
     modulus = float(material.law.initial_shear_modulus(material.parameters))
     values = ", ".join(f"{name} = {_number(value)}" for name, value in material.named_MPa().items())
     notes = [
         f"{material.name}: {material.law.name}",
-        f"identified as {material.law.formula}, isochoric invariants and stretches",
-        f"with, moduli in MPa, {values}",
+        f"identified as {material.law.formula}, with isochoric invariants and stretches",
+        f"parameters, moduli in MPa: {values}",
         f"initial shear modulus {_number(MPA_PER_PA * modulus)} MPa",
-        f"bulk modulus {_number(MPA_PER_PA * material.bulk_modulus_Pa)} MPa, "
-        f"{material.bulk_modulus_Pa / modulus:.4g} times that: chosen for this card, not identified",
+        f"bulk modulus {_number(MPA_PER_PA * material.bulk_modulus_Pa)} MPa, {material.bulk_modulus_Pa / modulus:.4g} "
+        "times the initial shear modulus: chosen for this card, not identified",
         f"volume term {volume}",
         f"units: {units}",
         *material.origin,
@@ -168,17 +178,21 @@ _MPA = "mm, N, MPa, tonne, s"
 
 
 def _rows(constants: CardConstants, length: int) -> list[list[str]]:
-    """Return the formatted constants, at most ``length`` in a row."""
+    """Return the formatted constants in rows of at most ``length``."""
     values = [_number(value) for value in constants.constants.values()]
     return [values[i : i + length] for i in range(0, len(values), length)]
 
 
-_INSTANTANEOUS = "moduli are instantaneous ones, from which the Prony series relaxes the deviatoric stress"
-_WITHOUT_TIME = "this program takes no Prony series for a hyperelastic material: moduli are the long-term ones"
+_INSTANTANEOUS = "the moduli are instantaneous moduli; the Prony series relaxes the deviatoric stress"
+_WITHOUT_TIME = "this program has no Prony series for a hyperelastic material; the moduli are long-term moduli"
 
 
 def _keyword_card(solver: str, material: Material, advice: str, moduli: str = "", more: Sequence[str] = ()) -> str:
-    """Write *MATERIAL and *HYPERELASTIC for Abaqus or CalculiX, eight constants to a line; then append ``more``."""
+    """Return a card with *MATERIAL and *HYPERELASTIC for Abaqus or CalculiX.
+
+    Eight constants stand in a line. ``advice`` is a comment, ``moduli`` an option of *HYPERELASTIC, and ``more`` are
+    lines at the end.
+    """
     constants = material.constants_for(solver)
     volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"
     lines = [f"** {note}" for note in _notes(material, _MPA, volume, *constants.notes, advice)]
@@ -187,7 +201,7 @@ def _keyword_card(solver: str, material: Material, advice: str, moduli: str = ""
 
 
 def _terms(series: Prony) -> list[tuple[str, str]]:
-    """Return the formatted g and tau (in s) of each term of a Prony series."""
+    """Return the formatted relative modulus g and relaxation time tau (in s) of each term of a Prony series."""
     return [(_number(float(g)), _number(float(tau))) for g, tau in zip(series.g, series.tau_s, strict=True)]
 
 
@@ -208,7 +222,7 @@ def _calculix(material: Material) -> str:
 
 
 def _ansys(material: Material) -> str:
-    """Write the law's TB command (its keyword), and TBDATA commands with six constants each, for ANSYS."""
+    """Return a card for ANSYS: the law's TB command (its keyword), and TBDATA commands with six constants each."""
     constants = material.constants_for("ansys")
     volume = constants.volume or "(J - 1)^2/d, d = 2/K"
     time = [] if material.relaxation is None else [_INSTANTANEOUS]
@@ -223,9 +237,9 @@ def _ansys(material: Material) -> str:
 
 
 def _comsol(material: Material) -> str:
-    """Write a table for COMSOL's command Parameters, Load from File; its columns are name, expression, description.
+    """Return a table for COMSOL's command Parameters, Load from File: name, expression and description.
 
-    The format has no comments, so that the description of the row ``eimi_origin`` holds the notes.
+    The format has no comments. Therefore the comments are written as description of the row ``eimi_origin``.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME.replace("this program", "this card for COMSOL")]
     material = material.long_term
@@ -237,7 +251,7 @@ def _comsol(material: Material) -> str:
     rows.append(
         ("kappa", f"{_number(material.bulk_modulus_Pa)}[Pa]", "bulk modulus, nearly incompressible formulation")
     )
-    volume = constants.volume or "kappa/2 (J - 1)^2, the quadratic one"
+    volume = constants.volume or "kappa/2 (J - 1)^2, called quadratic in COMSOL"
     notes = _notes(material, "with each value", volume, *constants.notes, *time)
     rows.append(("eimi_origin", "1", ". ".join(notes).replace('"', "'")))
     return "".join(f'{name} {value} "{description}"\n' for name, value, description in rows)
@@ -249,7 +263,7 @@ def _comment(notes: Sequence[str]) -> str:
 
 
 def _febio(material: Material) -> str:
-    """Write a <material> element for FEBio: its type is the law's keyword, and each constant is a child element."""
+    """Return a <material> element for FEBio. Its type is the law's keyword, and each constant is a child element."""
     series, material = material.relaxation, material.long_term
     constants = material.constants_for("febio")
     tags = {**constants.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
@@ -258,7 +272,7 @@ def _febio(material: Material) -> str:
     volume = constants.volume or "k/2 (J - 1)^2, which is pressure_model 2"
     notes = _notes(material, _MPA, volume, "for FEBio 4, uncoupled materials", *constants.notes)
     if series is not None:
-        notes.append("the elastic moduli are the long-term ones; g1, g2, ... are relative to them")
+        notes.append("the elastic moduli are long-term moduli; g1, g2, ... are relative to the long-term moduli")
         shares = series.g / float(series.long_term)
         terms = list(zip(shares, series.tau_s, strict=True))
         outer = [f"  <g{i}>{_number(float(g))}</g{i}>" for i, (g, _) in enumerate(terms, 1)]
@@ -271,11 +285,11 @@ def _febio(material: Material) -> str:
 
 
 def _sofa(material: Material) -> str:
-    """Write a force field for SOFA.
+    """Return a force field for SOFA.
 
-    materialName is the law's keyword. ParameterSet holds all constants, including those of the volume term. Versions of
-    SOFA after v26.06 have HyperelasticityFEMForceField too, and a component for each law. The notes state the values of
-    that component.
+    materialName is the law's keyword. ParameterSet contains all constants, including those of the volume energy.
+    Versions of SOFA after v26.06 also have HyperelasticityFEMForceField, with a component for each law. The comments
+    give the values of this component.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME]
     material = material.long_term
@@ -284,8 +298,8 @@ def _sofa(material: Material) -> str:
     name, keyword = escape(material.name), constants.keyword
     field = f'<TetrahedronHyperelasticityFEMForceField name="{name}" materialName="{keyword}"'
     versions = (
-        "TetrahedronHyperelasticityFEMForceField is the element of SOFA up to v26.06; later ones (pull request 6206 of "
-        "2026) have it too, and also HyperelasticityFEMForceField, which takes its law from a component beside it"
+        "TetrahedronHyperelasticityFEMForceField is the element of SOFA up to v26.06; later versions (pull request "
+        "6206 of 2026) also have HyperelasticityFEMForceField, whose law is a component beside it"
     )
     notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", versions, *constants.notes, *time)
     return _comment(notes) + f'{field} ParameterSet="{parameters}"/>\n'

@@ -1,7 +1,8 @@
-"""Base classes for laws W(I1, I2): the chain rule from derivatives of W to the quantities that a `Law` returns.
+"""Base classes for laws W(I1, I2): the chain rule from the derivatives of W to the results of a `Law`.
 
 I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass gives W and its
-derivatives; the classes here give planar and principal energies, stability and tensile fits.
+derivatives. The classes of this module compute energies of planar deformations and of principal stretches, stability
+and tensile fits.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """An invariant of a planar state, with its derivatives in a and J; the second derivative in a is zero."""
+    """An invariant of a planar deformation, with its derivatives by a and J; see `laws.law` for a and J.
+
+    The second derivative by a is zero.
+    """
 
     value: Array
     a: Array
@@ -31,7 +35,7 @@ class _Invariant(NamedTuple):
 
 
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the first isochoric invariant of a planar state."""
+    """Return the first isochoric invariant of planar deformations and its derivatives by a and J, see `laws.law`."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
@@ -41,7 +45,7 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the second isochoric invariant of a planar state."""
+    """Return the second isochoric invariant of planar deformations and its derivatives by a and J, see `laws.law`."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
@@ -56,7 +60,7 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 class InvariantEnergy(ABC):
-    """An energy W(x, y) of x = I1 - 3 and y = I2 - 3 that is linear in y and has no mixed term.
+    """A strain energy W(x, y) of x = I1 - 3 and y = I2 - 3 that is linear in y and has no product of x and y.
 
     Attributes
     ----------
@@ -79,7 +83,7 @@ class InvariantEnergy(ABC):
         """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the energy density of planar states and its derivatives, see `Law.planar`."""
+        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`."""
         i1 = _first_invariant(a, J, section)
         if not self.needs_second:
             w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))
@@ -99,7 +103,10 @@ class InvariantEnergy(ABC):
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
+
+        See `Law.principal`.
+        """
         q, r = stretches**2, stretches**-2
         w, w1, w2, w11 = self.coefficients(parameters, q.sum(-1) - 3, r.sum(-1) - 3)
         gradient = 2 * w1[..., None] * q - 2 * w2[..., None] * r
@@ -109,15 +116,15 @@ class InvariantEnergy(ABC):
 
 
 class InvariantLaw(InvariantEnergy):
-    """A complete law whose energy is a function of the invariants.
+    """A complete law whose strain energy is a function of the invariants.
 
-    A subclass gives its energy, its initial shear modulus and its search coordinates. By default, stability is found by
-    a scan, a tensile curve is fitted within the bounds of the search, and no program offers the law. A subclass can
-    override these methods with better ones.
+    A subclass gives its energy, its initial shear modulus and the coordinates of its search. By default, stability is
+    examined by a scan, a tensile curve is fitted within the bounds of the search, and the law cannot be exported to a
+    finite-element program. A subclass can override these methods with better ones.
 
     Examples
     --------
-    Gent's law, psi = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59), complete:
+    The complete law of Gent, W = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59):
 
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True)
@@ -151,14 +158,14 @@ class InvariantLaw(InvariantEnergy):
 
     @abstractmethod
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return 2 (dW/dI1 + dW/dI2) at rest, see `Law.initial_shear_modulus`."""
+        """Return the initial shear modulus, 2 (dW/dI1 + dW/dI2) at rest, see `Law.initial_shear_modulus`."""
 
     @abstractmethod
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates of the search (P, m) into parameters (P, n), see `Law.from_coordinates`."""
+        """Convert coordinates of the search into parameters, see `Law.from_coordinates`."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch that `laws.stability.scanned_limit` finds."""
+        """Return the largest stable stretch of each candidate, computed by `laws.stability.scanned_limit`."""
         return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
@@ -166,5 +173,5 @@ class InvariantLaw(InvariantEnergy):
         return bounded_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver: no program is known to offer the law."""
+        """Raise NotInSolver, because no finite-element program is known to have the law."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

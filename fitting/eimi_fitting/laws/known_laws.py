@@ -1,4 +1,4 @@
-"""The laws by their names; the error for an unknown name suggests the closest one."""
+"""The dictionary of the laws by their names. The error for an unknown name suggests the most similar name."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from eimi_fitting.suggestion import suggestion
 
 
 class UnknownLaw(KeyError):
-    """No law has this name; the message suggests the closest name."""
+    """No law has this name. The message suggests the most similar name."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class KnownLaws(dict[str, Law]):
-    """Laws by their names, as a dictionary: ``LAWS[law.name] = law`` adds one.
+    """A dictionary of laws by their names. ``LAWS[law.name] = law`` adds a law.
 
     Examples
     --------

@@ -1,15 +1,15 @@
-"""The interface of a hyperelastic law, and the values that pass through it.
+"""The interface of a hyperelastic law, and the types of its arguments and results.
 
-The energy of an isotropic law in a planar deformation depends on two numbers only: a = F:F and J = det F, where F is
-the in-plane deformation gradient. A planar element therefore needs psi(a, J) and its five first and second
-derivatives. There are two sections:
+Let F be the deformation gradient in the plane. The strain energy psi of an isotropic law in a planar deformation
+depends on two numbers only: a = F : F and J = det F. A planar element therefore needs psi(a, J) and its five first and
+second derivatives. There are two planar sections:
 
 plane strain   The third principal stretch is 1. The isochoric invariants are I1 = J^(-2/3) (a + 1) and
-               I2 = J^(-4/3) (a + J^2). The element adds the volume term, with the pressure as an unknown.
-plane stress   The material is incompressible and the third principal stretch is 1/J, so I1 = a + J^-2 and
-               I2 = J^2 + a J^-2. No pressure is needed.
+               I2 = J^(-4/3) (a + J^2). The element adds the energy of the volume, with the pressure as an unknown.
+plane stress   The material is incompressible and the third principal stretch is 1/J. The invariants are
+               I1 = a + J^-2 and I2 = J^2 + a J^-2. No pressure is needed.
 
-Stability, tensile tests and three-dimensional elements use the energy as a function of the principal stretches.
+Stability, tensile tests and solid elements use the energy as a function of the principal stretches.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ SHEAR_MODULUS_PA = (1e3, 1e6)  # wider than the range of casting silicones; a se
 
 
 class PlanarEnergy(NamedTuple):
-    """The planar energy density psi(a, J) and its derivatives.
+    """The strain energy density psi(a, J) in a planar deformation, and its derivatives.
+
+    The variables are a = F : F and J = det F, with the deformation gradient F in the plane.
 
     Parameters
     ----------
@@ -51,14 +53,14 @@ class PlanarEnergy(NamedTuple):
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate of a search.
+    """One coordinate of the search for a law's parameters.
 
     Parameters
     ----------
     name
         Name for messages and reports.
     lower, upper
-        Bounds of the search. They are this project's own choice unless a source is cited.
+        Bounds of the search. They were chosen in this project unless a source is cited.
     """
 
     name: str
@@ -68,12 +70,12 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class StressFit:
-    """Result of a least-squares fit to a tensile curve of m rows.
+    """Result of a least-squares fit to a tensile curve, for a law with n parameters.
 
     Parameters
     ----------
     parameters
-        (n,) fitted parameters, moduli in the unit of the stress.
+        (n,) fitted parameters; moduli in the unit of the stress.
     intervals
         (n, 2) lower and upper ends of the 95 % intervals.
     held_by_bounds
@@ -81,9 +83,9 @@ class StressFit:
     modulus_half_width
         Half the width of the 95 % interval of the initial shear modulus, in the unit of the stress.
     correlation_rows
-        tau, the number of correlated rows that carry as much information as one independent row.
+        Number of correlated rows of the curve that carry as much information as one independent row.
     correlation
-        (n, n) correlation matrix of the parameters' errors.
+        (n, n) correlation matrix of the errors of the parameters.
     """
 
     parameters: Array
@@ -96,7 +98,7 @@ class StressFit:
 
 @dataclass(frozen=True)
 class CardConstants:
-    """A law's constants as one finite-element program defines them; `laws.cards` writes them into a card.
+    """The constants of a law as one finite-element program defines them. `laws.cards` writes them into a material card.
 
     Parameters
     ----------
@@ -109,9 +111,9 @@ class CardConstants:
     meaning
         Description of each constant whose name does not explain it.
     volume
-        The volumetric energy as a formula; None if it is the usual one of the program.
+        The volumetric energy as a formula; None if it is the usual formula of the program.
     notes
-        Lines that the reader of the card must know.
+        Comments that the reader of the card must know.
     """
 
     keyword: str
@@ -123,19 +125,19 @@ class CardConstants:
 
 
 class CannotFit(Exception):
-    """The window contains too few rows, or the law cannot produce stresses of this sign."""
+    """A tensile test has too few rows in the window, or the law cannot produce the measured stresses."""
 
 
 class NotInSolver(Exception):
-    """The program does not have the law, or cannot represent it completely."""
+    """The finite-element program does not have the law, or cannot represent it completely."""
 
 
 class Law(Protocol):
     """A hyperelastic law with n parameters.
 
-    Parameters are arrays of shape (..., n) whose leading axes broadcast against the states. Moduli may have any unit of
-    stress, the same one for all; energies then have that unit. A law that is a function of the invariants can inherit
-    everything except its energy from `laws.invariants.InvariantLaw`.
+    Parameters are arrays of shape (..., n), whose leading axes are broadcast against the deformations. All moduli have
+    the same unit of stress, which may be any unit. Energies then have this unit. A law that is a function of the
+    invariants can inherit everything except its energy from `laws.invariants.InvariantLaw`.
 
     Examples
     --------
@@ -150,7 +152,7 @@ class Law(Protocol):
 
     @property
     def name(self) -> str:
-        """The name used on the command line."""
+        """The name of the law on the command line."""
 
     @property
     def formula(self) -> str:
@@ -158,7 +160,7 @@ class Law(Protocol):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The parameters' names, in the order of the parameter arrays."""
+        """The names of the n parameters, in the order of the parameter arrays."""
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -168,16 +170,16 @@ class Law(Protocol):
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The coordinates of a search: the initial shear modulus (Pa), then dimensionless numbers.
 
-        The search moves the logarithm of the initial shear modulus, and the other coordinates linearly.
+        The search uses the logarithm of the initial shear modulus, and the other coordinates on a linear scale.
         """
 
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates of the search into parameters.
+        """Convert coordinates of the search into parameters of the law.
 
         Parameters
         ----------
         x
-            (P, m) coordinates of P candidates, in the order of `coordinates`.
+            (P, m) m coordinates of P candidates, in the order of `coordinates`.
 
         Returns
         -------
@@ -196,18 +198,18 @@ class Law(Protocol):
         Returns
         -------
         Array
-            (...) shear moduli, in the unit of the parameters' moduli.
+            (...) shear moduli, in the unit of the moduli.
         """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the energy density of planar states and its derivatives.
+        """Return the strain energy density of planar deformations and its derivatives.
 
         Parameters
         ----------
         parameters
             (..., n) parameters.
         a, J
-            (...) F:F and det F of the in-plane deformation gradient F.
+            (...) F : F and det F, with the deformation gradient F in the plane.
         section
             Plane strain or plane stress.
 
@@ -218,7 +220,7 @@ class Law(Protocol):
         """
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return the energy of isochoric states and its derivatives in the logarithms of the principal stretches.
+        """Return the strain energy of isochoric deformations, and its derivatives by the logarithmic stretches.
 
         Parameters
         ----------
@@ -230,11 +232,12 @@ class Law(Protocol):
         Returns
         -------
         energy, gradient, hessian
-            Arrays of shape (...), (..., 3) and (..., 3, 3).
+            Arrays of shape (...), (..., 3) and (..., 3, 3). The derivatives are by the logarithms of the three
+            stretches.
         """
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stretch up to which each candidate is stable; `laws.stability` defines stability.
+        """Return the largest stretch up to which each candidate is stable by Drucker's criterion (`laws.stability`).
 
         Parameters
         ----------
@@ -246,19 +249,19 @@ class Law(Protocol):
         Returns
         -------
         Array
-            (P,) limits: 0 if the candidate is unstable already at rest, any number above ``largest_stretch`` if no
-            limit was met up to it.
+            (P,) largest stretches: 0 if the candidate is unstable even at rest; any number above ``largest_stretch`` if
+            the candidate is stable up to ``largest_stretch``.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the law to a uniaxial tensile curve by weighted least squares.
+        """Fit the law to a uniaxial tensile curve of m rows by weighted least squares.
 
         Parameters
         ----------
         strain, stress
             (m,) engineering strains and engineering stresses.
         weight
-            (m,) factors of the residuals.
+            (m,) factors by which the residuals are multiplied.
 
         Raises
         ------
@@ -281,5 +284,5 @@ class Law(Protocol):
         Raises
         ------
         NotInSolver
-            If the program lacks the law, or if this law does not know the program.
+            If the program does not have the law, or if the law cannot write the card of this program.
         """

@@ -1,15 +1,15 @@
-"""The Mooney-Rivlin law: an energy that is linear in both invariants.
+"""The Mooney-Rivlin law: a strain energy that is linear in both invariants I1 and I2.
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-The stability limit is exact. Let q_i = lambda_i^2 with q1 q2 q3 = 1. The determinant of the restricted Hessian (defined
-in `laws.stability`) is, up to a positive factor,
+The stability limit is exact. Let q_i = lambda_i^2 be the squares of the principal stretches, with q1 q2 q3 = 1. The
+determinant of the restricted Hessian (defined in `laws.stability`) is, up to a positive factor,
 
     D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
 
 If C01 or C10 is negative, D decreases with I1 and I2 wherever it could become zero. I1 and I2 are convex functions of
-the logarithmic stretches. Among all states of equal I1, the equibiaxial one has the largest I2 and the smallest
-largest stretch. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest root of a
+the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest I2 and the
+smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The limit is the smallest root of a
 polynomial in one unknown.
 """
 
@@ -34,7 +34,7 @@ _STIFFNESS = np.array([[3.0, 3.0], [3.0, 9.0], [3.0, 12.0], [1.0, 8.0], [0.0, 2.
 
 @dataclass(frozen=True)
 class MooneyRivlin(InvariantLaw):
-    """The Mooney-Rivlin law, psi = C10 (I1 - 3) + C01 (I2 - 3); its initial shear modulus is 2 (C10 + C01)."""
+    """The Mooney-Rivlin law, W = C10 (I1 - 3) + C01 (I2 - 3). Its initial shear modulus is 2 (C10 + C01)."""
 
     needs_second = True
     name: str = "mooney-rivlin"
@@ -47,25 +47,29 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Divide half the initial shear modulus between C10 and C01."""
+        """Return the parameters (P, 2) of P candidates from the coordinates of the search, (P, 2).
+
+        The coordinates are 2 (C10 + C01) and C01/(C10 + C01).
+        """
         mu0, share = x[:, 0], x[:, 1]
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return 2 (C10 + C01)."""
+        """Return the initial shear modulus, 2 (C10 + C01)."""
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return psi = C10 x + C01 y and its derivatives."""
+        """Return W = C10 x + C01 y with x = I1 - 3 and y = I2 - 3, and dW/dx, dW/dy and d²W/dx²."""
         c10, c01 = parameters[..., 0], parameters[..., 1]
         zero = np.zeros_like(x)
         return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch in equibiaxial tension at which stability is lost.
+        """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
 
-        If C01 < 0, the stress reaches its maximum there. If C10 < 0, the two equal stretches bifurcate into unequal
-        ones, at C10 q + C01/q = 0.
+        If C01 < 0, the stress reaches its maximum at this stretch. If C10 < 0, the two equal stretches become unequal
+        at this stretch, where C10 q + C01/q = 0 with the square q of the stretch. Infinity if neither is negative; 0 if
+        C10 + C01 is not positive.
         """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)
@@ -75,11 +79,11 @@ class MooneyRivlin(InvariantLaw):
         return np.where(c10 + c01 > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares: the stress is linear in both parameters."""
+        """Fit a tensile curve by linear least squares, because the stress is linear in both parameters."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law; every program of `laws.cards.SOLVERS` has it."""
+        """Return the constants of the law for a program of `laws.cards.SOLVERS`, all of which have the law."""
         c10, c01 = p["C10"], p["C01"]
         match solver:
             case "abaqus" | "calculix":

@@ -1,4 +1,4 @@
-"""The Neo-Hookean law: a network of Gaussian chains with one modulus.
+"""The Neo-Hookean law: the strain energy of a network of Gaussian chains, with one modulus.
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 """
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NeoHookean(InvariantLaw):
-    """The Neo-Hookean law, psi = mu/2 (I1 - 3); its initial shear modulus is mu."""
+    """The Neo-Hookean law, W = mu/2 (I1 - 3). Its initial shear modulus is mu."""
 
     name: str = "neo-hookean"
     formula: str = "W = mu/2 (I1 - 3)"
@@ -29,29 +29,29 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the shear modulus, which is the only coordinate and the only parameter."""
+        """Return the shear modulus mu of P candidates, (P, 1), which is the only coordinate and the only parameter."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return mu."""
+        """Return the shear modulus mu."""
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return psi = mu/2 x and its derivatives."""
+        """Return W = mu/2 x with x = I1 - 3, and dW/dx, dW/dy and d²W/dx²."""
         half = 0.5 * parameters[..., 0]
         zero = np.zeros_like(x)
         return half * x, half + zero, zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity for a positive modulus, zero otherwise."""
+        """Return infinity for each candidate with a positive modulus, which is stable everywhere, and otherwise 0."""
         return np.where(parameters[:, 0] > 0, np.inf, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares: the stress is linear in mu."""
+        """Fit a tensile curve by linear least squares, because the stress is linear in mu."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law; every program of `laws.cards.SOLVERS` has it."""
+        """Return the constants of the law for a program of `laws.cards.SOLVERS`, all of which have the law."""
         mu = p["mu"]
         match solver:
             case "abaqus" | "calculix":

@@ -1,18 +1,20 @@
-"""The Ogden law: three powers of the principal stretches.
+"""The Ogden law: a strain energy with three powers of the principal stretches.
 
-Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5. The parameters of term p are the modulus mu_p and the
+exponent alpha_p.
 
-Planar energy. With c = a/(2 J), the in-plane stretches enter as
-lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
+Planar energy. With c = a/(2 J) (`laws.law` defines a and J), the two stretches lambda1 and lambda2 in the plane appear
+as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 
-Stability. The Hessian (defined in `laws.stability`) is diagonal with the entries f(ln lambda_i), where
-f(e) = sum over p of mu_p alpha_p exp(alpha_p e). The restricted quadratic form increases with each entry, so a lower
-bound of f on intervals proves that a whole cell of states is stable; `laws.stable_cells` does this. No unstable state
-between sampled points can be overlooked. A cell that cannot be proved stable counts as unstable.
+Stability. The Hessian (defined in `laws.stability`) is diagonal with the entries f(ln lambda_i), where f(e) = sum over
+p of mu_p alpha_p exp(alpha_p e). The restricted quadratic form increases with each entry. A lower bound of f on
+intervals therefore proves that all deformations of a cell of stretches are stable (`laws.stable_cells`). Unlike a scan,
+this cannot overlook an unstable deformation between sampled points. A cell that cannot be proved stable counts as
+unstable.
 
-Tensile curves. Each term's share mu_p alpha_p / 2 of the initial shear modulus is kept non-negative, which is Hill's
-sufficient condition for stability. The exponents stay in the ranges of the identification. Without both restrictions
-the three terms are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484).
+Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
+is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without both
+restrictions the three terms are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484).
 """
 
 from __future__ import annotations
@@ -48,7 +50,10 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return the number of terms of the series, at most ten, that the second derivative needs for full precision."""
+    """Return how many terms of the series of `_cosh_of_scaled_angle` the second derivative needs for full precision.
+
+    nu2: largest square of nu; z: largest c - 1. The number is at most ten.
+    """
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
@@ -59,12 +64,12 @@ def _number_of_terms(nu2: float, z: float) -> int:
 
 
 def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return g(c) = cosh(nu arccosh c) for c >= 1 and its first two derivatives in c.
+    """Return g(c) = cosh(nu arccosh c) for c >= 1, and its first two derivatives by c.
 
     With nu = alpha/2 and c = a/(2 J) = cosh(ln(lambda1/lambda2)), lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c).
-    Near c = 1 (equal stretches) the closed forms of the derivatives are 0/0. Near c = 1, g is therefore evaluated as
-    the Chebyshev function T_nu, by its series in c - 1 with the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1))
-    (Abramowitz and Stegun, 15.4.3).
+    At equal stretches, c = 1, the closed forms of the derivatives are 0/0. For c near 1, g is therefore computed by the
+    series of the Chebyshev function T_nu in powers of c - 1. The ratio of successive coefficients is (nu^2 - k^2) /
+    ((2k + 1)(k + 1)) (Abramowitz and Stegun, 15.4.3).
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
@@ -97,11 +102,12 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Ogden:
-    """The Ogden law, psi = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
+    """The Ogden law, W = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
 
-    The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's Eq. 6.120). The bounds of the exponents
-    exclude zero. They do not overlap, so that no two terms can exchange their roles in a search. If mu_p alpha_p is
-    positive in every term, the law is stable everywhere (Hill 1970, J. Mech. Phys. Solids 18:457).
+    l1, l2 and l3 are the principal stretches. The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's
+    Eq. 6.120). The bounds of the exponents exclude zero and do not overlap. No two terms can therefore be exchanged in
+    a search. If mu_p alpha_p is positive in every term, the law is stable everywhere (Hill 1970, J. Mech. Phys. Solids
+    18:457).
     """
 
     name: str = "ogden"
@@ -118,7 +124,11 @@ class Ogden:
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Divide the initial shear modulus mu0 among the terms: mu_p alpha_p = 2 mu0 share_p."""
+        """Return the parameters (P, 6) of P candidates from coordinates of the search (P, 6).
+
+        The initial shear modulus mu0 is divided among the terms: mu_p alpha_p = 2 mu0 w_p, where the sum of the
+        fractions w_p is 1. The coordinates are mu0, w_1, w_2/(1 - w_1) and the three exponents.
+        """
         first = x[:, 1]
         shares = np.column_stack([first, (1 - first) * x[:, 2], (1 - first) * (1 - x[:, 2])])
         alpha = x[:, 3:6]
@@ -126,11 +136,14 @@ class Ogden:
         return np.stack([mu, alpha], axis=-1).reshape(len(x), 6)
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return half the sum of mu_p alpha_p."""
+        """Return the initial shear modulus, half the sum of mu_p alpha_p."""
         return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the energy density of planar states and its derivatives, also at equal stretches."""
+        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`.
+
+        The result is also accurate at equal stretches.
+        """
         over_J = 1 / J
         c = 0.5 * a * over_J
         log_J = np.log(J)
@@ -158,7 +171,10 @@ class Ogden:
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
+
+        See `Law.principal`.
+        """
         mu, alpha = parameters[..., None, 0::2], parameters[..., None, 1::2]
         powers = stretches[..., :, None] ** alpha
         energy = np.sum(mu / alpha * (powers - 1), axis=(-1, -2))
@@ -167,7 +183,10 @@ class Ogden:
         return energy, gradient, diagonal[..., None] * np.eye(3)
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity if every mu_p alpha_p is positive; otherwise the stretch up to which stability is proved."""
+        """Return the stretch up to which each of P candidates is proved stable, (P,).
+
+        Infinity if every mu_p alpha_p is positive; 0 if the initial shear modulus is not positive.
+        """
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
         limit = np.where(weight.sum(axis=1) > 0, np.inf, 0.0)
@@ -179,11 +198,11 @@ class Ogden:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve: search the exponents, and solve linear least squares for the moduli."""
+        """Fit a tensile curve: search the exponents, with linear least squares for the moduli."""
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law: one term for SOFA, all three for the other programs."""
+        """Return the constants of the law for a finite-element program: one term for SOFA, otherwise three terms."""
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
         match solver:
@@ -191,7 +210,8 @@ class Ogden:
                 constants: dict[str, float] = {}
                 for i, (mu, alpha) in terms:
                     constants |= {f"mu{i}": mu * alpha / 2, f"alpha{i}": alpha}
-                note = "card: W = sum 2 mu_i/alpha_i^2 (...), mu_i = mu_p alpha_p / 2; mu1, alpha1, ..., D1, D2, D3"
+                note = "card: W = sum 2 mu_i/alpha_i^2 (...), mu_i = mu_p alpha_p / 2 of the law above; "
+                note += "constants mu1, alpha1, ..., D1, D2, D3"
                 return CardConstants("OGDEN, N=3", constants | {"D1": 2 / bulk, "D2": 0.0, "D3": 0.0}, notes=[note])
             case "ansys":
                 return CardConstants("TB,HYPER,1,1,3,OGDEN", {**p, "d": 2 / bulk})
@@ -205,7 +225,9 @@ class Ogden:
             case "sofa":
                 nonzero = [(mu, alpha) for _, (mu, alpha) in terms if mu != 0]
                 if len(nonzero) != 1:
-                    raise NotInSolver(f"sofa has one ogden term, and this law has {len(nonzero)}: none may be dropped")
+                    raise NotInSolver(
+                        f"sofa has one ogden term, and this law has {len(nonzero)} terms, all of which are needed"
+                    )
                 (mu, alpha) = nonzero[0]
                 return CardConstants(
                     "Ogden",
@@ -223,7 +245,10 @@ class Ogden:
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
-    """Return the engineering stress (m, 3) of each term with the share mu_p alpha_p / 2 = 1."""
+    """Return the engineering stress (m, 3) of each of three Ogden terms that contribute 1 to the initial shear modulus.
+
+    strain: engineering strains (m,). A contribution of 1 means mu_p alpha_p / 2 = 1.
+    """
     parameters = np.zeros((3, 6))
     parameters[:, 1::2] = exponents
     parameters[np.arange(3), 2 * np.arange(3)] = 2 / exponents
@@ -238,7 +263,7 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
     upper = np.array([c.upper for c in law.coordinates[-3:]])
     target = weight * stress
     if not target.any():
-        raise CannotFit("every stress is zero")
+        raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
 
     def shares_of(exponents: Array) -> tuple[Array, Array]:
         terms = weight[:, None] * _stress_of_terms(law, exponents, strain)
@@ -261,7 +286,7 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
     exponents: Array = min(searches, key=lambda result: float(result.cost)).x
     shares, residual = shares_of(exponents)
     if not shares.any():
-        raise CannotFit("no stable ogden law has stresses of this sign")
+        raise CannotFit("no stable ogden law has stresses of this sign: check the signs of strain and stress")
     parameters = np.column_stack([2 * shares / exponents, exponents]).ravel()
     return _with_intervals(law, parameters, strain, residual, weight, np.column_stack([lower, upper]))
 
@@ -271,9 +296,10 @@ def _with_intervals(
 ) -> StressFit:
     """Return the fit with its 95 % intervals.
 
-    The stress is linearised in the shares and exponents of the terms with a positive share. The range of an exponent
-    enters as a normal prior of the variance of a uniform distribution. If the share of a term is zero, the data do not
-    determine its exponent. The interval of its modulus then ends at the largest modulus that the noise would hide.
+    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 to the initial shear
+    modulus, for terms with a positive contribution. The range of an exponent is used as a normal prior with the
+    variance of a uniform distribution. If the contribution of a term is zero, the data do not determine its exponent.
+    The interval of its modulus then ends at the largest modulus that could not be detected in the noise.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

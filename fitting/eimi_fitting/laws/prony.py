@@ -1,12 +1,16 @@
 """Prony series: the relaxation of a quasi-linear viscoelastic material.
 
-In a quasi-linear material, one function of time relaxes the stress of the hyperelastic law (Fung 1993,
-Biomechanics, section 7.6). Its shear modulus a time t after a sudden strain is
+In a quasi-linear material, the stress of the hyperelastic law relaxes by one function of time, whatever the strain is
+(Fung 1993, Biomechanics, section 7.6). A time t after a sudden strain, the shear modulus is
 
     mu(t) = mu_0 (1 - sum_i g_i (1 - exp(-t / tau_i))) = mu_inf + sum_i mu_i exp(-t / tau_i),    g_i = mu_i / mu_0.
 
-For a motion proportional to exp(s t) the modulus is mu*(s) = mu_0 (1 - sum_i g_i / (1 + s tau_i)). At s = i omega this
-is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3).
+Here mu_0 is the instantaneous and mu_inf the long-term shear modulus. Term i has the modulus mu_i, the relative modulus
+g_i and the relaxation time tau_i. For a motion proportional to exp(s t) with a complex rate s, the modulus is
+
+    mu*(s) = mu_0 (1 - sum_i g_i / (1 + s tau_i)).
+
+At s = i omega this is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3).
 """
 
 from __future__ import annotations
@@ -22,18 +26,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prony:
-    """A Prony series of n terms, or one series for each of several candidates along leading axes.
+    """A Prony series with n terms, or one series for each of several candidates along leading axes.
 
     Parameters
     ----------
     g : ndarray, shape (..., n)
-        Share of the instantaneous modulus that each term loses.
+        Relative moduli g_i: the fraction of the instantaneous modulus that each term loses.
     tau_s : ndarray, shape (..., n)
-        Relaxation times.
+        Relaxation times tau_i in s.
 
     Examples
     --------
-    A material that loses 10 % in a second and another 10 % in 10 s:
+    A material that loses 10 % of its modulus with a relaxation time of 1 s, and another 10 % with 10 s:
 
     >>> import numpy as np
     >>> series = Prony(np.array([0.1, 0.1]), np.array([1.0, 10.0]))
@@ -48,28 +52,31 @@ class Prony:
 
     @property
     def long_term(self) -> Array:
-        """Ratio of the long-term to the instantaneous modulus, (...)."""
+        """The long-term modulus divided by the instantaneous modulus, (...)."""
         return np.asarray(1 - np.sum(self.g, axis=-1))
 
     def ratio(self, time_s: ArrayLike) -> Array:
-        """Return mu(t) / mu_0, (..., m), at times (m,) or ()."""
+        """Return mu(t) / mu_0 at m times, (..., m), or at one time, (...)."""
         time = np.asarray(time_s, float)
         gone = -np.expm1(-time[..., None] / _with_axes(self.tau_s, time.ndim))
         return np.asarray(1 - np.sum(_with_axes(self.g, time.ndim) * gone, axis=-1))
 
     def complex_ratio(self, s: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return mu*(s) / mu_0, (..., m), for complex rates s (..., m) in 1/s, or one rate for a single series."""
+        """Return mu*(s) / mu_0 for complex rates s (..., m) in 1/s, in the shape of s.
+
+        A single rate s, with shape (), is possible for a single series.
+        """
         axes = min(np.ndim(s), 1)
         rate = np.asarray(s, complex)[..., None]
         g, tau = _with_axes(self.g, axes), _with_axes(self.tau_s, axes)
         return np.asarray(1 - np.sum(g / (1 + rate * tau), axis=-1))
 
     def loss_factor(self, omega: ArrayLike) -> Array:
-        """Return the loss factor Im mu* / Re mu* at angular frequencies (m,) or () in 1/s."""
+        """Return the loss factor Im mu* / Re mu* at angular frequencies (m,) or () in rad/s."""
         value = self.complex_ratio(1j * np.asarray(omega))
         return np.asarray(value.imag / value.real)
 
 
 def _with_axes(values: Array, axes: int) -> Array:
-    """Return values (..., n) with axes of length 1, one for each axis of the times, before the last axis."""
+    """Return values (..., n) with additional axes of length 1 before the last axis, one for each axis of the times."""
     return values if axes == 0 else values.reshape(*values.shape[:-1], *[1] * axes, values.shape[-1])

@@ -1,16 +1,17 @@
 """Conversion from the unit cube, in which the search moves, to the parameters of a law.
 
-The search moves coordinates between 0 and 1. They map to the law's coordinates (`Law.coordinates`): the initial shear
-modulus on a logarithmic scale, and dimensionless ratios on a linear scale. A bending test determines the initial shear
-modulus well and the ratios poorly, so the well-determined quantity is one coordinate.
+The search varies coordinates between 0 and 1. They are mapped to the physical coordinates of the law
+(`Law.coordinates`): the initial shear modulus on a logarithmic scale, and dimensionless ratios on a linear scale. A
+bending test determines the initial shear modulus well and the ratios poorly. Therefore the initial shear modulus is a
+coordinate of its own.
 
-The bulk modulus K can be added as a last coordinate, log10(K/mu) with the initial shear modulus mu. The bending
-stiffness in plane strain is governed by
+The bulk modulus K can be added as a last coordinate, log10(K/mu), with the initial shear modulus mu. In plane strain
+the bending stiffness depends on Young's modulus E and Poisson's ratio nu as
 
     E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu).
 
-A quarter of E / (1 - nu^2) then replaces mu as the first coordinate; this quarter equals mu for an incompressible
-material. Above K/mu = 100 the shapes hardly depend on K, and the interval of K/mu reaches the upper bound.
+A quarter of E / (1 - nu^2) then replaces mu as the first coordinate. For an incompressible material this quarter equals
+mu. Above K/mu = 100 the shapes hardly depend on K, and the interval of K/mu ends at the upper bound.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ STIFFNESS_NAME = "a quarter of E/(1-nu^2)"
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The search coordinates of one law and their bounds; `search_space` creates it.
+    """The coordinates of the search for the parameters of one law, and their bounds; created by `search_space`.
 
     Parameters
     ----------
     law
         The law.
     names
-        Names of the m physical coordinates. The first one is the initial shear modulus (Pa). If the last one is the
-        bulk modulus, the first one is a quarter of the plane-strain modulus (Pa).
+        Names of the m physical coordinates. The first is the initial shear modulus (Pa). If the last is the bulk
+        modulus, the first is a quarter of E / (1 - nu^2) (Pa); see the module `laws.search_space`.
     lower, upper
         Bounds of the physical coordinates.
     """
@@ -50,31 +51,31 @@ class SearchSpace:
 
     @property
     def has_bulk(self) -> bool:
-        """Return whether the bulk modulus is a coordinate."""
+        """Whether the bulk modulus is a coordinate."""
         return self.names[-1] == BULK_NAME
 
     def with_bulk(self) -> SearchSpace:
-        """Return this search space with the bulk modulus as an additional last coordinate."""
+        """Return a search space with the bulk modulus as an additional last coordinate."""
         low, high = BULK_DECADES
         names = (STIFFNESS_NAME, *self.names[1:], BULK_NAME)
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa at points (P, m) of the unit cube; None if K is not a coordinate."""
+        """Return the bulk moduli (P,) in Pa at P points (P, m) of the unit cube; None if it is not a coordinate."""
         if not self.has_bulk:
             return None
         x = self.physical(unit)
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear moduli (P,) in Pa of physical coordinates (P, m)."""
+        """Return the initial shear moduli (P,) in Pa for P points with the physical coordinates (P, m)."""
         if not self.has_bulk:
             return x[:, 0]
         three = 3 * 10.0 ** x[:, -1]  # 3 K / mu
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Convert points (P, m) of the unit cube into physical coordinates (P, m)."""
+        """Convert P points (P, m) of the unit cube into physical coordinates (P, m)."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -82,7 +83,7 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Convert points (P, m) of the unit cube into parameters (P, n) of the law."""
+        """Convert P points (P, m) of the unit cube into n parameters of the law, (P, n)."""
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
         return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))
@@ -99,7 +100,7 @@ def search_space(law: Law) -> SearchSpace:
     Returns
     -------
     SearchSpace
-        The law's coordinates with their bounds; `SearchSpace.with_bulk` adds the bulk modulus.
+        The coordinates of the law with their bounds. `SearchSpace.with_bulk` adds the bulk modulus.
 
     Examples
     --------

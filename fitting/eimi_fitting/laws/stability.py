@@ -1,16 +1,16 @@
-"""Check by Drucker's criterion whether a larger strain always needs a larger stress.
+"""Drucker's stability criterion: whether a larger strain always needs a larger stress.
 
-A law is stable at a deformation if the increments of Kirchhoff stress and of logarithmic strain do positive work,
-d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). Equivalently, the restricted
-Hessian is positive definite: the Hessian of the energy in the logarithmic principal stretches, restricted to increments
-whose sum is zero.
+A law is stable at a deformation if the increments of Kirchhoff stress tau and logarithmic strain eps do positive work,
+d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). This is equivalent to a positive
+definite restricted Hessian. The restricted Hessian is the Hessian of the strain energy by the logarithmic principal
+stretches, restricted to increments whose sum is zero.
 
 A law is stable up to the stretch L if it is stable at every isochoric deformation in which no principal stretch exceeds
-L. In the logarithmic stretches these deformations form a triangle. Its corners are equibiaxial tension, and the middles
-of its sides are uniaxial tension, both with the largest stretch L.
+L. In the space of logarithmic stretches these deformations form a triangle. The corners of the triangle are equibiaxial
+tension, and the middles of its sides are uniaxial tension, both with the largest stretch L.
 
-`Law.drucker_limit` returns the largest such L: in closed form where the law's algebra allows it, by proof over cells
-for Ogden's law, and by a scan of the triangle otherwise.
+`Law.drucker_limit` returns the largest such L. The method is a closed form where the algebra of the law permits it, a
+proof over cells of stretches for Ogden's law, and otherwise a scan of the triangle.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
     parameters
         (P, n) parameters of P candidates, or (n,) of one candidate; moduli in any unit.
     reached
-        (P,) largest principal stretch that the specimen reaches with each candidate.
+        (P,) largest principal stretch in the specimen for each candidate.
 
     Returns
     -------
     Array
-        (P,) stretches: ``reached`` if the candidate is stable up to there, 0 if it is unstable already at rest.
+        (P,) stretches: ``reached`` if the candidate is stable up to this stretch, 0 if it is unstable even at rest.
 
     Examples
     --------
@@ -64,12 +64,12 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
     law
         One of `LAWS`, or any other law.
     parameters
-        (n,) parameters, moduli in any unit.
+        (n,) parameters; moduli in any unit.
 
     Returns
     -------
     float or None
-        The stretch; 1 if the law is unstable already at rest; None if it is stable up to a stretch of 6.
+        The stretch; 1 if the law is unstable even at rest; None if the law is stable up to a stretch of 6.
 
     Examples
     --------
@@ -84,11 +84,12 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 
 
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
-    """Find `Law.drucker_limit` by a scan, for a law without a criterion in closed form.
+    """Return the stretch up to which each candidate is stable, by a scan of sampled deformations.
 
-    The scan takes 48 levels of the largest stretch, evenly spaced in its logarithm, with 61 states at each level from
-    uniaxial through planar to equibiaxial tension. Bisection then locates the limit between the first level with an
-    unstable state and the level before it. The scan does not examine deformations between these states.
+    This is `Law.drucker_limit` for a law without a criterion in closed form. The scan has 48 levels of the largest
+    stretch with equal steps of its logarithm. At each level it examines 61 deformations from uniaxial through planar to
+    equibiaxial tension. Let the first unstable level be the first level with an unstable deformation. Bisection finds
+    the limit between this level and the level before it. Deformations between the sampled ones are not examined.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     Returns
     -------
     Array
-        (P,) limits: infinity if none was found, 0 if the candidate is unstable at rest.
+        (P,) limits: infinity if no unstable deformation was found, 0 if the candidate is unstable at rest.
     """
     levels = np.log(largest_stretch)[:, None] * np.arange(1, _LEVELS + 1) / _LEVELS
     stable = np.stack([_stable_level(law, parameters, levels[:, i]) for i in range(_LEVELS)], axis=1)
@@ -120,7 +121,10 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return, for each candidate, whether all scanned states of this level of the largest stretch are stable."""
+    """Return, for each of P candidates, whether all scanned deformations at one level are stable, (P,).
+
+    largest: logarithm of the largest principal stretch at this level, (P,).
+    """
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))
     states = np.stack([level, level * share, -level * (1 + share)], axis=-1)
@@ -135,12 +139,12 @@ def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.boo
 
 
 def smallest_positive_root(coefficients: Array) -> Array:
-    """Return the smallest positive root of each polynomial.
+    """Return the smallest positive root of each of P polynomials.
 
     Parameters
     ----------
     coefficients
-        (P, m + 1) coefficients in rising order of the power.
+        (P, m + 1) coefficients of the powers 0 to m.
 
     Returns
     -------

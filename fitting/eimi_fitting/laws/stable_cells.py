@@ -1,8 +1,9 @@
-"""Proof of Drucker stability over cells of the triangle of states, for an energy with a diagonal Hessian.
+"""Proof of Drucker stability over cells of deformations, for a strain energy with a diagonal Hessian.
 
-`laws.stability` defines the criterion and the triangle. For an energy such as Ogden's, the Hessian in the logarithmic
-stretches e_i is diagonal with the entries f(e_i), where f(e) = sum over p of weight_p exp(alpha_p e). A lower bound of
-f on an interval therefore proves that every state of a cell is stable.
+`laws.stability` defines the criterion, and the triangle that the deformations form. For a strain energy such as
+Ogden's, the Hessian by the logarithmic stretches e_i is diagonal with the entries f(e_i). Here f(e) is the sum over p
+of weight_p exp(alpha_p e). A lower bound of f on intervals of e therefore proves that every deformation of a cell is
+stable.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ _MOST_CELLS = 100_000
 def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     """Return the logarithm of the stretch up to which every cell of the triangle is proved stable.
 
-    The logarithmic stretches of a state are (l, l s, -l (1 + s)). Here l is the largest one, and s runs from -1/2
-    (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l times an
-    interval of s. A cell is divided into four until it is proved stable or lies above a state known to be unstable.
+    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest of them, and s runs from
+    -1/2 (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l times an
+    interval of s. Each cell is divided into four until it is proved stable, or until a deformation with a smaller l is
+    known to be unstable.
 
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents of f for P candidates.
+        (P, 3) weights and exponents of f (see the module) for P candidates.
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 
@@ -68,10 +70,10 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 
 
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Return a lower bound (n,) of f(e) = sum of weight exp(alpha e) for e between start and end.
+    """Return a lower bound (n,) of f(e) for e between start and end, for n intervals.
 
-    A tangent lies below each convex term and a chord below each concave term. Their sum is a straight line, which has
-    its minimum at one end of the interval.
+    f(e) is the sum of weight exp(alpha e) over the terms. A tangent lies below each convex term, and a chord lies below
+    each concave term. The sum of these lines is a straight line, whose minimum is at one end of the interval.
     """
     start, end = start[..., None], end[..., None]
     first, last = weight * np.exp(alpha * start), weight * np.exp(alpha * end)
@@ -85,5 +87,5 @@ def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array
 
 
 def _is_positive_definite(a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
-    """Return whether diag(a, b, c) is positive definite on the increments whose sum is zero."""
+    """Return whether the matrix diag(a, b, c) is positive definite on increments whose sum is zero."""
     return np.asarray((a + b + c > 0) & (a * b + b * c + c * a > 0))

@@ -1,6 +1,7 @@
-"""A law that is a sum of terms with one coefficient each; `eimi_fitting.discovery` selects the terms.
+"""A law whose strain energy is a sum of terms with one coefficient each. `eimi_fitting.discovery` selects the terms.
 
-Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants and the principal stretches l1, l2, l3:
+Let x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2, and let l1, l2, l3 be the principal stretches.
+The terms are:
 
     i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
     i1^2, i1^3       C x^2 and C x^3 of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
@@ -9,8 +10,9 @@ Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants and the princi
     fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
     ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
 
-The coefficient mu is the term's share of the initial shear modulus. Jm, b and alpha are fixed numbers, so that the law
-is linear in all its parameters. If no coefficient is negative, every term is stable, and so is the sum.
+The coefficient mu is the contribution of the term to the initial shear modulus. Jm, b and alpha are fixed numbers, and
+the law is therefore linear in all its parameters, the coefficients mu and C. If no coefficient is negative, every term
+is stable. The sum is then stable too.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ _UNUSED_EXPONENT = 2.0  # exponent of an Ogden term with zero modulus; any non-z
 
 @dataclass(frozen=True)
 class Term:
-    """One term of the energy.
+    """One term of the strain energy; the module `laws.sum_of_terms` lists the terms.
 
     Parameters
     ----------
@@ -75,12 +77,12 @@ class Term:
         Parameters
         ----------
         name
-            Such as ``"i1^2"`` or ``"gent=20"``.
+            For example ``"i1^2"`` or ``"gent=20"``.
 
         Raises
         ------
         ValueError
-            If no such term exists; the message lists the possible names.
+            If there is no such term. The message lists the possible names.
         """
         kind, _, number = name.strip().lower().partition("=")
         if kind in _TERMS_WITHOUT_NUMBER and not number:
@@ -91,7 +93,7 @@ class Term:
             value = float("nan")
         if kind not in _NAME_OF_NUMBER or not np.isfinite(value) or value == 0 or (value < 0 and kind != "ogden"):
             possible = [*_TERMS_WITHOUT_NUMBER, *(f"{kind}={symbol}" for kind, symbol in _NAME_OF_NUMBER.items())]
-            raise ValueError(f"{name}: should be one of {', '.join(possible)}, with Jm and b above 0, alpha not 0")
+            raise ValueError(f"{name}: should be one of {', '.join(possible)}, with Jm > 0, b > 0 and alpha not 0")
         return Term(kind, value)
 
     @property
@@ -101,7 +103,7 @@ class Term:
 
     @property
     def formula(self) -> str:
-        """The energy of the term as text."""
+        """The strain energy of the term as text."""
         match self.kind:
             case "gent":
                 return f"-mu {self.number:g}/2 ln(1 - (I1 - 3)/{self.number:g})"
@@ -116,24 +118,24 @@ class Term:
 
     @property
     def has_modulus(self) -> bool:
-        """Whether the coefficient is a share of the initial shear modulus."""
+        """Whether the coefficient of the term is a contribution to the initial shear modulus."""
         return self.kind not in _WITHOUT_MODULUS
 
     @property
     def largest_x(self) -> float:
-        """The value of I1 - 3 at which the stress becomes infinite; infinity if the term has no such limit."""
+        """The value of I1 - 3 at which the stress of the term becomes infinite; infinity if there is no such value."""
         return float(self.number) if self.kind == "gent" and self.number else np.inf
 
 
 @dataclass(frozen=True)
 class _Invariants(InvariantEnergy):
-    """The sum of the terms that are functions of the invariants; Ogden terms contribute nothing here."""
+    """The sum of the terms that are functions of the invariants, without the Ogden terms."""
 
     terms: tuple[Term, ...]
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives, see `InvariantEnergy.coefficients`."""
+        """Return the strain energy and its derivatives, see `InvariantEnergy.coefficients`."""
         energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
         for i, term in enumerate(self.terms):
             c, number = parameters[..., i], term.number or 1.0
@@ -159,12 +161,12 @@ class _Invariants(InvariantEnergy):
 
 @dataclass(frozen=True)
 class SumOfTerms:
-    """A law whose energy is a sum of terms.
+    """A law whose strain energy is a sum of terms.
 
     Parameters
     ----------
     terms
-        The terms. The law's parameters are their coefficients (Pa), in the same order.
+        The terms. The parameters of the law are the coefficients of the terms (Pa), in the same order.
 
     Examples
     --------
@@ -179,7 +181,7 @@ class SumOfTerms:
 
     @staticmethod
     def of(*names: str) -> SumOfTerms:
-        """Create the law from the names of its terms; `Term.of` raises ValueError for an unknown name."""
+        """Create the law from the names of its terms. `Term.of` raises ValueError for an unknown name."""
         return SumOfTerms(tuple(Term.of(name) for name in names))
 
     @property
@@ -204,7 +206,10 @@ class SumOfTerms:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of each term after the first term with a modulus."""
+        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of each term except one.
+
+        The term that is left out is the first term whose coefficient contributes to mu0.
+        """
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
 
@@ -217,7 +222,11 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates into parameters; the first term with a modulus gets the remainder of mu0."""
+        """Return the coefficients of the terms for P candidates, from coordinates (P, m).
+
+        The first term that contributes to the initial shear modulus mu0 gets the part of mu0 that the other terms
+        leave.
+        """
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
         return np.asarray(x[:, :1] * shares)
@@ -227,7 +236,7 @@ class SumOfTerms:
         return np.array([float(term.has_modulus) for term in self.terms])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the sum of the coefficients mu."""
+        """Return the initial shear modulus: the sum of the coefficients mu."""
         return np.asarray(parameters @ self._has_modulus)
 
     @cached_property
@@ -239,9 +248,9 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the parameters (..., 6) of Ogden laws of three terms that together contain all Ogden terms.
+        """Return the parameters (..., 6) of Ogden laws with three terms each, which together contain all Ogden terms.
 
-        The coefficient mu of a term becomes Ogden's mu_p = 2 mu/alpha.
+        The coefficient mu of a term becomes mu_p = 2 mu/alpha of the law `Ogden`.
         """
         laws = []
         for first in range(0, len(self._ogden), 3):
@@ -254,20 +263,26 @@ class SumOfTerms:
         return laws
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the energy density of planar states and its derivatives, see `Law.planar`."""
+        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`."""
         parts = [self._invariants.planar(parameters, a, J, section)]
         parts += [Ogden().planar(three_terms, a, J, section) for three_terms in self._ogden_parameters(parameters)]
         return PlanarEnergy(*(np.asarray(sum(of)) for of in zip(*parts, strict=True)))
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
+        """Return the strain energy, and its gradient and Hessian by the logarithmic principal stretches.
+
+        See `Law.principal`.
+        """
         parts = [self._invariants.principal(parameters, stretches)]
         parts += [Ogden().principal(three_terms, stretches) for three_terms in self._ogden_parameters(parameters)]
         energy, gradient, hessian = (np.asarray(sum(of)) for of in zip(*parts, strict=True))
         return energy, gradient, hessian
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity if no coefficient is negative; otherwise the result of `laws.stability.scanned_limit`."""
+        """Return the largest stable stretch of each of P candidates, (P,).
+
+        Infinity if no coefficient is negative; otherwise the result of `laws.stability.scanned_limit`.
+        """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)
         if not stable.all():
@@ -275,9 +290,9 @@ class SumOfTerms:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares: the stress is linear in all coefficients."""
+        """Fit a tensile curve by linear least squares, because the stress is linear in all coefficients."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver, because no program has such a sum."""
+        """Raise NotInSolver, because no finite-element program has such a sum."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

@@ -1,19 +1,17 @@
-"""The conventional identification: a least-squares fit of a law to a uniaxial tensile test.
+"""Least-squares fit of a law to a uniaxial tensile test, the conventional identification.
 
 Stress. In incompressible uniaxial tension with the stretch lambda, the logarithmic strains are (h, -h/2, -h/2) with
-h = ln(lambda). The engineering stress is therefore
+h = ln(lambda). Let g be the gradient of the strain energy W by the logarithmic stretches. The engineering stress is
 
-    s = dW/dlambda = (g1 - (g2 + g3)/2) / lambda,
+    s = dW/dlambda = (g1 - (g2 + g3)/2) / lambda.
 
-where g is the gradient of the energy W in the logarithmic stretches.
+Fit. The stress of every law is linear in the moduli. If it is linear in every parameter, the fit is a linear
+least-squares problem without constraints. For any other law, the dimensionless coordinates (`Law.coordinates`) are
+searched within their bounds from several starts, and the modulus is computed by least squares at each step.
 
-Fit. The stress of every law is linear in its moduli. If it is linear in every parameter, the fit is a linear
-least-squares problem without constraints. For any other law the ratios (`Law.coordinates`) are searched from several
-starts within their bounds, and the modulus follows by least squares for these ratios.
-
-Intervals. They come from the linearised covariance. The residuals of a tensile curve are mostly the misfit of the law
-and are correlated along the curve, so n rows carry the information of n/tau independent rows
-(`eimi_fitting.correlation`).
+Intervals. They are computed from the linearised covariance. The residuals of a tensile curve are mostly the misfit of
+the law, and they are correlated along the curve. With a correlation length of tau rows (`eimi_fitting.correlation`), m
+rows carry the information of m/tau independent rows.
 """
 
 from __future__ import annotations
@@ -38,33 +36,34 @@ _STEP = 1e-5  # step of a central difference, relative to the range of the coord
 
 @dataclass(frozen=True)
 class TensileFit:
-    """A law fitted to one window of a tensile curve.
+    """A law with n parameters, fitted to one window of strains of a tensile curve.
 
     Parameters
     ----------
     law
         The law.
     parameters
-        (n,) fitted parameters in the law's order, moduli in Pa.
+        (n,) fitted parameters in the order of the law; moduli in Pa.
     intervals
-        (n, 2) ends of their 95 % intervals.
+        (n, 2) lower and upper ends of the 95 % intervals of the parameters.
     initial_shear_modulus_Pa, initial_shear_modulus_interval_Pa
         Initial shear modulus and its 95 % interval.
     rmse_Pa
-        Root mean square error of the engineering stress over the rows used.
+        Root mean square error of the engineering stress over the rows that were used.
     rows, rows_left_out
-        Number of rows used, and of rows in the window that were left out.
+        Number of rows that were used, and of rows in the window that were left out.
     max_strain
-        Largest engineering strain among the rows used.
+        Largest engineering strain among the rows that were used.
     correlation_rows
-        tau, the number of correlated rows that carry as much information as one independent row.
+        Number of correlated rows that carry as much information as one independent row.
     correlation
-        (n, n) correlation matrix of the parameters' errors.
+        (n, n) correlation matrix of the errors of the parameters.
     not_fixed
-        Names of the parameters that the data do not determine: the interval contains zero, or the bounds of the search
-        limit it.
+        Names of the parameters that the data do not determine. Such an interval contains zero, or the bounds of the
+        search limit it.
     stable_to
-        Largest stretch up to which the fitted law is stable; None if no limit was met (`laws.stability.stable_up_to`).
+        Largest stretch up to which the fitted law is stable; None if it is stable up to a stretch of 6 (see
+        `laws.stability.stable_up_to`).
     """
 
     law: Law
@@ -90,7 +89,7 @@ def engineering_stress(law: Law, parameters: Array, strain: Array) -> Array:
     law
         One of `LAWS`, or any other law.
     parameters
-        (..., n) parameters of one candidate or of many.
+        (..., n) parameters of one candidate or of many candidates.
     strain
         (m,) engineering strains above -1.
 
@@ -128,7 +127,7 @@ def fit_tensile(
     strain, stress_Pa
         (m,) engineering strains, and engineering stresses in Pa.
     largest_strain
-        End of the window: rows with a larger strain are ignored.
+        End of the window. Rows with a larger strain are ignored.
     relative
         Divide each residual by the measured stress, and leave out rows whose stress is not positive.
 
@@ -154,7 +153,7 @@ def fit_tensile(
     used = window & (stress_Pa > 0) if relative else window
     n = len(law.parameter_names)
     if used.sum() <= n:
-        raise CannotFit(f"{used.sum()} rows can be used; a {law.name} fit needs at least {n + 1}")
+        raise CannotFit(f"{used.sum()} rows can be used, but a fit of the {law.name} law needs at least {n + 1} rows")
     e, s = strain[used], stress_Pa[used]
     solved = law.fit_stress(e, s, 1 / s if relative else np.ones_like(s))
     residual = engineering_stress(law, solved.parameters, e) - s
@@ -202,11 +201,11 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law: linear least squares for the modulus, a search for the other coordinates; see `Law.fit_stress`.
+    """Fit any law: a search for the dimensionless coordinates, with least squares for the modulus.
 
-    For the intervals, the range of a coordinate enters as a normal prior with the variance of a uniform distribution.
-    The interval of a dimensionless parameter includes the values of the parameter at both ends of each coordinate's
-    interval. The intervals of the coordinates are cut off at the bounds.
+    See `Law.fit_stress`. For the intervals, the range of a coordinate is used as a normal prior with the variance of a
+    uniform distribution. The interval of a coordinate ends at the bounds of the search. The interval of a dimensionless
+    parameter contains the values of the parameter at all combinations of the ends of these intervals.
     """
     from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 
@@ -214,7 +213,7 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
     if not target.any():
-        raise CannotFit("every stress is zero")
+        raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
 
     def curve(x: Array) -> Array:
         return weight * engineering_stress(law, law.from_coordinates(x[None]), strain)[0]
@@ -238,14 +237,27 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     best: Array = min(searches, key=lambda result: float(result.cost)).x
     modulus, residual = modulus_and_residual(best)
     if modulus == 0.0:
-        raise CannotFit(f"no {law.name} law within the bounds of the search has stresses of this sign")
+        raise CannotFit(
+            f"no {law.name} law within the bounds of the search has stresses of this sign: check the signs of strain "
+            "and stress"
+        )
     return _with_intervals(law, np.concatenate([[modulus], best]), curve, residual, lower, upper)
 
 
 def _with_intervals(
     law: Law, x: Array, curve: Callable[[Array], Array], residual: Array, lower: Array, upper: Array
 ) -> StressFit:
-    """Return the fit at the coordinates x (m,) with its 95 % intervals, from the covariance of the coordinates."""
+    """Return the fit at m coordinates x (m,), with 95 % intervals from the covariance of the coordinates.
+
+    Parameters
+    ----------
+    curve : callable
+        The weighted stress as a function of the coordinates.
+    residual : ndarray
+        The weighted residuals at x.
+    lower, upper : ndarray, shape (m - 1,)
+        Bounds of the coordinates except the first, the initial shear modulus.
+    """
 
     def parameters_at(coordinates: Array) -> Array:
         return law.from_coordinates(coordinates[None])[0]
@@ -282,30 +294,36 @@ def _with_intervals(
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """Return the weighted engineering stress (m, n) for a unit value of each parameter of a linear law."""
+    """Return the weighted engineering stress for a unit value of each of n parameters of a linear law, (m, n).
+
+    strain, weight: (m,) for m rows.
+    """
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 
 
 def covariance_of(jacobian: Array, residual: Array, information: Array | None = None) -> tuple[Array, float, float]:
-    """Return the covariance of least-squares parameters with correlated residuals.
+    """Return the covariance of n parameters that were fitted by least squares to m correlated residuals.
 
-    With the Jacobian J, the residual r, the variance s² = r·r/(m - n) and the prior information P, the covariance is
-    (JᵀJ/(tau s²) + P)⁻¹.
+    With the Jacobian J, the residuals r, the variance s² = r·r/(m - n), the correlation length tau of the residuals and
+    the prior information P, the covariance is (JᵀJ/(tau s²) + P)⁻¹.
 
     Parameters
     ----------
     jacobian
-        (m, n) weighted derivatives of the residuals in the parameters.
+        (m, n) derivatives of the weighted residuals by the parameters, J.
     residual
-        (m,) weighted residuals at the optimum.
+        (m,) weighted residuals at the optimum, r.
     information
-        (n, n) inverse covariance of prior knowledge of the parameters; None without prior knowledge.
+        (n, n) inverse covariance of prior knowledge of the parameters, P; None without prior knowledge.
 
     Returns
     -------
-    covariance, t, tau
-        The covariance (n, n), the factor of Student's t for a 95 % interval with m/tau - n degrees of freedom, and the
-        correlation length tau in rows.
+    covariance
+        (n, n) covariance.
+    t
+        Student's factor t for a 95 % interval with m/tau - n degrees of freedom, at least 1.
+    tau
+        Correlation length in rows.
     """
     tau = correlation_length(residual[None], np.ones((1, len(residual))))
     n = jacobian.shape[1]
@@ -322,7 +340,10 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance matrix (n, n); a correlation without a variance is zero."""
+    """Return the correlation matrix of a covariance matrix (n, n).
+
+    The correlations of a parameter without variance are zero.
+    """
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     divisor = np.where(spread > 0, spread, 1.0)
     correlation = covariance / np.outer(divisor, divisor)

@@ -1,15 +1,15 @@
-"""The Yeoh law: a cubic polynomial in the first invariant.
+"""The Yeoh law: a strain energy W that is a cubic polynomial in the first invariant I1.
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-The stability limit is exact. Let q_i = lambda_i^2 with q1 q2 q3 = 1. The determinant of the restricted Hessian (defined
-in `laws.stability`) is, up to a positive factor,
+The stability limit is exact. Let q_i = lambda_i^2 be the squares of the principal stretches, with q1 q2 q3 = 1. The
+determinant of the restricted Hessian (defined in `laws.stability`) is, up to a positive factor,
 
     D = W' (W' I2 + W'' (I1 I2 - 9)),
 
-where a prime is the derivative in I1. If W'' is negative, D decreases with I2 at a fixed I1. I1 and I2 are convex
-functions of the logarithmic stretches. Among all states of equal I1, in the equibiaxial one I2 is largest and the
-maximum stretch is smallest. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest
+where a prime is the derivative by I1. If W'' is negative, D decreases with I2 at constant I1. I1 and I2 are convex
+functions of the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest
+I2 and the smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The limit is the smallest
 root of a polynomial in one unknown.
 """
 
@@ -32,10 +32,11 @@ Array = NDArray[np.float64]
 
 
 def _stiffness() -> Array:
-    """Return the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension.
+    """Return the coefficients of the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, (10, 3).
 
-    In equibiaxial tension I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 + 1, I2 = (q^3 + 2)/q and
-    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3. The result (10, 3) holds the coefficients in s = q - 1 for each parameter.
+    The rows are the powers of s = q - 1, with the square q of the two equal stretches. The columns are the parameters
+    C10, C20 and C30, in which the polynomial is linear. In equibiaxial tension I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 +
+    1, I2 = (q^3 + 2)/q, and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """
     q = Polynomial([1.0, 1.0])
     x = 2 * q**3 - 3 * q**2 + 1
@@ -53,7 +54,7 @@ _STIFFNESS = _stiffness()
 
 @dataclass(frozen=True)
 class Yeoh(InvariantLaw):
-    """The Yeoh law, psi = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3; its initial shear modulus is 2 C10."""
+    """The Yeoh law, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3. Its initial shear modulus is 2 C10."""
 
     name: str = "yeoh"
     formula: str = "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3"
@@ -66,15 +67,15 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return C10, and C20 and C30 as multiples of C10."""
+        """Return the parameters (P, 3) of P candidates from the coordinates 2 C10, C20/C10 and C30/C10, (P, 3)."""
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return 2 C10."""
+        """Return the initial shear modulus, 2 C10."""
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return psi = C10 x + C20 x^2 + C30 x^3 and its derivatives."""
+        """Return W = C10 x + C20 x^2 + C30 x^3 with x = I1 - 3, and dW/dx, dW/dy and d²W/dx²."""
         c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
         return (
             x * (c10 + x * (c20 + x * c30)),
@@ -84,18 +85,24 @@ class Yeoh(InvariantLaw):
         )
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch at which the stress in equibiaxial tension reaches its maximum."""
+        """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
+
+        Infinity if the candidate is stable everywhere; 0 if C10 is not positive. The module gives the criterion.
+        """
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)
         limit[doubtful] = np.sqrt(1 + smallest_positive_root(parameters[doubtful] @ _STIFFNESS.T))
         return np.where(parameters[:, 0] > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares: the stress is linear in all three parameters."""
+        """Fit a tensile curve by linear least squares, because the stress is linear in all three parameters."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law; every program of `laws.cards.SOLVERS` except SOFA has it."""
+        """Return the constants of the law for every program of `laws.cards.SOLVERS` except SOFA.
+
+        SOFA does not have the law.
+        """
         c10, c20, c30 = p["C10"], p["C20"], p["C30"]
         match solver:
             case "abaqus" | "calculix":

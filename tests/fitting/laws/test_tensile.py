@@ -100,7 +100,7 @@ def test_the_window_and_relative_residuals_select_the_rows() -> None:
     assert (relative.rows, relative.rows_left_out) == (window.sum() - 1, 1)
     assert relative.parameters == pytest.approx([46e3])
     assert absolute.parameters[0] < 46e3
-    with pytest.raises(CannotFit, match="3 rows can be used; a yeoh fit needs at least 4"):
+    with pytest.raises(CannotFit, match="3 rows can be used, but a fit of the yeoh law needs at least 4 rows"):
         fit_tensile(LAWS["yeoh"], STRAIN[:3], stress[:3])
     with pytest.raises(CannotFit, match="stresses of this sign"):
         fit_tensile(LAWS["ogden"], STRAIN, -stress)
