@@ -1,4 +1,4 @@
-"""A coil on a supply: change its current in ramps, and check the measured current against the set-point."""
+"""A coil on a power supply: change its current in ramps, and compare the measured current with the set-point."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
 """Intervals between two checks of a simulated supply for faults: at a set-point other than zero, and at zero."""
 
 WATCH_EVERY_S = 1.5
-"""Interval at which the current is measured and the supply is checked for faults, during every operation of a run."""
+"""Interval (s) at which `watch` measures the current and checks the supply for faults, in every part of a run."""
 
 FOLLOWS_WITHIN_S = 1.5
-"""The measured current lags behind a ramp by less than this time."""
+"""Largest assumed lag (s) of the measured current behind the set-points of a ramp."""
 
 EXCHANGES_REMEMBERED = 3
 """Number of exchanges with the supply whose longest duration is the expected duration of a step of the ramp down."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
-"""A wrong current is measured again after this time; only a second wrong value ends the run."""
+"""Time (s) after which a wrong current is measured again. Only a second wrong value ends the run."""
 
 
 def without_contact(supply: object) -> str:
@@ -201,7 +201,7 @@ class Coil:
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
-        """Return the readings of supply and sensors that an interlock can bound, by name."""
+        """Return, by their names, the readings of supply and sensors that an interlock can bound."""
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     def check(self) -> None:

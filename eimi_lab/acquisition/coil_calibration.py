@@ -1,4 +1,4 @@
-"""Measure the field of a coil against its current with the gaussmeter of a rig."""
+"""Measure the field of a coil as a function of its current with the gaussmeter of a rig."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class _Wire(InProcessTransport):
         self._say = say
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Pass a message to the function, and then send it."""
         self._say(message.decode("ascii", "backslashreplace").rstrip())
         super().write(message)
 
@@ -67,7 +67,7 @@ class _BeamAtRest:
         """Do nothing, because no frames are buffered."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame after `FRAME_S` of simulated time."""
+        """Return a frame of the beam at rest, `FRAME_S` of simulated time after the previous frame."""
         self._clock.sleep(FRAME_S)
         self._number += 1
         image = np.full((32, 32), 200.0)

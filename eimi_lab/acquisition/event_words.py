@@ -46,7 +46,7 @@ VISIBLE_MOTION_PX = 0.2
 _TAKEOVER: dict[Takeover, str] = {
     "run_died": "the run died",
     "run_stood_still": f"the run stood still for more than {STILL_FOR_S:g} s",
-    "run_could_not_switch_off": "the run could not switch off itself",
+    "run_could_not_switch_off": "the run could not switch the coil off",
 }
 
 
@@ -144,7 +144,7 @@ def _(event: OutputSwitched) -> str:
 
 @in_words.register
 def _(event: ConditioningDone) -> str:
-    return f"conditioning, {event.cycles} cycles: {'; '.join(map(_change, event.changes))}"
+    return f"after {event.cycles} conditioning cycles: {'; '.join(map(_change, event.changes))}"
 
 
 def _change(change: ShapeChange) -> str:
@@ -180,7 +180,7 @@ def _(event: StateStoredBefore) -> str:
 
 @in_words.register
 def _(event: PauseRequested) -> str:
-    return "the run pauses as soon as this state is stored"
+    return "the run pauses when the present state is stored"
 
 
 @in_words.register
@@ -283,7 +283,7 @@ def _(event: RunKilled) -> str:
 
 @in_words.register
 def _(event: EmulatedSupplyGone) -> str:
-    return f"{_why(event.takeover)}; {event.address} does not exist any more, nor does its emulated supply"
+    return f"{_why(event.takeover)}; the emulated supply at {event.address} does not exist any more"
 
 
 @in_words.register
@@ -308,10 +308,10 @@ def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
 
 def _how_off(event: OffConfirmed) -> str:
     if event.determined_by == "commanded":
-        return "switched off as commanded; this supply cannot measure"
+        return "as the supply reads back; this supply cannot measure a current"
     if event.limit_A is None:
         return "as measured"
-    return f"below {event.limit_A:.3g} A measured"
+    return f"the measured current is below {event.limit_A:.3g} A"
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:

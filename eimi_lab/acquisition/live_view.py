@@ -58,15 +58,15 @@ class WatchedCamera:
         self._cue.state = state
 
     def identify(self) -> Identity:
-        """See `Camera.identify`."""
+        """Return the identity of the camera."""
         return self.watched.identify()
 
     def flush(self) -> None:
-        """See `Camera.flush`."""
+        """Discard the frames that the camera has taken and that were not yet read."""
         self.watched.flush()
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`.
+        """Return the next frame, after passing it to the viewer. Raises the errors of `Camera.grab`.
 
         Raises ReplyNotUnderstood if the frame is no image or if its format differs from the first frame.
         """
@@ -85,5 +85,5 @@ class WatchedCamera:
         return new
 
     def close(self) -> None:
-        """See `Camera.close`."""
+        """Close the camera."""
         self.watched.close()

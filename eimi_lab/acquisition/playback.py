@@ -38,9 +38,10 @@ class PlayedCamera:
     open_it : callable
         Opens the recording at its beginning.
     rule : Playback
-        Whether each state has one picture, and whether the recording starts again at its end.
+        How the recording is played: whether each state has one picture, and whether the recording starts again at its
+        end.
     cue : Cue
-        Holds the present state of the run.
+        Holds the number of the present state of the run.
     """
 
     def __init__(self, open_it: Callable[[], Camera], rule: Playback, cue: Cue) -> None:
@@ -51,14 +52,17 @@ class PlayedCamera:
         self._held: Frame | None = None
 
     def identify(self) -> Identity:
-        """See `Camera.identify`."""
+        """Return the identity of the camera that plays the recording."""
         return self._camera.identify()
 
     def flush(self) -> None:
         """Do nothing: a recording has no frames that were taken before the call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`. Raises EndOfPlayback at the end of a recording that is played only once."""
+        """Return the next frame of the recording.
+
+        Raises EndOfPlayback at the end of a recording that is played only once.
+        """
         frame = self._held
         if not self._rule.picture_a_state:
             frame = self._next(timeout_s)
@@ -70,7 +74,7 @@ class PlayedCamera:
         return replace(frame, number=self._number, timestamp_s=time.monotonic())
 
     def close(self) -> None:
-        """See `Camera.close`."""
+        """Close the recording."""
         self._camera.close()
 
     def _next(self, timeout_s: float) -> Frame:

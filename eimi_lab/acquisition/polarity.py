@@ -17,7 +17,10 @@ from eimi_lab.config.rig import Rig
 
 
 def cannot_reverse(rig: Rig) -> bool:
-    """Return whether the supply of a rig cannot reverse its current. Raises InstrumentError for an unknown driver."""
+    """Return whether the supply of a rig can only give currents of one sign.
+
+    Raises InstrumentError for an unknown driver.
+    """
     return rig.simulated or not is_bipolar(rig.supply.driver)
 
 

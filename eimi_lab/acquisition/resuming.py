@@ -40,7 +40,9 @@ def refuse_taken(path: Path, force: bool) -> None:
     if path.is_file() and not force:
         with only_writer(path):  # a run that is still writing is not an unfinished one
             if unfinished := _describe_unfinished(path):
-                raise InputError(f"{path}: {unfinished}; --resume continues it; give another name to begin a new run")
+                raise InputError(
+                    f"{path}: {unfinished}; --resume continues this run; give another name to begin a new run"
+                )
     refuse_existing(path, force)
 
 

@@ -1,4 +1,4 @@
-"""Read the sensors of a bench during a run."""
+"""Read the sensors of a bench during a run, and leave out sensors that give no value."""
 
 from __future__ import annotations
 

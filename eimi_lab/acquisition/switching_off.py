@@ -106,14 +106,20 @@ class _SignalsHeeded:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """See `Heeded.leave_in_haste`. A signal interrupts only an operation in the main thread."""
+        """Raise Stopped after a second signal, and StoodStill if the run stood still for too long.
+
+        The supply calls this method between two messages. A signal interrupts only an operation in the main thread.
+        """
         if not self._off:
             self._refuse_a_gap()
         if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
             raise Stopped(self._noted[0])
 
     def switch_off_in_haste(self) -> None:
-        """See `Heeded.switch_off_in_haste`."""
+        """Switch the coil off at once, if a second signal has come or the current is wrong. Raises nothing.
+
+        The writer of the dataset calls this method while it stores a state. The coil is switched off at most once.
+        """
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
             _log.info("a second signal or a wrong current while a state is stored: the coil is switched off at once")

@@ -114,7 +114,9 @@ class Admission:
             return _refused_length(scope, headers)
         open_to_all = reads and (scope["path"] == REPORT or scope["path"].startswith(STATIC))
         if scope["type"] == "http" and not open_to_all and not self._is_token(headers.get(TOKEN_HEADER, "")):
-            return PlainTextResponse("open the address that `eimi dashboard` printed when it began", 403)
+            return PlainTextResponse(
+                "the token is missing or wrong; open the address that `eimi dashboard` printed when it began", 403
+            )
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             return PlainTextResponse("refused: the request comes from another site", 403)
         steers = scope["type"] == "websocket" or scope["method"] not in SAFE
@@ -138,7 +140,7 @@ class Admission:
 def _refused_length(scope: Scope, headers: Headers) -> Response | None:
     most = MOST_PICTURE_BYTES if scope["path"] == RECEIVED_PICTURE else MOST_BODY_BYTES
     if int(headers.get("content-length", "0") or 0) > most or "transfer-encoding" in headers:
-        return PlainTextResponse("the request is too long", 413)
+        return PlainTextResponse(f"the request is too long; it should have at most {most} bytes", 413)
     return None
 
 

@@ -68,7 +68,7 @@ SAID = (
     Warned,
     FramesLost,
 )
-"""The events that the page shows in words."""
+"""The types of events that the page shows to the person as sentences."""
 
 AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the kernel merges two equal ones
 
@@ -184,7 +184,7 @@ class BenchRun:
 
     @property
     def going_on(self) -> bool:
-        """Whether the process of the run or its guardian is still running."""
+        """Whether the process of the run is still running, or its guardian after it took over."""
         return not self._ended.is_set()
 
     async def begin(self) -> None:
@@ -239,7 +239,10 @@ class BenchRun:
         return asyncio.create_task(self._confirmed())
 
     async def closed(self) -> None:
-        """End the run, and wait until all its processes have ended."""
+        """End the run with a ramp down, and wait until all its processes have ended.
+
+        A run that has not ended after `CLOSED_WITHIN_S` is killed.
+        """
         if self.going_on:
             self.end()
             with suppress(TimeoutError):

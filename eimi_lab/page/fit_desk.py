@@ -73,7 +73,7 @@ class FitDesk:
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the fits."""
+        """Return the routes that start a fit, end a fit and answer with stored fits."""
         return [
             Route("/api/fit", self._stored),
             Route("/api/fit/start", self._steered(self._start), methods=["POST"]),

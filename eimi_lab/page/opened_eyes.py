@@ -1,4 +1,4 @@
-"""The two processes of `eye` that look at the frames of one run or of the live camera, seen from the server."""
+"""The two processes that look at the frames of a run or of the live camera (`eye`), seen from the server."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class OpenedEyes:
         await finding
 
     def kill(self) -> None:
-        """End both processes at once."""
+        """End the process for the frames and the process for the edges at once."""
         for process in self._processes:
             with suppress(ProcessLookupError):
                 process.kill()

@@ -207,6 +207,6 @@ def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
 
 def _check_state(dataset: Dataset, index: int) -> None:
     if dataset.kind != "frames":
-        raise InputError(f"{dataset.path}: holds tracked points, which have no pictures")
+        raise InputError(f"{dataset.path}: contains tracked points, which have no pictures")
     if not 0 <= index < len(dataset.states):
         raise InputError(f"{dataset.path}: has no state {index}; it has {len(dataset.states)} states, counted from 0")

@@ -133,7 +133,7 @@ class Tabs:
         """Serve the WebSocket of one tab until it closes."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
-            await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already")
+            await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already; close one of them")
             return
         tab = Tab(socket)
         self._open.add(tab)

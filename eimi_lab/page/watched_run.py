@@ -136,41 +136,44 @@ class WatchedSupply:
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
 
     def identify(self) -> Identity:
-        """See `PowerSupply.identify`."""
+        """Return the identity of the supply."""
         return self._supply.identify()
 
     def set_voltage(self, voltage_V: float) -> None:
-        """See `PowerSupply.set_voltage`."""
+        """Set the voltage, V, as `PowerSupply.set_voltage` does."""
         self._supply.set_voltage(voltage_V)
 
     def set_current(self, current_A: float) -> None:
-        """See `PowerSupply.set_current`."""
+        """Set the current, A, as `PowerSupply.set_current` does, and store it as the set-point."""
         self._supply.set_current(current_A)
         self.set_A = current_A
         if self._warming:
             self._warming.flows(self._clock.now(), current_A if self.on else 0.0)
 
     def set_output(self, on: bool) -> None:
-        """See `PowerSupply.set_output`."""
+        """Switch the output on or off, as `PowerSupply.set_output` does, and store its state."""
         self._supply.set_output(on)
         self._switched(on)
 
     def output_on(self) -> bool:
-        """See `PowerSupply.output_on`."""
+        """Return whether the output of the supply is on."""
         return self._supply.output_on()
 
     def measure(self) -> Reading:
-        """See `PowerSupply.measure`."""
+        """Measure voltage and current, as `PowerSupply.measure` does, and store the current."""
         reading = self._supply.measure()
         self.measured_A = reading.current_A
         return reading
 
     def check(self) -> None:
-        """See `PowerSupply.check`."""
+        """Raise an error if the supply reports a fault, as `PowerSupply.check` does."""
         self._supply.check()
 
     def safe_off(self) -> Off | None:
-        """See `PowerSupply.safe_off`."""
+        """Switch the supply off, and return the measured current; None if the supply cannot measure.
+
+        Raises SwitchOffFailed if the supply could not be confirmed off.
+        """
         try:
             off = switch_off(self._supply, self._clock)
         except SwitchOffFailed as error:
@@ -181,7 +184,7 @@ class WatchedSupply:
         return off
 
     def close(self) -> None:
-        """See `PowerSupply.close`."""
+        """Close the connection to the supply."""
         self._supply.close()
 
     def _switched(self, on: bool) -> None:

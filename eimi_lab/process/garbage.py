@@ -1,4 +1,4 @@
-"""Faster memory management: less frequent garbage collection, and workers that keep freed memory for reuse."""
+"""Manage memory with less effort: collect garbage less often, and keep freed memory in workers for reuse."""
 
 import atexit
 import gc

@@ -109,7 +109,7 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     if name == "SIGXCPU":
         raise InputError(f"{path}: reading the file took longer than {within_s:.0f} s of processor time")
     if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
-        raise InputError(f"{path}: the process that read it was ended by {name}; the memory may not suffice")
+        raise InputError(f"{path}: the process that read the file was ended by {name}; the memory may not suffice")
     raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
 
 

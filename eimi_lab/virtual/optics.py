@@ -1,4 +1,4 @@
-"""The image of a beam in front of a back-light: uneven light, blur, shot noise and quantisation."""
+"""Render the image of a beam in front of a back-light, with uneven light, blur, shot noise and quantisation."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Simulation:
 
     def __repr__(self) -> str:
         beam, tip = self.model.specimen, float(self.tip_angle_deg[-1])
-        return f"<Simulation as {beam.section}: {len(self.field_mT)} states, tip at {tip:.2f} degrees in the last>"
+        return f"<Simulation as {beam.section}: {len(self.field_mT)} states, tip at {tip:.2f} degrees in the last one>"
 
     def _repr_html_(self) -> str:
         columns = (self.field_mT, *self.tip_mm.T, self.tip_angle_deg, self.max_stretch)

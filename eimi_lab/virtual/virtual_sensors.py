@@ -1,4 +1,4 @@
-"""Emulated sensors of the virtual rig: the ordinary drivers on emulated instruments, in simulated time."""
+"""The sensors of the virtual rig: ordinary drivers with emulated instruments, in simulated time."""
 
 from __future__ import annotations
 

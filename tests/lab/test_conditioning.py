@@ -65,7 +65,7 @@ def test_cycles_come_before_the_states_and_their_last_frames_are_stored(setup: A
     assert shapes.belongs_to.tolist() == [1, 1, 3, 3]
     assert shapes.set_A.tolist() == [0.0, 0.3, 0.3, 0.0]
     assert len(remarks) == 1
-    assert remarks[0].startswith("conditioning, 3 cycles: at 0.3 A ")
+    assert remarks[0].startswith("after 3 conditioning cycles: at 0.3 A ")
 
 
 def test_a_beam_that_softens_is_detected_by_its_tip(setup: Any) -> None:

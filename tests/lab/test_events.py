@@ -142,7 +142,7 @@ def test_the_words_of_an_off_state_say_how_it_was_determined() -> None:
     off = OffConfirmed(by="run", determined_by="measured", current_A=0.001, limit_A=0.01)
     assert in_words(off) == "the coil is off, below 0.01 A measured"
     off = OffConfirmed(by="run", determined_by="commanded")
-    assert in_words(off) == "the coil is off, switched off as commanded; this supply cannot measure"
+    assert in_words(off) == "the coil is off, as the supply reads back; this supply cannot measure a current"
 
 
 def test_an_event_or_a_key_of_a_later_release_is_tolerated() -> None:

@@ -129,7 +129,8 @@ def test_a_signal_ends_with_the_coil_off_and_every_acknowledged_state(
     assert ended.status in (128 + number, -number)
     stored = f"{ended.acknowledged} of" if ended.acknowledged < 4 else "all"
     assert ended.said[-1].startswith(
-        f"eimi: stopped by {number.name}: the coil is off, below 0.02 A measured; {stored} 4 states are in run.h5"
+        f"eimi: stopped by {number.name}: the coil is off, the measured current is below 0.02 A; {stored} 4 states are "
+        "in run.h5"
     )
 
 
@@ -156,7 +157,8 @@ def test_a_kill_loses_no_acknowledged_state(bench: Path, after: int) -> None:
         ended = run(bench, "scpi", address, after, subprocess.Popen.kill)
     assert ended.status == -signal.SIGKILL
     assert_off(coil)
-    assert ended.said[-1] == f"eimi guardian: the run died; {address}: the coil was switched off, below 0.02 A measured"
+    how = "the coil was switched off, the measured current is below 0.02 A"
+    assert ended.said[-1] == f"eimi guardian: the run died; {address}: {how}"
     found = states(bench / "run.h5")
     assert len(found) >= ended.acknowledged >= after
     assert found == FOUR_STATES[: len(found)]

@@ -55,7 +55,7 @@ def test_a_paused_run_switches_off_and_comes_back_the_same_way(setup: Any) -> No
     assert [line.split(",")[0] for line in said] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
-    assert remarks[0] == "the run pauses as soon as this state is stored"
+    assert remarks[0] == "the run pauses when the present state is stored"
     assert remarks[1] == (
         f"paused before state 2: the coil is off, and 2 of 4 states are in {setup.path}; "
         "Enter continues the run, Ctrl-C ends it"
@@ -103,7 +103,7 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
     with pytest.raises(Stopped) as stopped:
         setup.run(typed=typed, remark=lambda words: None)
     assert str(stopped.value) == (
-        f"stopped by SIGINT: the coil is off, below 0.02 A measured; 2 of 4 states are in {setup.path}; "
+        f"stopped by SIGINT: the coil is off, the measured current is below 0.02 A; 2 of 4 states are in {setup.path}; "
         "the same command with --resume continues the run"
     )
     del setup.bench.clock.sleep
@@ -114,7 +114,8 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
 def test_ctrl_c_before_the_first_state_leaves_no_file_and_says_so(setup: Any) -> None:
     setup.camera.event = lambda number: signal.raise_signal(signal.SIGINT) if number == 9 else None
     with pytest.raises(
-        Stopped, match=r"the coil is off, below 0\.02 A measured; no state was stored, so there is no file"
+        Stopped,
+        match=r"the coil is off, the measured current is below 0\.02 A; no state was stored, so there is no file",
     ):
         setup.run()
     assert not setup.path.exists()
@@ -136,7 +137,7 @@ def test_a_rerun_on_an_unfinished_file_proposes_to_resume_it(setup: Any, run: An
     command = ("acquire", folder / "protocol.toml", "--specimen", folder / "specimen.toml", "--rig", "virtual", "-o")
     status, said = run(*command, setup.path)
     assert (status, said.count("\n")) == (2, 1)
-    assert "run.h5: holds 2 of the 4 states of a run that ended early; --resume continues it" in said
+    assert "run.h5: holds 2 of the 4 states of a run that ended early; --resume continues this run" in said
     assert "--force" not in said
     (folder / "other.h5").write_text("something else")
     assert "other.h5: exists already" in run(*command, folder / "other.h5")[1]
