@@ -45,7 +45,7 @@ MEASURED_AGAIN_AFTER_S = 0.2
 
 
 def without_contact(supply: object) -> str:
-    """Return the driver's description of the output after its cable was pulled or its computer failed."""
+    """Return, in the words of the driver, what the output does after the cable is pulled or the computer fails."""
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
@@ -305,8 +305,8 @@ class Coil:
         Returns
         -------
         SetPoint
-            The step. The uncertainty of its time includes the time that the current of the coil needs to follow: the
-            current was at the set-point when the first measurement agreed with the set-point.
+            The current, the time at which the coil reached it, and the uncertainty of this time. The uncertainty
+            includes the time from the answer of the supply to the first measurement that agrees with the set-point.
 
         Raises
         ------

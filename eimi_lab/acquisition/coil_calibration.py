@@ -188,8 +188,8 @@ def _opened(rig: Rig, on_event: OnEvent) -> Iterator[CoilBench]:
 def with_measured_coil(calibration: Calibration, measured: CoilCalibration, today: date) -> Calibration:
     """Return a copy of a calibration with the measured values of the coil.
 
-    Replaced are the coil constant, the background field along the axis of the coil, their uncertainties, the table of
-    the field against the current, and the date.
+    The copy has a new coil constant, a new background field along the axis of the coil, the uncertainties of both
+    values, a new table of the field against the current, and a new date.
 
     Parameters
     ----------

@@ -21,7 +21,10 @@ Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """An event of a run. `time_s` is its time; `event` is its name in JSON, which never changes."""
+    """The base class of all events of a run.
+
+    `time_s` is the time of the event. `event` is the name of the event in JSON, which never changes.
+    """
 
     event: ClassVar[str]
     time_s: float = field(default_factory=time.time, compare=False)
@@ -38,7 +41,7 @@ The thread of the run calls the listener, with three exceptions. Another thread 
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing: the listener of a run without a receiver of its events."""
+    """Do nothing with an event: the listener of a run whose events nobody needs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +70,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched on or off, and the supply confirmed it when it was read back."""
+    """The output of the supply was switched on or off. The supply read back the same state of the output."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -75,11 +78,11 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """Distance between the tips of the beam at rest in an earlier load cycle and in the last one, at one current.
+    """Motion of the tip of the beam at rest from an earlier load cycle to the last load cycle, at one current.
 
     `since_cycle` is the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm`
-    are the distance; null if no tip is visible. If no tip is visible, `difference_ratio` is the difference of the two
-    images divided by the difference due to noise; otherwise null.
+    are the distance between the two tips; null if no tip is visible. If no tip is visible, `difference_ratio` is the
+    difference of the two images divided by the difference due to noise; otherwise null.
     """
 
     current_A: float
@@ -100,7 +103,10 @@ class ConditioningDone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Settled(Event):
-    """The wait until the beam is at rest is over. `at_rest` is false if the beam still moved at the end of the wait."""
+    """The run has finished its wait for the beam to come to rest.
+
+    `at_rest` is false if the beam still moved at the end.
+    """
 
     event: ClassVar[str] = "settled"
     state: int
@@ -299,7 +305,7 @@ def off_confirmed(
 
 @dataclass(frozen=True, kw_only=True)
 class OffNotConfirmed(Event):
-    """Nobody could confirm that the coil is off, so that the coil may still be on.
+    """The coil could not be confirmed off. It may still be on.
 
     `reason` is a text for a person. `current_A` and `limit_A` are the measured current and the limit with which the
     current was compared; null if no current was measured. `trying_process` is the number of the process that continues
@@ -318,7 +324,7 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian begins to switch the coil off, because the run cannot do so."""
+    """The guardian begins to switch the coil off, in place of the run."""
 
     event: ClassVar[str] = "guardian_took_over"
     takeover: Takeover

@@ -139,14 +139,14 @@ class Guardian:
         self._send(RECOGNISED)
 
     def beat(self) -> None:
-        """Send a beat to the guardian: the run has taken a step. The method never waits and raises no error."""
+        """Send a beat to the guardian: a message that the run is alive. The method never waits and raises no error."""
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
             self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Allow the run `seconds` (s) until its next beat. The method never waits and raises no error."""
+        """Allow the run `seconds` (s) without a beat, once. The method never waits and raises no error."""
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds

@@ -47,7 +47,7 @@ def refuse_taken(path: Path, force: bool) -> None:
 
 
 def _describe_unfinished(path: Path) -> str:
-    """Return the number of states that an unfinished run stored, in words. The text is empty for any other file."""
+    """Return in words how many states an unfinished run stored. The text is empty for any other file."""
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:

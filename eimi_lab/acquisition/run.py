@@ -59,8 +59,8 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
     Raises
     ------
     InputError
-        If they do not fit together. Examples are another material, a current above a limit or of the wrong sign, or too
-        much heat in the coil.
+        If the three files do not fit together. Examples are another material, a current above a limit or of the wrong
+        sign, or too much heat in the coil.
     InstrumentError
         If the driver of the supply is not known or cannot be imported.
     """
@@ -141,8 +141,8 @@ def acquire(
     resume : bool
         Whether the run in the dataset `path` is continued.
     take_over : bool
-        Whether the output of the supply is switched off if it is on before the run. If it is on and `take_over` is
-        false, the run is refused.
+        Whether an output that is on before the run is switched off. If `take_over` is false and the output is on, the
+        run is refused.
     note : str
         Text to store with the run in the dataset.
     show : Show
@@ -294,9 +294,9 @@ def _run_begun(
 
 @contextmanager
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
-    """Send the first event of a run, and its last event at the end of the context.
+    """Yield a function that sends an event of the run to the log and to `on_event`.
 
-    Yields a function that sends an event to the log and to `on_event`.
+    The first event of the run is sent at the beginning of the context, and the last event at its end.
     """
 
     def send(event: Event) -> None:
