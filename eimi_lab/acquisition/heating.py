@@ -42,7 +42,7 @@ class Heating:
 
 
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
-    """Return the largest heat of the coil in a run whose every stage takes its longest time.
+    """Return the largest heat of the coil in a run in which every stage takes its longest time.
 
     During a ramp, I² is replaced by its mean over the ramp. Ring-downs and pauses are left out.
     """

@@ -28,7 +28,10 @@ class OpenSensor:
 
 
 def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> CoilThermometer:
-    """Return a sensor that uses the coil as a thermometer: the readings of its supply give its resistance."""
+    """Return a sensor that uses the coil as a thermometer.
+
+    The resistance of the coil follows from readings of its supply.
+    """
     assert rule.at_rest_degC is not None  # the model of the rig file requires both
     assert rule.at_rest_A is not None
     return CoilThermometer(supply.measure, clock, rule.at_rest_degC, rule.at_rest_A)

@@ -67,10 +67,9 @@ def wait_until_settled(
     `noise_ratio`; this condition detects creep. A frame that equals the previous frame including its noise is a
     repetition by the camera and is not counted.
 
-    The ratio is computed in a band of pixels along the edges of the beam. Finding this band takes most of the time, so
-    the band is found only in the first frame of a series of equal frames and in the frame that ends the wait. If the
-    beam moves out of the band, the frames look equal although the beam moves. The motion is detected with the new band
-    at the beginning of the series.
+    The ratio is computed in a band of pixels along the edges of the beam. Finding this band takes most of the time. The
+    band is therefore found only when the ratio first falls to `noise_ratio`, and in the frame that ends the wait. A
+    beam that has moved out of an old band gives a small ratio although it moves. The new band then shows the motion.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """A second signal came. The ramp down is left out."""
+    """Raised between the steps of the ramp down after a second signal. The rest of the ramp is left out."""
 
 
 class _SignalsHeeded:

@@ -82,7 +82,7 @@ def _in_order(path: Path) -> list[Path]:
 def _guess(width: int, height: int) -> dict[str, Any]:
     """Return a first calibration for a person to drag into place.
 
-    It fits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
+    The calibration suits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
     """
     return {
         "pixels_per_mm": round(height / 60.0, 3),

@@ -73,9 +73,8 @@ class FrameMemory:
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
         """Write a frame, shape (H, W) or (H, W, 3), into the slot with the older frame.
 
-        The method does not wait for readers.
-
-        An image that is larger than the slot is made smaller.
+        The method does not wait for readers. If the frame is larger than the slot, pixels are left out, see
+        `NewestFrame.kept`.
         """
         kept = 1
         while image.nbytes > PLACE_BYTES - ABOUT_BYTES - _PLACE.size:

@@ -40,7 +40,7 @@ _ANSWER_S = 10
 
 
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
-    """Return a function that creates the executor which the options ``--workers`` and ``--scheduler`` describe.
+    """Return a function that creates the executor for the options ``--workers`` and ``--scheduler``.
 
     Parameters
     ----------
@@ -336,7 +336,10 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler and close the connection. The attempt can be cancelled, unlike that of a dask client."""
+    """Connect to a scheduler and close the connection.
+
+    This attempt to connect can be cancelled; an attempt of a dask client cannot.
+    """
     from distributed.comm import connect
 
     await (await connect(address)).close()
