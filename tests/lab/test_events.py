@@ -140,7 +140,7 @@ def test_an_event_has_words_in_one_line(event: Event) -> None:
 
 def test_the_words_of_an_off_state_say_how_it_was_determined() -> None:
     off = OffConfirmed(by="run", determined_by="measured", current_A=0.001, limit_A=0.01)
-    assert in_words(off) == "the coil is off, below 0.01 A measured"
+    assert in_words(off) == "the coil is off, the measured current is below 0.01 A"
     off = OffConfirmed(by="run", determined_by="commanded")
     assert in_words(off) == "the coil is off, as the supply reads back; this supply cannot measure a current"
 

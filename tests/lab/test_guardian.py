@@ -328,7 +328,7 @@ def test_a_supply_that_the_run_switched_off_while_a_current_flowed_may_be_found_
             bench.coil.switch(False)
             guardian.recognise()
         assert wait_for(guardian) == 0
-    assert "the coil was switched off, below 0.02 A measured" in capfd.readouterr().err
+    assert "the coil was switched off, the measured current is below 0.02 A" in capfd.readouterr().err
 
 
 IDENTIFIED = ("EIMI,EMULATED SUPPLY,7,1.0", "7")
@@ -389,5 +389,5 @@ def test_the_end_of_the_doubt_is_printed_after_the_doubt() -> None:
     listen(off)
     assert printed == [
         "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try: no answer",
-        "the coil is off, below 0.02 A measured",
+        "the coil is off, the measured current is below 0.02 A",
     ]
