@@ -167,8 +167,8 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
     """Return the changes of the residuals by the stated sources of uncertainty.
 
     The list has an entry for each part of a source. An entry has, for each experiment, the change of the
-    residuals in mm for one standard uncertainty, with the shape (K, G, m) for G groups of m points in K states. It is
-    None if the source does not belong to the experiment.
+    residuals in mm for one standard uncertainty, with the shape (K, G, m) for G groups of m points in K states. The
+    change is None if the source does not belong to the experiment.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))

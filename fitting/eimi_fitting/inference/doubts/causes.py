@@ -309,7 +309,7 @@ class _Weighing:
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean of the squared remaining coefficients over the variance of the noise, for one hypothesis."""
+        """Return the mean square of the remaining coefficients of one hypothesis, over the variance of the noise."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:

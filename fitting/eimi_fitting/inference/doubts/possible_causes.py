@@ -55,7 +55,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the deviations of specimen, directions of the loads, and lens."""
+        """The experiment with the deviations of specimen, loads and lens; `setup` has the factor on the field."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:

@@ -89,7 +89,7 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether a deviation of this source changes the specimen, the directions of the loads, or the lens."""
+        """Whether the source changes the specimen, the lens, or the loads other than by a factor on the field."""
         return any((self.specimen, self.loads, self.lens))
 
     @property

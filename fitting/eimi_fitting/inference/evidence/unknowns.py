@@ -298,7 +298,7 @@ class Unknowns:
     def modulus_percent(self, moved: float) -> float:
         """Return the change of the modulus in per cent if the first unit coordinate changes by ``moved``.
 
-        The first coordinate is that of the modulus and is proportional to its logarithm.
+        The first coordinate is proportional to the logarithm of the modulus, up to a constant.
         """
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 

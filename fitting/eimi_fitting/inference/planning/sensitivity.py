@@ -63,7 +63,7 @@ def edge_sensitivity(
 
     Examples
     --------
-    The weight of a horizontal strip bends it down. A stiffer strip bends less, so the slope is negative.
+    A horizontal strip bends downward under its weight. A stiffer strip bends less, so that the slope is negative.
 
     >>> from eimi_fitting import LAWS, BeamModel, Loads, Specimen, edge_sensitivity
     >>> strip = Specimen(

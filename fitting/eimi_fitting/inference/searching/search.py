@@ -269,7 +269,7 @@ class _Log:
         Raises
         ------
         OtherSearch
-            If that generation does not have ``candidates`` objectives.
+            If the next generation to replay has another number of objectives than ``candidates``.
         """
         if len(self.history) >= len(self._replay):
             return None
