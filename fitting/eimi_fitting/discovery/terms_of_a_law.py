@@ -1,7 +1,7 @@
 """Find the terms of a law from bent beams and tensile curves, or conclude that they are not identifiable.
 
-The steps are: linearise the bending tests about a law close to the solution, join them with the tensile curves, fit all
-small sets of terms, and keep the sets that the noise cannot distinguish from the best set.
+The bending tests are linearised about a law close to the solution and joined with the tensile curves. All small sets of
+terms are fitted. The result is the sets that the noise cannot distinguish from the best set.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ of the beam model (a non-local prior: Johnson and Rossell 2010, J. R. Stat. Soc.
 of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a / size_a|^2, the largest among the
 amplitudes that make up the value of the cause. The factor is near one for amplitudes well above 0.3 of the usual size.
 
-The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes is present with
-the prior probability 1 / M, so that the probability of a hypothesis with |H| causes is proportional to
+The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes has the
+prior probability 1 / M. The probability of a hypothesis with |H| causes is therefore proportional to
 p(r | H) (M - 1)^-|H|. The probability of a cause is the sum over the hypotheses that contain it. The probability of
 `none` is that of the hypothesis without a cause. Causes with nearly the same signature share their probability equally
 (`inference.doubts.collinear_causes`).
@@ -127,8 +127,8 @@ class Weighed:
     in_the_fit : frozenset of str
         Names of the causes that the fit has taken into account, because the inputs were freed or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        For each cause and each experiment, the root mean square residual in mm of each of the K states if this cause
-        alone is taken into account.
+        For each cause and each experiment, the errors of the K states in mm if this cause alone is taken into
+        account.
     """
 
     causes: tuple[Cause, ...]

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
     """Return the step from a point to the minimum of a quadratic function within the unit cube.
 
-    The step d minimises g' d + d' H d / 2 with the gradient g and the Hessian H, such that all coordinates of the point
-    plus d are within 0..1. The step is computed by bounded-variable least squares (Stark and Parker 1995, Comput.
+    The step d minimises g' d + d' H d / 2 with the gradient g and the Hessian H. All coordinates of the point plus d
+    are within 0..1. The step is computed by bounded-variable least squares (Stark and Parker 1995, Comput.
     Statist. 10:129).
 
     Parameters

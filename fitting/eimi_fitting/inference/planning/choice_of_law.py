@@ -10,8 +10,8 @@ Each quantity that is stated with an uncertainty adds the square of its deviatio
 therefore compared at the optimum over its parameters and these quantities. If the quantities were fixed, a wrong width
 would favour a law that imitates the effect of this width.
 
-Let k be the number of unknowns, one noise level for the edges and one for each curve included, and M the sum of N and
-all n. The criteria are
+Let k be the number of unknowns, with one noise level for the edges and one for each curve. M is the sum of N and all n.
+The criteria are
 
     AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
 

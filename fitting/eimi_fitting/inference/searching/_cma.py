@@ -1,8 +1,8 @@
 """Import the package cma without the packages that it uses for plots and surrogate models.
 
 On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither. The two packages
-take 1.5 s of the 1.8 s of the import, which is the time of a whole fit (medians of three fresh processes, with numpy
-and scipy.optimize loaded before). Both packages are therefore hidden from the thread that imports cma. Other threads
+take 1.5 s of the 1.8 s of the import (medians of three fresh processes, with numpy and scipy.optimize loaded before). A
+whole fit takes about the same time. Both packages are therefore hidden from the thread that imports cma. Other threads
 can import them meanwhile.
 """
 

@@ -1,8 +1,8 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The unknowns are the amplitudes q
-in mm of a few smooth modes of shape (`beam.rest_modes`), and the rotation and the shift a of the picture, which do not
-belong to the shape. Let r(q, a) be the residuals of the edges for a simulation that contains the weight. Gauss-Newton
+in mm of a few smooth modes of shape (`beam.rest_modes`), and the rotation and the shift of the picture, together called
+a, which do not belong to the shape. Let r(q, a) be the residuals of the edges for a simulation that contains the weight. Gauss-Newton
 steps minimise |r|^2 with normal priors on q and a, so that q describes the stress-free shape. Because the unknowns are
 few and smooth, the noise of single edge points has little influence.
 
@@ -127,8 +127,8 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     Returns
     -------
     MeasuredRestShape or None
-        The measured shape. None if the measurement is not of edges, if there is no state without load or no state with
-        load, if gravity bends the beam to the side, if no mode is significant, or if no shape explains the edges.
+        The measured shape. None for one of these reasons: edges were not measured, there is no state without load or
+        none with load, gravity bends the beam to the side, no mode is significant, no shape explains the edges.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
