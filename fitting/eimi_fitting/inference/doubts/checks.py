@@ -1,10 +1,10 @@
 """Decide whether a fit can be believed: compare its residuals with the deflection and with the noise.
 
 The beam model does not explain a state under two conditions. The error of the state exceeds three times the stated
-uncertainty, and it exceeds a twentieth of the largest deflection or half the width of the beam. The edges of another beam,
-a wrong scale or a wrong sign of the field cause such residuals. The fit is then refused. Residuals that are many times
-the stated uncertainty of the edges cause a doubt about the result. A probable cause of the residuals is also a doubt if
-it concerns the modulus (`causes`).
+uncertainty, and it exceeds a twentieth of the largest deflection or half the width of the beam. The edges of another
+beam, a wrong scale or a wrong sign of the field cause such residuals. The fit is then refused. Residuals that are many
+times the stated uncertainty of the edges cause a doubt about the result. A probable cause of the residuals is also a
+doubt if it concerns the modulus (`causes`).
 """
 
 from __future__ import annotations

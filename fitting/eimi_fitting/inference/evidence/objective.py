@@ -98,8 +98,8 @@ class Evaluation:
         """Residuals for least squares: those of each experiment, and the standardised residuals z as one more state.
 
         Let K be the number of states, N the number of independent points, and e the median of the mean errors of the
-        valid candidates. The residuals of the additional state are e sqrt(K / N) z, and its error is e. Near the optimum, z then has the same weight in
-        least squares and in the objective.
+        valid candidates. The residuals of the additional state are e sqrt(K / N) z, and its error is e. Near the
+        optimum, z then has the same weight in least squares and in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

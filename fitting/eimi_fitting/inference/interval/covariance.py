@@ -319,8 +319,8 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
     """Return the contribution of the tensile curves to the variance B of the score, shape (n, n).
 
-    The residuals ``z`` at the optimum of the joint fit give the noise of each curve. The noise is at least that of a fit
-    of the law to this curve alone.
+    The residuals ``z`` at the optimum of the joint fit give the noise of each curve. The noise is at least that of a
+    fit of the law to this curve alone.
     """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0

@@ -1,10 +1,10 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The unknowns are the amplitudes q
-in mm of a few smooth modes of shape (`beam.rest_modes`), and the rotation and the shift of the picture, together called
-a, which do not belong to the shape. Let r(q, a) be the residuals of the edges for a simulation that contains the weight. Gauss-Newton
-steps minimise |r|^2 with normal priors on q and a, so that q describes the stress-free shape. Because the unknowns are
-few and smooth, the noise of single edge points has little influence.
+in mm of a few smooth modes of shape (`beam.rest_modes`), and the parameters a of the picture, a rotation and a shift,
+which do not belong to the shape. Let r(q, a) be the residuals of the edges for a simulation that contains the weight.
+Gauss-Newton steps minimise |r|^2 with normal priors on q and a, so that q describes the stress-free shape. Because the
+unknowns are few and smooth, the noise of single edge points has little influence.
 
 The simulation uses the modulus for which a planar Neo-Hookean model of the measured shape explains the states with load
 best. Shape and modulus are computed in turn, three times.
