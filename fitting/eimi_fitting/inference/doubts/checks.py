@@ -282,11 +282,11 @@ def cause_doubts(
             words = "no listed cause and no pair of listed causes explains the residuals"
             return (Doubt(words, dataset, kind="cause"),)
         return ()
-    # A cause that is like one of the fit explains nothing that the fit does not take into account.
-    left = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
-    if not left or left[0].probability < _NAMED or not _concerns(left[0], weighed, estimate, final):
+    # A cause that is like a cause in the fit explains no further residuals.
+    others = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
+    if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final):
         return ()
-    return (Doubt(_causes_in_words(left), dataset, kind="cause"),)
+    return (Doubt(_causes_in_words(others), dataset, kind="cause"),)
 
 
 def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison) -> bool:

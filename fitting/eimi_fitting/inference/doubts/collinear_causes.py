@@ -61,14 +61,14 @@ def classes(
     explains = ((explained**2).sum(axis=1) > _TOLD_APART + counts) & ~negligible
     apart = ((explained[:, None] - explained) ** 2).sum(axis=-1)
     alike = (apart < _TOLD_APART + counts[:, None] + counts) & explains[:, None] & explains
-    left = [int(cause) for cause in np.argsort(-evidence)]
-    found = []
-    while left:
-        first = left.pop(0)
-        members = (first, *[cause for cause in left if alike[first, cause]][: _LARGEST_CLASS - 1])
-        left = [cause for cause in left if cause not in members]
-        found.append(members)
-    return found
+    unassigned = [int(cause) for cause in np.argsort(-evidence)]
+    all_classes = []
+    while unassigned:
+        first = unassigned.pop(0)
+        members = (first, *[cause for cause in unassigned if alike[first, cause]][: _LARGEST_CLASS - 1])
+        unassigned = [cause for cause in unassigned if cause not in members]
+        all_classes.append(members)
+    return all_classes
 
 
 def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
