@@ -34,7 +34,7 @@ MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, dens
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="solid", magnet=MAGNET)
 FLAT = replace(BEAM, section="plane-stress")
 DOWN = np.array([9.80665, 0.0])
-STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0}
+STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0, "remanence": 0.012}
 FIELDS = ((5.0, 30.0), (0.0, 20.0), (7.0, 30.0), (0.0, 20.0))  # mT, and the time in s for which each lasts
 REST_MM = np.column_stack([np.linspace(4, 29, 8), np.zeros(8)])
 NOISE_MM, FRAME_S, RINGING_S = 0.005, 0.015, 16.0

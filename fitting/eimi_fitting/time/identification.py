@@ -29,10 +29,12 @@ from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.law_of_time import (
     EXACT_LOAD,
     FREE_LOAD,
+    LOAD_SOURCES,
     Problem,
     TimeOptimum,
     best_number_of_terms,
     drawn,
+    relative_load_sigmas,
 )
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.result import LawOfTime, result_of
@@ -172,7 +174,11 @@ def identify_time(
     if of_states:
         evidence.append(of_states)
     evidence += [rest for table in tables if (rest := _at_rest(ringing, table, rings)) is not None]
-    load_sigma = FREE_LOAD if specimen.magnet and (of_states or creeps) else EXACT_LOAD
+    has_loads = bool(specimen.magnet and (of_states or creeps))
+    load_sigmas = relative_load_sigmas(stated, specimen) if has_loads else {}
+    load_sigma = (
+        FREE_LOAD if load_sigmas is None else max(float(np.hypot.reduce([0.0, *load_sigmas.values()])), EXACT_LOAD)
+    )
     data_s = _range_s(rings, creeps, of_states)
     range_s = data_s[0], max(data_s[1], _LONGEST_S)
     problems = [
@@ -180,7 +186,11 @@ def identify_time(
         for count in range(1, most_terms + 1)
     ]
     best, optima = best_number_of_terms(problems, seed)
-    sources = {s.source: s.standard_uncertainty for s in stated if s.standard_uncertainty}
+    sources = {
+        s.source: s.standard_uncertainty
+        for s in stated
+        if s.standard_uncertainty and not (has_loads and s.source in LOAD_SOURCES)
+    }
     steps = best.steps(sources)
     omegas = 2 * np.pi * np.unique([mode.frequency_Hz for ring in rings for _, mode in ring.modes])
     if not best.converged:
@@ -197,6 +207,7 @@ def identify_time(
         data_s=data_s,
         sources=sources,
         steps=steps,
+        load_sigmas=load_sigmas or {},
         draws=drawn(best, steps, seed, omegas),
         draws_fit=drawn(best, steps, seed, omegas, of_sources=False),
         doubts=tuple(dict.fromkeys(doubts)),

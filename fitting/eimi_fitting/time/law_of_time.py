@@ -15,13 +15,15 @@ The chosen number of terms is the smallest number whose evidence is near the lar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.searching.search import search
 from eimi_fitting.time.evidence import Evidence
 from eimi_fitting.time.terms import Terms
@@ -39,8 +41,23 @@ _STEP = 1e-4  # step of the finite differences, in units of the unknowns
 _FAILED = 1e3  # residual of a candidate without an equilibrium
 _NEAR_EVIDENCE = 1.0  # the fewest terms are taken whose ln Z is within this of the largest
 FREE_LOAD = 0.3
-"""Prior standard deviation of the logarithm of the factor on magnetic loads if the moment is to be identified."""
+"""Prior standard deviation of the logarithm of the factor on magnetic loads if no file gives that of the moment."""
 EXACT_LOAD = 1e-4
+"""The smallest prior standard deviation of this logarithm."""
+_OF_MOMENT = ("moment", "remanence")
+LOAD_SOURCES = (*_OF_MOMENT, "coil")
+"""Keys of the sources that multiply all magnetic loads, so that the factor on these loads contains their errors."""
+
+
+def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
+    """Return the relative standard uncertainties of the magnetic loads by source; None if the moment has none."""
+    magnet = specimen.magnet
+    if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
+        return None
+    sigmas = {source.source: source.standard_uncertainty for source in stated if source.source in LOAD_SOURCES}
+    if "remanence" in sigmas:
+        sigmas["remanence"] /= abs(magnet.remanence_T)
+    return {key: sigma for key, sigma in sigmas.items() if sigma}
 
 
 @dataclass(frozen=True)
@@ -136,6 +153,19 @@ class TimeOptimum:
             rows = np.concatenate([effect[key] for effect in effects], axis=1)
             moves[key] = np.concatenate([rows, np.zeros((len(rows), m))], axis=1) @ gain.T
         return moves
+
+    def load_step(self, sigma: float) -> Array:
+        """Return the move (m,) of the optimum if the mean of the prior of the load factor moves by ``sigma``."""
+        return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
+
+    def with_free_load(self) -> TimeOptimum:
+        """Return the optimum near this one in which the moment has no stated uncertainty, only its wide prior."""
+        problem = replace(self.problem, load_sigma=FREE_LOAD)
+        unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
+        chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
+        return TimeOptimum(
+            problem, unknowns, jacobian, chi2, self.log_evidence, self.evaluations + evaluations, converged
+        )
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:

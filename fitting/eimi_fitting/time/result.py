@@ -15,7 +15,7 @@ from eimi_fitting.inference.interval.budget import BudgetEntry
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.decay import Window
 from eimi_fitting.time.evidence import CreepEvidence, RingEvidence, StaticEvidence
-from eimi_fitting.time.law_of_time import FREE_LOAD, TimeOptimum
+from eimi_fitting.time.law_of_time import TimeOptimum
 from eimi_fitting.time.small_effects import SmallEffect, small_effects
 from eimi_fitting.time.terms import Terms
 
@@ -173,6 +173,7 @@ def result_of(
     data_s: tuple[float, float],
     sources: Mapping[str, float],
     steps: Mapping[str, Array],
+    load_sigmas: Mapping[str, float],
     draws: Array,
     draws_fit: Array,
     doubts: tuple[str, ...],
@@ -204,14 +205,13 @@ def result_of(
     long_term = float((instantaneous * series.long_term)[0])
     moment = None
     doubts_found = list(doubts)
-    if optimum.problem.load_sigma == FREE_LOAD and static is not None:
-        value = float(np.exp(optimum.unknowns[-1]))
-        moment = Quantity(
-            value, "1", _interval(value, np.exp(draws[:, -1])), _interval(value, np.exp(draws_fit[:, -1]))
-        )
-        if not moment.interval_95[0] <= 1 <= moment.interval_95[1]:
+    if specimen.magnet is not None and static is not None:
+        moment = _moment(optimum.with_free_load(), sources)
+        half_width = np.log(moment.interval_95[1] / moment.value)
+        stated = NORMAL_95 * float(np.hypot.reduce([0.0, *load_sigmas.values()]))
+        if abs(np.log(moment.value)) > np.hypot(half_width, stated):
             doubts_found.append(
-                f"static and dynamic states agree only with {value:.3f} times the stated magnetic moment "
+                f"static and dynamic states agree only with {moment.value:.3f} times the stated magnetic moment "
                 f"(95 % interval {moment.interval_95[0]:.3f} to {moment.interval_95[1]:.3f})"
             )
     rows = optimum.problem.rows(at).shape[1]
@@ -242,7 +242,7 @@ def result_of(
         ),
         ring_downs=tuple(_ring_down(ring) for ring in rings),
         creep=tuple(_creep_curve(one, instantaneous, series, optimum.unknowns[-1:]) for one in creeps),
-        budget=_budget(terms, optimum, omega, dynamic, draws_fit, sources, steps, small),
+        budget=_budget(terms, optimum, omega, dynamic, draws_fit, sources, steps, load_sigmas, small),
         small_effects=small,
         log_evidence=tuple(one.log_evidence for one in optima),
         chi2=optimum.chi2,
@@ -251,6 +251,18 @@ def result_of(
         evaluations=sum(one.evaluations for one in optima),
         wall_s=wall_s,
     )
+
+
+def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
+    """Return the factor on the stated moment with which static and dynamic states agree, if the moment is free."""
+    value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
+    total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(sources).values())
+
+    def interval(variance: float) -> tuple[float, float]:
+        reach = float(np.exp(NORMAL_95 * np.sqrt(variance)))
+        return value / reach, value * reach
+
+    return Quantity(value, "1", interval(total), interval(noise))
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
@@ -328,15 +340,27 @@ def _budget(
     draws_fit: Array,
     sources: Mapping[str, float],
     steps: Mapping[str, Array],
+    load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
     """Return the effect of each source, of the noise and of the small effects on the dynamic modulus."""
     entries = []
+
+    def effect_percent(moves: Array) -> float:
+        ends = [storage_modulus(terms, optimum.unknowns + sign * moves, omega) for sign in (1, -1)]
+        return float(50 * np.sqrt(((ends[0] - ends[1]) ** 2).sum()) / dynamic)
+
     for key, sigma in sources.items():
-        ends = [storage_modulus(terms, optimum.unknowns + sign * steps[key], omega) for sign in (1, -1)]
-        effect = 50 * np.sqrt(((ends[0] - ends[1]) ** 2).sum()) / dynamic
-        entries.append(BudgetEntry(key, SOURCES[key].words, sigma, SOURCES[key].unit, (0,), float(effect)))
+        effect = effect_percent(steps[key])
+        entries.append(BudgetEntry(key, SOURCES[key].words, sigma, SOURCES[key].unit, (0,), effect))
+    of_loads = 0.0
+    for key, sigma in load_sigmas.items():
+        effect = effect_percent(optimum.load_step(sigma)[None])
+        of_loads += effect**2
+        entries.append(BudgetEntry(key, SOURCES[key].words, sigma, "1", (0,), effect))
+    # The draws contain the prior of the load factor, which is not noise.
     noise = 100 * float(np.std(np.log(storage_modulus(terms, draws_fit, omega))))
+    noise = float(np.sqrt(max(noise**2 - of_loads, 0.0)))
     entries.append(BudgetEntry("noise", "noise of the recordings, mesh and depth", noise / 100, "1", (0,), noise))
     entries += [
         BudgetEntry(effect.source, effect.words, effect.modulus_percent / 100, "1", (0,), effect.modulus_percent)

@@ -156,7 +156,8 @@ def test_the_first_screen_states_the_result_of_a_fit(
     verdicts = {verdict.question: verdict for verdict in finding.verdicts}
     belief = verdicts["Can it be believed?"]
     assert belief.answer == "budget stated"
-    assert "beam is 12 µm (0.31 pixel), and 23 µm in states left out" in belief.words
+    assert "beam is 12 µm (0.31 pixel) from the measured beam" in belief.words
+    assert "mean over the states), and 23 µm in states left out" in belief.words
     assert verdicts["What is extrapolated?"].answer == "beyond 25.0 % strain"
     assert "a stretch of 1.250" in verdicts["What is extrapolated?"].words
     assert "by width, whose standard uncertainty moves the modulus by 3 %" in finding.limit
