@@ -17,7 +17,7 @@ _ITERATIONS, _TOLERANCE = 50, 1e-10
 
 
 def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
-    """Return where a lens without distortion would image the points.
+    """Return the places at which a lens without distortion would image the points.
 
     Parameters
     ----------
@@ -41,16 +41,19 @@ def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
 
 
 class BeamFrame:
-    """The beam frame of a calibration.
+    """The map between pixels and the beam frame of a calibration.
 
-    The origin is the middle of the clamp line. The x axis runs along the undeformed beam away from the clamp. The y
-    axis is perpendicular to it, toward the positive coil field. With the unit vectors a (along x) and b (along y) in
-    the image, the middle of the clamp line p0 and the scale s in px/mm,
+    The origin of the beam frame is the middle of the clamp line. The x axis runs along the undeformed beam, away from
+    the clamp. The y axis is perpendicular to the x axis, on the side toward which the positive coil field points. A
+    point p of the image (px) has the coordinates
 
-        x = (p - p0) · a / s,    y = (p - p0) · b / s.
+        x = (p - p0) · a / s,    y = (p - p0) · b / s
 
-    If the calibration has a camera matrix, the points p are undistorted first. `clamp_midpoint_px` is a place in the
-    camera's own image; the angles of the calibration are measured in the undistorted image.
+    in mm, with the middle of the clamp line p0 (px), the unit vectors a (along x) and b (along y) in the image, and the
+    scale s (px/mm).
+
+    If the calibration has a camera matrix, p and p0 are places in the undistorted image. `clamp_midpoint_px` of the
+    calibration is a place in the camera's own image, and its angles are measured in the undistorted image.
 
     Parameters
     ----------
@@ -60,7 +63,7 @@ class BeamFrame:
     Attributes
     ----------
     hand : float
-        +1 if y is a quarter turn clockwise of x in the image, -1 if it is anticlockwise.
+        +1 if the y axis is a quarter turn clockwise of the x axis in the image, -1 if it is anticlockwise.
     gravity_deg, field_deg : float
         Directions of gravity and of the positive field in the beam frame, from +x toward +y, from -180 to 180.
 
@@ -94,7 +97,7 @@ class BeamFrame:
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:
-        """Map image pixels (n, 2) to millimetres (n, 2) in the beam frame."""
+        """Map points (n, 2) of the image, px, to the beam frame; return them in mm, (n, 2)."""
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
@@ -103,7 +106,7 @@ class BeamFrame:
         return np.asarray(self._axes @ np.array(vector))
 
     def to_px(self, points_mm: ArrayLike) -> Array:
-        """Map millimetres (n, 2) in the beam frame to image pixels (n, 2)."""
+        """Map points (n, 2) in the beam frame, mm, to the image; return them in px, (n, 2)."""
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
@@ -115,27 +118,27 @@ class BeamFrame:
         return np.asarray(image_points, dtype=np.float64).reshape(-1, 2)
 
     def view(self, depth_mm: float, size: tuple[int, int]) -> View | None:
-        """Return the perspective in which the lens sees the depth of a specimen.
+        """Return the perspective in which the lens images a specimen of the given depth.
 
-        The optical axis passes through the principal point of the camera matrix, or through the centre of the image if
-        there is no camera matrix.
+        The optical axis passes through the principal point of the camera matrix. Without a camera matrix, the optical
+        axis passes through the centre of the image.
 
         Parameters
         ----------
         depth_mm : float
-            Depth of the specimen.
+            Depth of the specimen, along the optical axis.
         size : tuple of int
             Width and height of the images, px.
 
         Returns
         -------
         View or None
-            None for a telecentric lens, or if the calibration states no stand-off.
+            None for a telecentric lens, or if the calibration has no `stand_off_mm`.
 
         Raises
         ------
         ValueError
-            If half the depth reaches the lens.
+            If the stand-off is not more than half of the depth.
         """
         if self._stand_off_mm is None:
             return None
@@ -158,5 +161,8 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle clockwise from the beam's axis in the image into an angle from +x toward +y, -180 to 180."""
+        """Convert an angle (degrees) measured in the image clockwise from the beam's axis into the beam frame.
+
+        The returned angle (degrees) is measured from +x toward +y and lies between -180 and 180.
+        """
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

@@ -1,4 +1,4 @@
-"""A quality check of a state, the flag that it raises, and how severe the flag is.
+"""A quality check of a state, the flag that the check raises, and the severity of the flag.
 
 The table of all checks is in `flags`.
 """
@@ -11,10 +11,10 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """The consequence of a flag for its state.
+    """The consequence of a flag for the state that has the flag.
 
-    UNUSABLE: a fit leaves the state out. DOUBTFUL: a fit uses the state, and gives its points a larger standard
-    deviation. NOTE: the fit is not affected; a person should read the remedy.
+    UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, and its points get a larger standard
+    deviation. NOTE: the fit is not affected, but a person should read the remedy.
     """
 
     UNUSABLE = "unusable"
@@ -24,7 +24,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """A quality check that a state did not pass.
+    """The record of a quality check that a state did not pass.
 
     Attributes
     ----------
@@ -33,15 +33,15 @@ class Flag:
     value : float
         The measured value.
     limit : float
-        The limit that the value exceeds, or falls below.
+        The limit that the value is above or, for some checks, below.
     remedy : str
-        One sentence that says what to do about the flag.
+        A sentence that tells a person what to do.
     severity : Severity
-        What the flag means for the state.
+        The consequence of the flag for the state.
     widens : float
-        Standard deviation that is added, as a root sum of squares, to that of the state's points.
+        Standard deviation that the flag adds to the points of the state. The variances are added.
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of `widens`: pixels, millimetres, or shares of the specimen's width or depth.
+        Unit of `widens`: pixels, millimetres, or the specimen's width or depth as the unit.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return the added standard deviation of the points in mm.
+        """Return the standard deviation (mm) that the flag adds to the points of the state.
 
         Parameters
         ----------
@@ -69,32 +69,32 @@ class Flag:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One row of the table of flags.
+    """One quality check of a state: a row of the table of flags.
 
     Attributes
     ----------
     name : str
-        Name of the flag. Two checks may raise a flag of the same name.
+        Name of the flag that the check raises. Several checks may raise a flag of the same name.
     finding : str
-        Name under which the value is measured; unique in the table.
+        Key of the measured value; unique in the table.
     quantity : str
-        The quantity and its unit, in the words of the documentation.
+        The measured quantity and its unit, as the documentation names them.
     limit : float
-        Values above the limit are flagged.
+        The check raises its flag for values above this limit.
     remedy : str
-        One sentence that says what to do. `flag` replaces the words in braces.
+        A sentence that tells a person what to do. `flag` replaces the words in braces.
     picture : str
-        The content of the rendered example picture; stated once for each name.
+        Content of the rendered example picture. Of several checks with the same name, only one has a picture.
     below : bool
-        Flag values below the limit in place of those above it.
+        Whether the flag is raised for values below the limits, and not for values above the limits.
     severity : Severity
         Severity of a value beyond the limit.
     unusable_beyond : float, optional
-        Beyond this second limit the state is unusable.
+        Second limit: a value beyond this limit makes the state unusable.
     widens : callable, optional
-        Map a doubtful value to the standard deviation that it adds to the state's points.
+        Return the standard deviation that a doubtful value adds to the points of the state.
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of the value that `widens` returns; see `Flag`.
+        Unit of the standard deviation that `widens` returns; see `Flag`.
 
     Examples
     --------
@@ -120,14 +120,14 @@ class Check:
     widens_in: str = "px"
 
     def flag(self, value: float, limit: float | None = None, **words: str) -> Flag:
-        """Return the flag for a value that is beyond the limit.
+        """Return the flag for a value that is beyond the limit of the check.
 
         Parameters
         ----------
         value : float
             The measured value.
         limit : float, optional
-            Limit to report in place of the table's.
+            Limit that the flag reports in place of the limit in the table.
         **words : str
             Replacements for the words in braces in the remedy.
         """

@@ -1,4 +1,4 @@
-"""The field at the beam, as a calibration states it: the shape of the coil's field and the background field."""
+"""The magnetic field at the beam that a calibration gives: the shape of the coil's field, and the background field."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 
 def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) -> Loads:
-    """Return loads with the shape of the coil's field and the background field of a calibration.
+    """Return the loads with the shape of the coil's field and the background field that a calibration gives.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
     Raises
     ------
     InputError
-        If the stated field does not fit to the specimen.
+        If a loop of the coil passes through the place of the beam, or if the field map of the calibration does not
+        cover the magnet.
     """
     background_T = stated_background_T(calibration)
     loads = replace(loads, coil=stated_coil(calibration, specimen))
@@ -41,7 +42,13 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
 
 
 def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
-    """Return the stated shape of the coil's field; None if uniform. Raises InputError like `in_stated_field`."""
+    """Return the shape of the coil's field that a calibration gives, or None if the field is uniform.
+
+    Raises
+    ------
+    InputError
+        See `in_stated_field`.
+    """
     if calibration.field is None or not calibration.field.is_uneven:
         return None
     try:
@@ -51,5 +58,5 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the stated background field in the beam frame, (2,) in T; zero if none is stated."""
+    """Return the background field of a calibration in the beam frame, (2,) in T; zero if the calibration has none."""
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

@@ -1,7 +1,7 @@
-"""The table of all quality checks: the quantity, its limit, the severity, the remedy and an example picture.
+"""The table of all quality checks, with the measured quantity, limit, severity and remedy of each check.
 
-A state with an unusable flag is left out of a fit. A state with a doubtful flag is used, and the check determines how
-much the standard deviation of its points grows. A note is for a person to read.
+A state with an unusable flag is left out of a fit. A state with a doubtful flag is used; the check determines the
+standard deviation that is added to its points. A note does not affect a fit.
 
 To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """
@@ -16,9 +16,10 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 
 
 def _motion_px(ratio: float) -> float:
-    """Return the motion of a beam (px) between two frames with the given settling ratio (see `settling_statistic`).
+    """Return the motion of a beam (px) between two frames whose settling ratio is given (see `settling_statistic`).
 
-    The excess of the ratio over 1 grows with the square of the motion. Measured: 1.06 at 1/20 px and 2.3 at 1/5 px.
+    The excess of the ratio over 1 grows with the square of the motion. Measured ratios: 1.06 at a motion of 1/20 px,
+    2.3 at 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
@@ -28,11 +29,11 @@ CHECKS = (
     Check(
         name="LOW_CONTRAST",
         finding="contrast",
-        quantity="step of the grey value at the edge, share of full scale",
+        quantity="difference between the grey values outside and inside the edge, share of full scale",
         limit=0.2,
         below=True,
-        remedy="Brighten the back-light or the exposure, and check that the beam hangs where "
-        "clamp_midpoint_px and axis_angle_deg say.",
+        remedy="Use a brighter back-light or a longer exposure, and check that clamp_midpoint_px and axis_angle_deg "
+        "give the place and the direction of the beam.",
         picture="a back-light of 12 % of full scale",
         severity=Severity.NOTE,  # the scatter of the points already shows the noise
         unusable_beyond=0.03,
@@ -40,7 +41,7 @@ CHECKS = (
     Check(
         name="SATURATED",
         finding="saturated_share",
-        quantity="share of the back-light (or of the lit beam) that is clipped",
+        quantity="share of clipped pixels in the back-light (or in the lit beam)",
         limit=0.01,
         remedy="Lower the exposure or the gain until the back-light stays below 90 % of full scale.",
         picture="a back-light of 120 % of full scale",
@@ -60,7 +61,7 @@ CHECKS = (
     Check(
         name="CLAMP_NOT_FOUND",
         finding="clamp_seen",
-        quantity="share of profiles beside the beam that show the clamp",
+        quantity="share of the grey-value profiles beside the beam that show the edge of the clamp",
         limit=0.5,
         below=True,
         remedy="Make the clamp's edge visible on both sides of the beam, or correct clamp_midpoint_px and "
@@ -71,10 +72,10 @@ CHECKS = (
     Check(
         name="CALIBRATION_STALE",
         finding="clamp_offset_mm",
-        quantity="distance of the clamp from its calibrated place, mm",
+        quantity="distance of the clamp from clamp_midpoint_px, mm",
         limit=0.1,
-        remedy="Calibrate again, or correct clamp_midpoint_px: the beam leaves its clamp this many millimetres away "
-        "from that point.",
+        remedy="Calibrate again, or correct clamp_midpoint_px: the value is the distance in millimetres from this "
+        "point to the place where the beam leaves its clamp.",
         picture="a calibration 400 days old",
         severity=Severity.DOUBTFUL,
         widens=lambda offset_mm: offset_mm,
@@ -85,13 +86,13 @@ CHECKS = (
         finding="calibration_age_days",
         quantity="age of the calibration when the frames were taken, days",
         limit=90.0,
-        remedy="Calibrate again, or check that calibrated_on is right: the calibration was this many days old.",
+        remedy="Calibrate again, or check calibrated_on: the value is the age of the calibration in days.",
         severity=Severity.NOTE,
     ),
     Check(
         name="TOUCHES_FRAME",
         finding="touches_frame",
-        quantity="1 if the beam leaves the picture",
+        quantity="1 if the beam reaches the border of the picture",
         limit=0.0,
         remedy="Bring the whole beam into the picture.",
         picture="the picture's lower third is missing",
@@ -108,7 +109,7 @@ CHECKS = (
     Check(
         name="HOLE_OR_REFLECTION",
         finding="hole_share",
-        quantity="largest bright patch in the beam, share of its width squared",
+        quantity="area of the largest bright patch in the beam, divided by the square of the beam's width",
         limit=0.002,
         remedy="Shade the front of the beam from light, and look for holes and bubbles that let the back-light "
         "through.",
@@ -118,10 +119,10 @@ CHECKS = (
     Check(
         name="CORNER_AMBIGUOUS",
         finding="corner_turn_deg",
-        quantity="turn of the outline at the less sharp corner of the tip, degrees",
+        quantity="angle by which the outline turns at the less sharp corner of the tip, degrees",
         limit=55.0,
         below=True,
-        remedy="Look at the tip: cut it square, clean it, and keep both of its corners in the picture.",
+        remedy="Cut the tip square, clean it, and keep both corners of the tip in the picture.",
         picture="a round tip",
         severity=Severity.NOTE,  # only the long edges are compared, but the beam must have a tip
         unusable_beyond=10.0,
@@ -129,7 +130,7 @@ CHECKS = (
     Check(
         name="DEFOCUS",
         finding="blur_px",
-        quantity="blur, px",
+        quantity="standard deviation of the blur at the edges, px",
         limit=2.5,
         remedy="Focus on the beam's middle plane, or stop the lens down.",
         picture="a blur of 4 px",
@@ -139,10 +140,10 @@ CHECKS = (
     Check(
         name="EDGE_RESIDUAL",
         finding="residual",
-        quantity="RMS residual of the blurred step that is fitted to a profile, share of the step",
+        quantity="RMS residual of the blurred step fitted to a grey-value profile, share of the height of the step",
         limit=0.03,
-        remedy="Look for dirt, reflections or anything else at the edges, and keep them clear of the picture's border; "
-        "average more frames if the image is noisy, and give --flat if pixels or light are uneven.",
+        remedy="Remove dirt and reflections at the edges, keep the edges away from the border of the picture, average "
+        "more frames if the image is noisy, and give --flat if the pixels or the light are uneven.",
         picture="dirt on the left edge",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.15,
@@ -151,11 +152,11 @@ CHECKS = (
     Check(
         name="WIDTH_ANOMALY",
         finding="width_deviation",
-        quantity="relative deviation from the specimen's width (beyond 0.5 no edges are returned)",
+        quantity="relative deviation of the measured width from width_mm (beyond 0.5 no edges are returned)",
         limit=0.05,
         remedy="Check width_mm and pixels_per_mm, look for dirt or another body that touches the beam, and check that "
-        "it is not twisted{even_turn}.",
-        picture="a specimen stated 10 % too wide",
+        "the beam is not turned about its axis{even_turn}.",
+        picture="a width_mm that is 10 % too large",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.15,
         widens=lambda share: 0.5 * share,  # half of the deviation at each edge
@@ -165,10 +166,10 @@ CHECKS = (
     Check(
         name="TWIST",
         finding="twist_deg",
-        quantity="turn of the tip about the beam's axis, degrees",
+        quantity="angle by which the tip is turned about the beam's axis, degrees",
         limit=1.5,
-        remedy="Mount the beam so that it bends in the plane of the image; this twist alone changes a fitted modulus "
-        "by {twist_effect} %, and it is a sign of a load out of the plane.",
+        remedy="Mount the beam so that it bends in the plane of the image: the twist changes a fitted modulus by "
+        "{twist_effect} %, and it shows that a load acts out of this plane.",
         picture="a tip turned by 2 degrees",
         severity=Severity.DOUBTFUL,
         unusable_beyond=10.0,
@@ -178,10 +179,10 @@ CHECKS = (
     Check(
         name="LENGTH_ANOMALY",
         finding="length_deviation",
-        quantity="relative deviation from the specimen's length",
+        quantity="relative deviation of the measured length from length_mm",
         limit=0.10,
-        remedy="Check length_mm and pixels_per_mm, and that nothing hides a part of the beam.",
-        picture="a specimen stated 13 % too long",
+        remedy="Check length_mm and pixels_per_mm, and check that nothing hides a part of the beam.",
+        picture="a length_mm that is 13 % too large",
         severity=Severity.NOTE,
         unusable_beyond=0.25,
     ),
@@ -205,25 +206,26 @@ CHECKS = (
     Check(
         name="DUPLICATE",
         finding="repeated_frames",
-        quantity="number of frames that equal the frame before bit for bit",
+        quantity="number of frames that are identical to the previous frame, or have no larger number",
         limit=0.0,
         remedy="Check that the camera delivers new frames and does not repeat an old one.",
-        picture="the third frame is the second",
+        picture="a third frame that repeats the second",
         severity=Severity.NOTE,
     ),
     Check(
         name="DUPLICATE",
         finding="repeated_images",
-        quantity="number of imported images that equal the last image of the state before bit for bit",
+        quantity="1 if the first image of a state is identical to the last image of the previous state (`eimi import`)",
         limit=0.0,
-        remedy="Look for the right image: {image} equals, bit for bit, the image before it, which has another load.",
+        remedy="Import the right image: {image} is identical to the previous image, which belongs to another load.",
     ),
     Check(
         name="NOT_SETTLED",
         finding="settling_ratio",
-        quantity="mean squared difference of frames while waiting, over that of their noise (limit in the protocol)",
+        quantity="mean squared difference of two frames at the end of the wait, divided by that of noise alone "
+        "(limit in the protocol)",
         limit=1.2,
-        remedy="Raise settle.timeout_s in the protocol, or shield the beam from draught and vibration.",
+        remedy="Increase settle.timeout_s in the protocol, or shield the beam from draught and vibration.",
         picture="the beam moves from frame to frame",
         severity=Severity.DOUBTFUL,
         unusable_beyond=30.0,
@@ -232,7 +234,7 @@ CHECKS = (
     Check(
         name="NOT_SETTLED",
         finding="motion_ratio",
-        quantity="mean squared difference of a state's imported images, over that of their noise",
+        quantity="mean squared difference of two imported images of a state, divided by that of noise alone",
         limit=1.2,  # the ratio is 1 at rest, 1.06 for a motion of 1/20 px and 2.3 for 1/5 px
         remedy="Take the frames of a state after the beam has come to rest, and shield it from draught and vibration.",
         severity=Severity.DOUBTFUL,
@@ -248,16 +250,16 @@ def judge(
     limits: Mapping[str, float] | None = None,
     words: Mapping[str, str] | None = None,
 ) -> tuple[Flag, ...]:
-    """Return the flags that the measured values raise, in the order of the table.
+    """Return the flags that measured values raise, in the order of the table.
 
     A quantity that was not measured raises no flag.
 
     Parameters
     ----------
     findings : mapping of str to float
-        Measured values, by the names `Check.finding` of the table.
+        Measured values. The keys are those of the table (`Check.finding`).
     limits : mapping of str to float, optional
-        Limits that replace those in the table, by the same names.
+        Limits that replace limits of the table, with the same keys.
     words : mapping of str to str, optional
         Replacements for the words in braces in the remedies.
 
@@ -268,7 +270,7 @@ def judge(
     Raises
     ------
     KeyError
-        If `findings` or `limits` has a name that is not in the table.
+        If `findings` or `limits` has a key that is not in the table.
 
     Examples
     --------
@@ -278,7 +280,7 @@ def judge(
     """
     limits = limits or {}
     if unknown := (findings.keys() | limits.keys()) - CHECK_OF.keys():
-        raise KeyError(f"the table of flags has no {', '.join(sorted(unknown))}")
+        raise KeyError(f"the table of flags has no check of {', '.join(sorted(unknown))}")
     raised = []
     for check in CHECKS:
         value, limit = findings.get(check.finding), limits.get(check.finding, check.limit)

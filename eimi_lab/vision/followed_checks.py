@@ -1,7 +1,7 @@
-"""The rows of the table of flags for edges that were followed from the clamp (see `following`).
+"""The quality checks of edges that were followed from the clamp (see `following`): a part of the table of flags.
 
-The *followed path* is the stretch of the beam from the clamp to where the search ended. An edge is *sure* at a place
-where `following.support` accepts it.
+The *followed path* is the part of the beam from the clamp to the place at which the search ended. An edge is *sure* at
+a place if `following.support` accepts the edge there.
 """
 
 from __future__ import annotations
@@ -14,43 +14,46 @@ FOLLOWED = (
     Check(
         name="TOO_NARROW",
         finding="followed_px",
-        quantity="width of a beam without a silhouette, px",
+        quantity="width of a beam that is to be followed from its clamp, px",
         limit=6.0,
         below=True,
-        remedy="Move the camera nearer or use a longer lens: the beam is {narrow_px} px wide and should be at least 6.",
+        remedy="Move the camera nearer or use a longer lens: the beam is {narrow_px} px wide and should be at least 6 "
+        "px wide.",
         picture="a coloured beam 5 px wide on cloth",
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_click",
-        quantity="distance of the farthest clicked point from the followed path, beyond 10 px, in beam widths",
+        quantity="distance of the farthest clicked point from the followed path, less 10 px, in beam widths",
         limit=0.5,
         remedy="Correct --along: {clicks_off}.",
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_length",
-        quantity="length over which the beam was followed from its clamp, share of its stated length",
+        quantity="length of the followed path, share of length_mm",
         limit=0.55,
         below=True,
-        remedy="Look in the overlay where the search ended; check clamp_midpoint_px, axis_angle_deg, width_mm and "
+        remedy="See in the overlay where the followed path ends, check clamp_midpoint_px, axis_angle_deg, width_mm and "
         "pixels_per_mm, and put something of another colour behind the beam.",
         picture="two thirds of a beam behind a plate",
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_stretch",
-        quantity="length over which the beam was followed, if both edges are clear and have no gap",
+        quantity="length of the followed path, share of length_mm, if both edges are clear and without gaps",
         limit=0.55,
         below=True,
-        remedy="Only this part of the beam is used: see in the overlay what covers the rest, and check length_mm.",
+        remedy="See in the overlay what covers the rest of the beam, and check length_mm: a fit uses only the followed "
+        "part.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.4,
     ),
     Check(
         name="NOT_FOLLOWED",
         finding="followed_sides",
-        quantity="share of the followed path on which the worse edge is sure, if long stretches are not",
+        quantity="share of the followed path on which the less sure edge is sure, if a gap is a tenth of the path or "
+        "longer",
         limit=0.7,
         below=True,
         remedy="See in the overlay which edge is lost, and put something of another colour behind the beam there.",
@@ -58,11 +61,12 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_patches",
-        quantity="share of the followed path on which the worse edge is sure, if no gap is a tenth of the path",
+        quantity="share of the followed path on which the less sure edge is sure, if every gap is shorter than a tenth "
+        "of the path",
         limit=0.7,
         below=True,
-        remedy="Check in the overlay that the sure places lie on the edge; an even background and light from the sides "
-        "show more of it.",
+        remedy="Check in the overlay that the sure places lie on the edge, put an even background behind the beam, and "
+        "light the beam from the sides.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.4,
         widens=lambda share: 0.05 * (1.0 - share),
@@ -71,7 +75,7 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_contrast",
-        quantity="difference between the colours on both sides of the worse edge, in standard deviations",
+        quantity="difference between the colours inside and outside the less clear edge, in standard deviations",
         limit=3.0,
         below=True,
         remedy="Put something even and of another colour behind the beam, and light it evenly.",
@@ -79,7 +83,7 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_gain",
-        quantity="mean evidence for the beam along the followed path, at most 1.2",
+        quantity="mean evidence for the beam along the followed path (at most 1.2)",
         limit=0.2,
         below=True,
         remedy="Put something even and of another colour behind the beam: the evidence for the followed body is weak.",
@@ -87,11 +91,12 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_faint",
-        quantity="mean evidence for the beam, if both edges are sure without a gap from the clamp to the tip",
+        quantity="mean evidence for the beam along the followed path, if both edges are sure on 95 % of it and it ends "
+        "near the tip",
         limit=0.2,
         below=True,
-        remedy="Check in the overlay that the edges are those of the beam: the evidence is weak; put something even "
-        "and of another colour behind the beam.",
+        remedy="Check in the overlay that the edges are those of the beam, because the evidence is weak, and put "
+        "something even and of another colour behind the beam.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.0,
         widens=lambda gain: 0.1 * (0.2 - gain),
@@ -102,15 +107,15 @@ FOLLOWED = (
         finding="followed_begin",
         quantity="distance from the clamp to the first place at which both edges are sure, in beam widths",
         limit=1.5,
-        remedy="Check clamp_midpoint_px and axis_angle_deg: the beam must begin there.",
+        remedy="Check clamp_midpoint_px and axis_angle_deg: the beam should begin there, but its edges are unclear.",
     ),
     Check(
         name="WIDTH_ANOMALY",
         finding="followed_width",
-        quantity="absolute logarithm of the followed width over the specimen's width",
+        quantity="absolute value of the logarithm of the followed width divided by width_mm",
         limit=0.1,  # the error of a width read by eye; a hard shadow widens a beam by as much
-        remedy="Check width_mm and pixels_per_mm: the followed body is another one, or includes its shadow, or the "
-        "beam has another width.",
+        remedy="Check width_mm and pixels_per_mm, and check in the overlay that neither another body nor the beam with "
+        "its shadow was followed.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.21,
         widens=lambda share: 0.5 * share,  # half of the deviation at each edge
@@ -119,26 +124,27 @@ FOLLOWED = (
     Check(
         name="LENGTH_ANOMALY",
         finding="followed_beyond",
-        quantity="length over which a body was followed beyond the end of the beam, share of the stated length",
+        quantity="length of the followed path, share of length_mm (more than 1 if it continues beyond the tip)",
         limit=1.15,
-        remedy="Check length_mm and pixels_per_mm; check in the overlay that the followed body is the beam, and look "
-        "what is behind its tip.",
+        remedy="Check length_mm and pixels_per_mm, and check in the overlay that the beam was followed, and not a body "
+        "behind its tip.",
         severity=Severity.DOUBTFUL,
     ),
     Check(
         name="WIDTH_ANOMALY",
         finding="followed_narrowing",
-        quantity="relative narrowing of the followed body toward its tip",
+        quantity="relative amount by which a fifth of the followed path is narrower than a fifth nearer to the clamp",
         limit=0.4,
-        remedy="Check in the overlay what was followed: a beam of one width does not taper this much.",
+        remedy="Check in the overlay that the beam was followed: a beam of constant width does not become so much "
+        "narrower.",
     ),
     Check(
         name="WIDTH_ANOMALY",
         finding="followed_change",
-        quantity="relative difference of the followed body's widest and narrowest fifths",
+        quantity="relative difference between the widths of the widest and the narrowest fifth of the followed path",
         limit=0.08,
-        remedy="Check in the overlay whether the border of a shadow or another body was taken for an edge; a lens at a "
-        "short distance also shows a beam wider where it is nearer.",
+        remedy="Check in the overlay whether the border of a shadow or another body was taken for an edge, and move "
+        "the camera farther away: from a short distance, the nearer part of a beam looks wider.",
         severity=Severity.DOUBTFUL,
         widens=lambda share: 0.25 * share,  # at each edge, as a mean along the beam
         widens_in="width",
@@ -146,10 +152,10 @@ FOLLOWED = (
     Check(
         name="OWN_SHADOW",
         finding="followed_shadow",
-        quantity="RMS distance between edges and the borders of possible shadows, px",
+        quantity="RMS distance between the edges and the borders of possible shadows, px",
         limit=0.0,
-        remedy="Check in the overlay that the edges are those of the beam, not of its shadow and not of a layer inside "
-        "it; move the lamp, or move the background farther back.",
+        remedy="Check in the overlay that the edges are those of the beam, and not of its shadow or of a layer inside "
+        "the beam, and move the lamp, or move the background farther back.",
         picture="a beam on its own shadow",
         severity=Severity.DOUBTFUL,
         widens=lambda px: 0.5 * px,  # half the distance between the shadow's border and the beam's edge
@@ -157,17 +163,18 @@ FOLLOWED = (
     Check(
         name="OWN_SHADOW",
         finding="followed_penumbra",
-        quantity="blur of an edge that may be the border of a shadow, or the excess width if that is larger, px",
+        quantity="blur of an edge that may be the border of a shadow, or the excess of the width if the excess is "
+        "larger, px",
         limit=0.0,
-        remedy="Check in the overlay whether the softer edge is the border of the beam's own shadow; move the lamp, or "
-        "move the background farther back.",
+        remedy="Check in the overlay whether the softer edge is the border of the beam's own shadow, and move the "
+        "lamp, or move the background farther back.",
         severity=Severity.DOUBTFUL,
         widens=lambda px: px,  # the distance between the shadow's border and the beam's edge
     ),
     Check(
         name="SATURATED",
         finding="followed_clipped",
-        quantity="share of a followed edge that has clipped light on one side",
+        quantity="share of a followed edge beside which the picture is clipped, inside or outside the beam",
         limit=0.1,
         remedy="Lower the exposure until neither the beam nor its surroundings are clipped in any colour.",
         severity=Severity.DOUBTFUL,
@@ -176,10 +183,10 @@ FOLLOWED = (
     Check(
         name="HOLE_OR_REFLECTION",
         finding="followed_gleam",
-        quantity="share of a followed edge that has a clipped reflection on it",
+        quantity="share of a followed edge on which a clipped reflection lies",
         limit=0.03,
-        remedy="Check in the overlay whether the border of the reflection was taken for the edge; shade the beam from "
-        "that lamp, or powder the beam.",
+        remedy="Check in the overlay whether the border of a reflection was taken for the edge, and shade the beam "
+        "from the lamp, or powder the beam.",
         severity=Severity.DOUBTFUL,
         widens=lambda share: 0.1 * math.sqrt(min(share, 1.0)),  # half of the searched distance
         widens_in="width",
@@ -187,28 +194,28 @@ FOLLOWED = (
     Check(
         name="ROOT_AMBIGUOUS",
         finding="followed_rival",
-        quantity="evidence for another body, as a share of the evidence for the followed one",
+        quantity="evidence for another body, divided by the evidence for the followed body",
         limit=0.93,
-        remedy="Check in the overlay that the beam was followed; state clamp_midpoint_px and axis_angle_deg more "
+        remedy="Check in the overlay that the beam was followed, and give clamp_midpoint_px and axis_angle_deg more "
         "exactly, or cover the other body.",
-        picture="two stripes, and the clamp is stated between them",
+        picture="two stripes, and a clamp_midpoint_px between them",
         severity=Severity.DOUBTFUL,
     ),
     Check(
         name="CORNER_AMBIGUOUS",
         finding="followed_tip",
-        quantity="1 if the edges were followed from the clamp, so that the tip is not used",
+        quantity="1 if the edges were followed from the clamp; the tip is then not used",
         limit=0.0,
-        remedy="Nothing needs to be done: each edge ends at its last sure place, and a fit compares it up to there.",
+        remedy="Nothing needs to be done: each edge ends at its last sure place, and a fit uses it up to this place.",
         severity=Severity.NOTE,
     ),
     Check(
         name="CLAMP_NOT_FOUND",
         finding="followed_clamp",
-        quantity="share of profiles beside a followed beam that show the clamp",
+        quantity="share of the grey-value profiles beside a followed beam that show the edge of the clamp",
         limit=0.5,
         below=True,
-        remedy="Check that clamp_midpoint_px is where the beam leaves its clamp: the picture does not confirm it.",
+        remedy="Check that the beam leaves its clamp at clamp_midpoint_px: the picture does not show the clamp there.",
         severity=Severity.NOTE,
     ),
     Check(

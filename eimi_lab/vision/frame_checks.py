@@ -1,4 +1,4 @@
-"""Compare the frames of one state with each other: find lost frames, repeated frames, and motion."""
+"""Compare the frames of one state with each other, to detect lost frames, repeated frames and motion."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ CLEAR_OF_EDGES_PX = 12  # the noise is measured farther than this from every edg
 
 
 def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Return the flags DROPPED and DUPLICATE of frames in the order in which they were taken.
+    """Return the flags DROPPED and DUPLICATE that the frames of one state raise.
 
-    A frame is a duplicate if its number does not increase, or if its pixels equal those of the frame before it. Equal
-    pixels count only if the camera has noise: without noise, two new frames may be equal.
+    A frame is a duplicate if its number does not increase, or if its pixels equal the pixels of the previous frame.
+    Equal pixels count only if the camera has noise, because two new frames may be equal without noise.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Frames of one state. Consecutive frames have consecutive numbers.
+        Frames of one state, in the order in which they were taken. A camera gives consecutive numbers to its frames.
     noise : Noise
         Noise of the camera.
 
@@ -48,23 +48,23 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 
 
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
-    """Return the flags DROPPED, DUPLICATE and NOT_SETTLED of frames that were taken earlier.
+    """Return the flags DROPPED, DUPLICATE and NOT_SETTLED that the imported frames of one state raise.
 
-    These are the checks that an acquisition makes while it runs.
+    An acquisition makes the same checks while it runs.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Frames of one state in the order in which they were taken, of one size and colour format. Their numbers may
-        increase by any constant step.
+        Frames of one state, in the order in which they were taken, all of one size and colour format. The smallest
+        difference of two consecutive numbers counts as the step from frame to frame.
     lossless : bool
-        Whether the files keep the noise of the camera. NOT_SETTLED compares motion with noise; for compressed files
-        only lost and repeated frames are reported.
+        Whether the files keep the noise of the camera. NOT_SETTLED compares motion with this noise, and is therefore
+        not raised for compressed files.
 
     Returns
     -------
     tuple of Flag
-        Empty for a single frame.
+        Empty for fewer than two frames.
     """
     if len(frames) < 2:
         return ()

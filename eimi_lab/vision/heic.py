@@ -17,7 +17,18 @@ _AS_JPEG = "on an iPhone choose Settings > Camera > Formats > Most Compatible, o
 
 
 def kind_of(raw: bytes) -> str:
-    """Return the name of the format in which a file is stored, for messages; empty for any format but HEIC and AVIF."""
+    r"""Return the format of a HEIC, HEIF or AVIF file in words for messages; empty for every other format.
+
+    Parameters
+    ----------
+    raw : bytes
+        The contents of the file.
+
+    Examples
+    --------
+    >>> kind_of(b"\x00\x00\x00\x18ftypheic")
+    'a HEIC picture'
+    """
     return _BRANDS.get(raw[8:12], "") if raw[4:8] == b"ftyp" else ""
 
 
@@ -38,27 +49,27 @@ def read_heic(raw: bytes, path: Path) -> NDArray[np.uint8]:
     raw : bytes
         The contents of the file.
     path : Path
-        Its name, for messages.
+        Path of the file, for messages.
 
     Returns
     -------
     ndarray of uint8, shape (H, W, 3)
-        Blue, green, red; upright. A picture of more than 8 bits is converted to 8 bits.
+        The upright picture; the channels are blue, green, red. A picture of more than 8 bits is converted to 8 bits.
 
     Raises
     ------
     InputError
-        If pillow-heif is not installed, or if the file is damaged or too large.
+        If pillow-heif is not installed, if the file is damaged or too large, or if it is an AVIF picture.
     """
     kind = kind_of(raw)
     if kind == _AVIF:
-        raise InputError(f"{path}: is {kind}; save it as JPEG or PNG")
+        raise InputError(f"{path}: is {kind}, which cannot be read; save the picture as JPEG or PNG")
     try:
         from pillow_heif import open_heif
     except ImportError as error:
         raise InputError(
             f"{path}: is {kind}, which needs the library pillow-heif (pip install 'eimi-lab[heic]'); "
-            f"without it, {_AS_JPEG}"
+            f"without this library, {_AS_JPEG}"
         ) from error
     try:
         picture = open_heif(raw, convert_hdr_to_8bit=True, bgr_mode=True)

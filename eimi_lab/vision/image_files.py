@@ -1,4 +1,4 @@
-"""List and read image files from any source. A damaged or incomplete file is refused."""
+"""List image files and read them. A damaged or incomplete file is refused."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eimi_lab.vision.intensity import camera_grey
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".heic", ".heif"})
 _BYTES_PER_PIXEL = 8  # of 4 channels of 16 bits
 _PADDING_BYTES = 16
-"""Webcams put up to about ten superfluous bytes before the marker that ends a scan; more are a sign of damage."""
+"""Most superfluous bytes before the end of a JPEG scan that do not count as damage. Webcams add up to about ten."""
 _DAMAGED_JPEG = re.compile(r"(Corrupt JPEG data|Premature end of JPEG)")  # libjpeg, jerror.h
 _PADDED = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker")
 _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of cameras
@@ -31,7 +31,7 @@ _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of ca
 
 
 def find_images(folder: Path) -> list[Path]:
-    """Return the images in a folder in natural order.
+    """Return the image files of a folder in natural order: ``frame_2`` comes before ``frame_10``.
 
     Hidden files and files of other types are ignored.
 
@@ -46,7 +46,7 @@ def find_images(folder: Path) -> list[Path]:
     if not images:
         others = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in _OTHER_ENDINGS)
         advice = f"; save {others[0]} and similar files as JPEG or PNG" if others else ""
-        raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))}){advice}")
+        raise InputError(f"{folder}: holds no images (files that end in {', '.join(sorted(ENDINGS))}){advice}")
     return sorted(images, key=lambda file: (natural_key(file.name), file.name))
 
 
@@ -61,7 +61,7 @@ def read_image(path: Path) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If the file cannot be read, is incomplete, has transparent pixels or several pages, or is too large.
+        If the file cannot be read, is incomplete, has transparent pixels, holds several pictures, or is too large.
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # reading might wait for ever
@@ -97,7 +97,10 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
-    """Return an image that OpenCV decoded; None if it cannot or if the data are damaged. Print nothing."""
+    """Decode the contents of an image file by OpenCV, without the messages that OpenCV prints.
+
+    Return None if OpenCV cannot decode the file, or if the data are damaged. `how` holds OpenCV's flags for reading.
+    """
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
@@ -112,13 +115,16 @@ def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
 
 
 def _states_damage(line: str) -> bool:
-    """Return whether a line that libjpeg printed reports wrong pixels."""
+    """Return whether a line that libjpeg printed reports damaged pixels."""
     padded = _PADDED.match(line)
     return int(padded[1]) > _PADDING_BYTES if padded else bool(_DAMAGED_JPEG.match(line))
 
 
 def _is_transparent(image: NDArray[Any] | None) -> bool:
-    """Return whether any pixel of an image (H, W, 4: blue, green, red, opacity) is less than 95 % opaque."""
+    """Return whether an image has a pixel that is less than 95 % opaque.
+
+    `image` has the shape (H, W, 4: blue, green, red, opacity). For every other shape and for None the result is False.
+    """
     if image is None or image.ndim != 3 or image.shape[2] != 4:
         return False
     return bool(image[..., 3].min() < 0.95 * np.iinfo(image.dtype).max)
@@ -127,7 +133,7 @@ def _is_transparent(image: NDArray[Any] | None) -> bool:
 def read_grey(path: Path) -> NDArray[Any]:
     """Read an image file as one channel, (H, W) of uint8 or uint16.
 
-    In a colour image it is the brightest channel (see `intensity.grey`).
+    The channel of a colour image is its brightest channel (see `intensity.grey`).
 
     Raises
     ------
@@ -138,7 +144,7 @@ def read_grey(path: Path) -> NDArray[Any]:
 
 
 def describe_image(image: NDArray[Any]) -> str:
-    """Describe the size, the bit depth and the colour of an image (H, W) or (H, W, 3) in words.
+    """Return the size, the bit depth and the colour of an image, (H, W) or (H, W, 3), in words.
 
     Examples
     --------

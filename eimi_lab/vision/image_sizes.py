@@ -1,6 +1,6 @@
-"""Read the size of an image from the header of its file, before it is decoded.
+"""Read the size of an image from the header of its file, before the pixels are decoded.
 
-A file of a few bytes may claim a size that needs any amount of memory.
+The header of a file of a few bytes may give a size for which the memory does not suffice.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 
 
 def claimed_size(raw: bytes) -> tuple[int, int] | None:
-    """Return the width and height (px) that the header of a PNG, JPEG, BMP, TIFF or PGM file states.
+    """Return the width and height (px) that the header of a PNG, JPEG, BMP, TIFF or PGM file gives.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
 
 
 def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
-    """Read one page of a TIFF file; return its size and the offset of the next page.
+    """Read the size of the image on one page of a TIFF file, and the place of the next page.
 
     Parameters
     ----------
@@ -74,14 +74,14 @@ def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None,
     order : {"<", ">"}
         Byte order.
     at : int
-        Offset of the directory of the page.
+        Offset of the page's directory in the file, bytes.
 
     Returns
     -------
     size : tuple of int, or None
-        Width and height in px.
+        Width and height in px; None if the page does not give both.
     following : int
-        Offset of the directory of the next page; 0 after the last page.
+        Offset of the next page's directory; 0 after the last page.
     """
     (count,) = struct.unpack_from(f"{order}H", raw, at)
     end = at + 2 + 12 * count
@@ -95,7 +95,10 @@ def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None,
 
 
 def is_stack(raw: bytes) -> bool:
-    """Return whether a TIFF file holds a second image of the same size as the first; a thumbnail is smaller."""
+    """Return whether the second page of a TIFF file holds an image of the same size as the first page.
+
+    A smaller second image is a thumbnail. The result is False for every other format.
+    """
     if raw[:4] not in (b"II*\0", b"MM\0*"):
         return False
     order = "<" if raw.startswith(b"II") else ">"
@@ -107,5 +110,8 @@ def is_stack(raw: bytes) -> bool:
 
 
 def may_be_transparent(raw: bytes) -> bool:
-    """Return whether a PNG file has an opacity channel or transparent colours (PNG, sections 11.2.2 and 11.3.2)."""
+    """Return whether a PNG file has an opacity channel or transparent colours (PNG, sections 11.2.2 and 11.3.2).
+
+    The result is False for every other format.
+    """
     return raw.startswith(b"\x89PNG") and (raw[25:26] in (b"\4", b"\6") or b"tRNS" in raw[: raw.find(b"IDAT")])

@@ -1,6 +1,6 @@
 """Check that an image file is complete.
 
-Some decoders fill the missing part of a file with grey or black and report no error.
+Some decoders fill the missing part of an image with grey or black, and report no error.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)
 def is_whole(raw: bytes) -> bool:
     """Return whether a PNG or JPEG file is complete; return True for every other format.
 
-    Bytes behind the end of the image are allowed.
+    Further bytes after the end of the image are allowed.
     """
     if raw.startswith(PNG_SIGNATURE):
         return _png_is_whole(raw)
@@ -26,7 +26,10 @@ def is_whole(raw: bytes) -> bool:
 
 
 def _png_is_whole(raw: bytes) -> bool:
-    """Return whether every chunk up to IEND is present and has its checksum (PNG specification, W3C, section 5.3)."""
+    """Return whether a PNG file has every chunk up to IEND, each with the right checksum.
+
+    Source: PNG specification, W3C, section 5.3.
+    """
     at = len(PNG_SIGNATURE)
     while at + 12 <= len(raw):
         length = int.from_bytes(raw[at : at + 4], "big")
@@ -40,10 +43,10 @@ def _png_is_whole(raw: bytes) -> bool:
 
 
 def _jpeg_is_whole(raw: bytes) -> bool:
-    """Return whether the segments and scans reach the end-of-image marker (ITU-T T.81, annex B).
+    """Return whether the segments and scans of a JPEG file reach the end-of-image marker (ITU-T T.81, annex B).
 
-    An embedded thumbnail has an end-of-image marker of its own; it lies inside a segment, which is skipped as a whole.
-    Phones append a film or a second picture behind the end.
+    The end-of-image marker of an embedded thumbnail does not count: it lies inside a segment, and segments are skipped.
+    Bytes after the marker are allowed, because phones append a film or a second picture.
     """
     at = len(_JPEG_START)
     while (match := _MARKER.search(raw, at)) is not None:

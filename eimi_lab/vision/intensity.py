@@ -13,10 +13,10 @@ _GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compr
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
-    """Return one channel of an image.
+    """Return one channel of an image; of a colour image, the brightest channel.
 
-    For a colour image it is the brightest channel. Under a coloured back-light the other channels hold noise, and a
-    mean of the channels would hide that one of them is clipped.
+    Under a coloured back-light the other channels hold little but noise. A mean of the channels would hide that one
+    channel is clipped.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def grey(image: ArrayLike) -> NDArray[Any]:
     Raises
     ------
     ValueError
-        If the array has another number of dimensions.
+        If the array has another shape.
     """
     pixels = _channels(image)
     if pixels.ndim == 3:
@@ -41,7 +41,10 @@ def grey(image: ArrayLike) -> NDArray[Any]:
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """Return an image as (H, W) or (H, W, 3), uint8 or finite float32; raise ValueError for another shape."""
+    """Return an image as (H, W) or (H, W, 3), of type uint8 or float32 with finite values.
+
+    Of two channels the first is returned, of more than three the first three. Raise ValueError for another shape.
+    """
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:
         pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
@@ -55,21 +58,21 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
 
 
 def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return one channel (H, W) of an image by the rule of `grey`, in the type of the image."""
+    """Return one channel (H, W) of an image, chosen as by `grey`, in the number type of the image."""
     return grey(image).astype(image.dtype, copy=False)
 
 
 def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the mean of the colours, (H, W), in grey levels of the image.
+    """Return the mean of the colour channels of an image, (H, W), in grey levels of the image.
 
-    Use it to compare frames with each other. `camera_grey` may choose different channels for two frames if two channels
-    are about equally bright.
+    Use this function to compare frames with each other. If two channels are about equally bright, `camera_grey` may
+    choose different channels in two frames.
     """
     return image if image.ndim == 2 else image.mean(axis=2, dtype=np.float32)
 
 
 def is_coloured(image: NDArray[Any]) -> bool:
-    """Return whether the channels of an image differ by more than the rounding of a compressed file."""
+    """Return whether the channels of an image differ by more than the rounding in a compressed file."""
     if image.ndim == 2:
         return False
     difference = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
@@ -77,14 +80,18 @@ def is_coloured(image: NDArray[Any]) -> bool:
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """Return an image with three channels if `coloured`, else with one channel unless that would lose colours.
+    """Return an image with three channels or with one channel, without a loss of colours.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
         The image.
     coloured : bool
-        Whether three channels are wanted.
+        True for three channels. False for one channel; an image whose channels differ is then returned unchanged.
+
+    Returns
+    -------
+    ndarray, shape (H, W) or (H, W, 3)
     """
     if coloured:
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
@@ -92,13 +99,15 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
 
 
 def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image (H, W) of any bit depth and colour as grey values from 0 to 255, (H, W)."""
+    """Return an image of any bit depth and colour as grey values from 0 to 255, (H, W)."""
     pixels = grey(image)
     return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
 
 def full_scale(image: NDArray[Any]) -> float:
-    """Return the largest grey value of the camera: the smallest full scale of 8, 10, 12, 14 or 16 bits for the image.
+    """Return the largest grey value that the camera can give, judged by the brightest pixel of an image.
+
+    The result is the smallest of 255, 1023, 4095, 16383 and 65535 (8 to 16 bits) that no pixel exceeds.
 
     Examples
     --------
@@ -112,7 +121,7 @@ def full_scale(image: NDArray[Any]) -> float:
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     """Return the mean of the frames of a state, in grey levels of the frames.
 
-    The noise of the mean of n frames is smaller by √n, and the mean is searched once instead of n times.
+    The noise of the mean of n frames is smaller than the noise of a frame by the factor √n.
 
     Parameters
     ----------
@@ -148,13 +157,16 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
 class FieldCorrection:
     """Correction of an image by a dark frame and a flat field.
 
-    A dark frame is an image taken without light. A flat field is an image of the bare back-light. With the median m of
-    flat - dark over the pixels, the corrected image is
+    A dark frame is an image taken without light. A flat field is an image of the bare back-light. The corrected image
+    is
 
-        (image - dark) · m / (flat - dark).
+        (image - dark) · m / (flat - dark),
 
-    This removes the dark signal and the photo response non-uniformity (terms of EMVA standard 1288). A pixel at full
-    scale stays at full scale, so that clipping remains visible. Each colour is corrected separately.
+    with the median m of flat - dark over the pixels of each colour. Without a dark frame, dark is 0. Without a flat
+    field, the corrected image is image - dark.
+
+    The correction removes the dark signal and the photo response non-uniformity (terms of EMVA standard 1288). A pixel
+    at full scale keeps its value, so that clipping remains visible.
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
@@ -168,15 +180,18 @@ class FieldCorrection:
         Raises
         ------
         ValueError
-            If both are None, if they differ in shape, or if more than 1 % of the pixels of the flat field are hardly
-            brighter than in the dark frame.
+            If both images are None, if their shapes differ, or if flat - dark is below 5 % of its median in more than 1
+            % of the pixels.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         present = [image for image in images if image is not None]
         if not present:
             raise ValueError("a correction needs a dark frame or a flat field")
         if len({image.shape for image in present}) > 1:
-            raise ValueError(f"the flat field has the shape {present[1].shape}, the dark frame {present[0].shape}")
+            raise ValueError(
+                f"the flat field has the shape {present[1].shape}; it should have the shape of the dark frame, "
+                f"{present[0].shape}"
+            )
         self._dark = images[0] if images[0] is not None else np.zeros_like(present[0])
         self._gain: NDArray[np.float32] = np.ones_like(present[0])
         if images[1] is not None:
@@ -196,7 +211,10 @@ class FieldCorrection:
         """
         pixels = _channels(image)
         if pixels.shape != self._dark.shape:
-            raise ValueError(f"the image has the shape {pixels.shape}, dark frame and flat field {self._dark.shape}")
+            raise ValueError(
+                f"the image has the shape {pixels.shape}; it should have the shape of the dark frame and the flat "
+                f"field, {self._dark.shape}"
+            )
         largest = full_scale(pixels)
         corrected = np.clip((pixels - self._dark) * self._gain, 0.0, largest)
         return np.asarray(np.where(pixels >= largest, largest, corrected), dtype=np.float32)

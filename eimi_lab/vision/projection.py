@@ -1,13 +1,15 @@
-"""Project colours to one grey value, by the same weights for all pictures of a dataset.
+"""Project the colours of pictures to one grey value, with the same weights for all pictures of a dataset.
 
-The projection is linear in the camera's colours or in CIELAB. The weights maximise the difference between the inside of
-the beam's root and the surroundings, over all pictures: Fisher's linear discriminant
+The projection is linear in the camera's colours or in CIELAB. Fisher's linear discriminant maximises the difference
+between the root of the beam (index in) and its surroundings (index out), relative to the scatter of the colours:
 
     w = C⁻¹ (m_in - m_out),
 
-with the mean colours m and the mean covariance C within the regions (R. A. Fisher, "The use of multiple measurements in
-taxonomic problems", Annals of Eugenics 7 (1936) 179). A single channel is preferred if it separates nearly as well. A
-person may also name a channel.
+with the weights w, the median colours m, averaged over the pictures, and the mean covariance C of the colours inside
+and outside (R. A. Fisher, "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179).
+
+A single channel is used unless the discriminant separates root and surroundings better by a quarter. A person may name
+a channel.
 """
 
 from __future__ import annotations
@@ -36,18 +38,19 @@ _CAUTIOUS = 20  # percentile of the separations over both sides in all pictures
 
 @dataclass(frozen=True)
 class Projection:
-    """A weight for each of the three numbers of a pixel.
+    """A projection of the three numbers of a pixel to one grey value: a weight for each number.
 
     Attributes
     ----------
     name : str
-        How the projection was chosen: a channel, or the method.
+        Name of a channel, or of the method that gave the weights.
     weights : tuple of float
         Weights of blue, green and red, or of L, a and b.
     space : {"camera", "CIELAB"}
-        The three numbers of a pixel to which the weights belong.
+        Colour space of the weights: blue, green, red of the camera, or L, a, b.
     separation : float
-        Difference of the inside and the outside in standard deviations; 0 if it was not measured.
+        Difference between the grey values of the beam's root and of its surroundings, in standard deviations; 0 if it
+        was not measured.
 
     Examples
     --------
@@ -62,14 +65,14 @@ class Projection:
     separation: float = 0.0
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """Return the grey values (H, W) of an image, on the scale of the camera.
+        """Return the projected grey values (H, W) of an image, on the scale of the camera.
 
-        Weights may be negative: the result is shifted and scaled so that it lies between 0 and full scale.
+        Because weights may be negative, the weighted sums are shifted and scaled to values between 0 and full scale.
 
         Parameters
         ----------
         image : array_like, shape (H, W, 3) or (H, W)
-            Blue, green, red in grey levels of the camera. A grey image is returned unchanged.
+            Blue, green, red in grey levels of the camera. The values of a grey image are not changed.
 
         Returns
         -------
@@ -85,12 +88,12 @@ class Projection:
         return np.asarray(np.clip(share, 0.0, 1.0) * largest, dtype=np.float32)
 
     def to_json(self) -> str:
-        """Return the projection as the JSON text that a dataset stores."""
+        """Return the projection as JSON text, as a dataset stores it."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """Read a projection from the text of `to_json`."""
+        """Return the projection that `to_json` wrote as text."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 
@@ -107,7 +110,8 @@ def choose_projection(
 ) -> Projection:
     """Choose the projection in which the beam's root differs most from its surroundings.
 
-    A channel or a beam colour that `calibration.picture` names takes precedence.
+    If `calibration.picture` names a channel, this channel is the projection. If it gives the colour of the beam, this
+    colour replaces the measured colours of the root.
 
     Parameters
     ----------
@@ -121,7 +125,7 @@ def choose_projection(
     Returns
     -------
     Projection
-        The grey mixture of blue, green and red if the root lies outside all pictures.
+        If the root lies outside all pictures, the usual grey value: 0.114 blue + 0.587 green + 0.299 red.
     """
     named = calibration.picture or Picture()
     if named.channel is not None:
@@ -140,13 +144,16 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return by which factor the candidate must exceed the separation of the best projection so far."""
+    """Return the factor by which a better candidate must exceed the separation of the best projection so far."""
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
 @dataclass(frozen=True)
 class _Colours:
-    """The colours at the beam's root in one picture, scaled to 1: inside (n, 3), and on each side (n, 3)."""
+    """The colours at the beam's root in one picture, as shares of full scale.
+
+    `inside` holds the colours on the beam, (n, 3). `sides` holds the colours beside each edge, (n, 3) each.
+    """
 
     inside: Array
     sides: tuple[Array, ...]
@@ -154,14 +161,17 @@ class _Colours:
 
 @dataclass(frozen=True)
 class _RootSampler:
-    """Read the colours at the root of the beam."""
+    """A reader of the colours on the root of the beam and beside the root."""
 
     frame: BeamFrame
     width_mm: float
     length_mm: float
 
     def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Colours]:
-        """Return the colours at the root in one picture; return an empty list if the root is not in the picture."""
+        """Return the colours at the root in one picture, in a list of one element.
+
+        The list is empty if the root is not in the picture.
+        """
         ahead = np.linspace(0.3, max(1.5, 0.2 * self.length_mm / self.width_mm), 15)
         inside = self._colours(image, largest, space, ahead, np.linspace(-0.25, 0.25, 7))
         sides = [self._colours(image, largest, space, ahead, aside * np.linspace(0.75, 1.25, 7)) for aside in (-1, 1)]
@@ -178,7 +188,10 @@ class _RootSampler:
 
 
 def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
-    """Yield the discriminants of the sampled colours and, in camera colours, the single channels."""
+    """Yield the projections to choose from: the discriminants and, in camera colours, the single channels.
+
+    If the colour of the beam is given, only the discriminants are yielded.
+    """
     inside = [np.median(sample.inside, axis=0) for sample in samples]
     if beam_colour is not None:
         stated = np.array(beam_colour[::-1], dtype=np.float32)[None, None] / np.float32(255.0)
@@ -202,9 +215,10 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return the projection with a cautious estimate of its separation.
+    """Return a projection with the given weights and with its separation on the samples.
 
-    The separation is the 20th percentile over both sides in all pictures.
+    The separation is measured on each side of the root in each picture. The projection gets the 20th percentile of
+    these values, so that a single clear side or picture does not decide.
     """
     separations = []
     for sample in samples:
@@ -218,7 +232,10 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Convert blue, green and red (h, w, 3) from 0 to 1 into a colour space; L, a and b are scaled to about 0 to 1."""
+    """Convert colours (h, w, 3: blue, green, red, from 0 to 1) into a colour space.
+
+    L, a and b of CIELAB are scaled to about 0 to 1.
+    """
     pixels = np.ascontiguousarray(colours, dtype=np.float32)
     if space == CAMERA:
         return pixels

@@ -1,4 +1,4 @@
-"""Draw a grid of pixel coordinates and a compass of directions, so that a person can read off places and angles."""
+"""Draw a grid of pixel coordinates and a compass of directions, so that a person can read places and angles."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ _COMPASS_PX = 34
 def ruled_picture(
     image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = (), suggested: Sequence[NDArray[np.float64]] = ()
 ) -> NDArray[np.uint8]:
-    """Draw a frame with a grid of pixel coordinates.
+    """Draw a grid of pixel coordinates over a frame.
 
-    The numbers and the compass stand beside the frame, never on it.
+    The numbers and a compass of directions are drawn beside the frame.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
         The frame; blue, green, red.
     lines : sequence of ndarray, shape (n, 2)
-        Lines to draw on the frame, px of the frame, in magenta.
+        Lines to draw on the frame in magenta, px of the frame.
     suggested : sequence of ndarray, shape (n, 2)
-        Further lines, in green.
+        Lines to draw on the frame in green, px of the frame.
 
     Returns
     -------
@@ -62,13 +62,13 @@ def ruled_picture(
 
 
 def _round_step(least: float) -> int:
-    """Return the smallest number of the form 1, 2 or 5 times a power of ten that is at least `least`."""
+    """Return the smallest of the numbers 1, 2, 5, 10, 20, 50, ... that is not below `least`."""
     power = 10 ** math.floor(math.log10(max(least, 1.0)))
     return int(next(power * factor for factor in (1, 2, 5, 10) if power * factor >= least))
 
 
 def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
-    """Draw a line through which the picture remains visible."""
+    """Draw a translucent line, through which the picture remains visible."""
     part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
     part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
 
@@ -79,7 +79,7 @@ def _write(sheet: NDArray[Any], text: str, middle: tuple[int, int]) -> None:
 
 
 def _compass(sheet: NDArray[Any], middle: tuple[int, int]) -> None:
-    """Draw arrows to the right, down, left and up, labelled with their angles as in calibration.toml."""
+    """Draw arrows to the right, down, left and up, each labelled with its angle in calibration.toml (degrees)."""
     for angle in (0, 90, 180, -90):
         direction = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
         end = np.rint(np.array(middle) + _COMPASS_PX * 0.7 * direction).astype(int)

@@ -1,12 +1,14 @@
-"""The settling statistic: decide whether two frames differ by more than the noise of the camera.
+"""The settling ratio: decide whether two frames differ by more than the noise of the camera.
 
-For two frames a and b of a beam at rest, with the noise variance v at the grey level of each pixel,
+For two frames a and b, with the variance v of the noise at the grey level of each pixel,
 
-    ratio = mean((b - a)²) / mean(2 v)
+    ratio = mean((b - a)²) / mean(2 v).
 
-over a band along the edges, where motion changes the grey values. The ratio is 1 at rest and grows with the square of
-the motion. The variance as a function of grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE
-2007) is measured on frames at rest, so that no data sheet of the camera is needed.
+The means are taken over a band along the edges of the beam, where motion changes the grey values. The ratio is 1 for a
+beam at rest. Its excess over 1 grows with the square of the motion.
+
+The variance as a function of the grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is
+measured on frames at rest. No data sheet of the camera is needed.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ class Noise:
     levels : ndarray, shape (n,)
         Grey levels in increasing order.
     variances : ndarray, shape (n,)
-        Variance at each level, grey levels squared.
+        Variance at each level, in grey levels squared.
     """
 
     levels: NDArray[np.float64]
@@ -45,20 +47,23 @@ class Noise:
 
     @property
     def exceeds_rounding(self) -> bool:
-        """Whether there is noise besides rounding to whole grey levels; a video or a drawn frame may have none."""
+        """Whether the noise is larger than the rounding to whole grey levels, whose variance is 1/12.
+
+        A video or a computed frame may have no other noise.
+        """
         return bool(self.variances.max() > QUANTISATION)
 
     def difference_ratio(
         self, earlier: NDArray[Any], later: NDArray[Any], pixels: NDArray[np.int64] | None = None
     ) -> float:
-        """Return the settling ratio of two frames.
+        """Return the settling ratio of two frames, which is 1 if they differ by the noise alone.
 
         Parameters
         ----------
         earlier, later : ndarray, shape (H, W)
             The frames.
         pixels : ndarray of int, shape (n,), optional
-            Indices of the compared pixels in the flattened frames; by default the `edge_pixels` of the later frame.
+            Indices of the pixels to compare, in the flattened frames; by default the `edge_pixels` of the later frame.
         """
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
@@ -72,14 +77,15 @@ class Noise:
 
     @cached_property
     def _of_sums(self) -> NDArray[np.float64]:
-        """The variance at half of each sum of two 8-bit grey levels, (511,)."""
+        """Variance at the mean of two 8-bit grey levels, (511,), indexed by the sum of the two levels."""
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
 def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     """Measure the noise of the camera on frames of a beam at rest.
 
-    The median over the pairs of consecutive frames ignores a single disturbance of the beam.
+    The variance of a grey level is half the mean squared difference of two consecutive frames. The median over all
+    pairs of consecutive frames is taken, so that a single disturbance of the beam has no effect.
 
     Parameters
     ----------
@@ -111,7 +117,10 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 
 
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return the mask (H, W) of the pixels within `EDGE_BAND_PX` of a steep gradient."""
+    """Return a mask (H, W) that is true within 4 px (`EDGE_BAND_PX`) of a steep gradient.
+
+    A gradient is steep if it is at least a quarter of the steepest gradient in the image.
+    """
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
     steep = (steepness >= EDGE_SHARE * steepness.max()).astype(np.uint8)
@@ -120,5 +129,5 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the indices of the pixels of the `edge_band` in the flattened image, (n,)."""
+    """Return the indices (n,) of the pixels of the `edge_band` in the flattened image."""
     return np.flatnonzero(edge_band(image))
