@@ -200,7 +200,7 @@ def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files:
 def test_a_picture_that_shows_nothing_is_no_wrong_clamp(run: Run, files: Path, level: int, told: str) -> None:
     assert imported(run, files, np.full((96, 128), level, np.uint8))[0] == 0
     status, said = run("segment", files / "out.h5")
-    assert (status, f"its grey values lie between {level} and {level} {told}" in said) == (0, True), said
+    assert (status, f"the grey values of the picture lie between {level} and {level} {told}" in said) == (0, True), said
 
 
 def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path) -> None:
@@ -210,16 +210,26 @@ def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path
     empty = np.random.default_rng(0).integers(180, 220, (96, 128, 3)).astype(np.uint8)
     assert imported(run, files, empty)[0] == 0
     status, said = run("segment", files / "out.h5")
-    assert (status, "no beam was found; it is 4 px wide and should be at least 6" in said) == (0, True), said
+    assert (status, "no beam was found; the beam is 4 px wide and should be at least 6 px wide" in said) == (0, True), (
+        said
+    )
 
 
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("pixels_per_mm", "4.0", "one is found with pixels_per_mm = 8, 2 times as much: is the scale right?"),
-        ("clamp_midpoint_px", "[24.0, 8.0]", "one is found with clamp_midpoint_px = [64, 8]: is the clamp at"),
-        ("clamp_midpoint_px", "[124.0, 8.0]", "one of its edges begins outside the picture"),
-        ("clamp_midpoint_px", "[118.0, 80.0]", "no body of the stated width leaves the clamp there or nearby"),
+        (
+            "pixels_per_mm",
+            "4.0",
+            "a beam is found with pixels_per_mm = 8, 2 times the given value: is the scale right?",
+        ),
+        ("clamp_midpoint_px", "[24.0, 8.0]", "a beam is found with clamp_midpoint_px = [64, 8]: is the clamp at"),
+        ("clamp_midpoint_px", "[124.0, 8.0]", "an edge of the beam begins outside the picture"),
+        (
+            "clamp_midpoint_px",
+            "[118.0, 80.0]",
+            "no body as wide as width_mm leaves the clamp at or near clamp_midpoint_px",
+        ),
     ],
 )
 def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
@@ -235,5 +245,5 @@ def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
     drawn = cv2.imread(str(files / "out_where.png")).astype(int)
     assert ((drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)).sum() > 50  # the stated beam
     green = (drawn[..., 0] < 60) & (drawn[..., 1] > 140) & (drawn[..., 2] < 60)
-    is_found = "one is found" in told
+    is_found = "a beam is found" in told
     assert (green.sum() > 50, "(green in the picture)" in said) == (is_found, is_found)  # the edges with another value

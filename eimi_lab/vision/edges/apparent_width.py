@@ -16,10 +16,11 @@ _POINTS = 1201  # of each line
 
 
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
-    """Return the median width of the body on the beam's axis.
+    """Return the median width (mm) of the body on the beam's axis near the clamp.
 
-    The body has grey values on the same side of the middle grey value as the axis itself. The width is measured on nine
-    lines across the axis, between 0.1 and 0.3 of the length from the clamp. It does not depend on the stated width.
+    A pixel belongs to the body if its grey value and those on the axis are both above or both below the middle grey
+    value. The width is measured on nine lines across the axis, between 0.1 and 0.3 of the length from the clamp. The
+    width in the specimen file is not used.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Returns
     -------
     float or None
-        Width in mm; None if the body does not end on both sides within half a length, or within the image.
+        None if, on a line, the body does not end on both sides within half a length from the axis and within the image.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)

@@ -42,7 +42,7 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """An image (height, width) with a dark beam; the picture of a bright beam is replaced by its negative."""
+    """An image (height, width) in which the beam is dark; for a bright beam, the negative of the picture."""
 
     pixels: NDArray[Any]
     largest: float
@@ -51,7 +51,7 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """A silhouette whose tip has corners, with the image and the clamp line that belong to it."""
+    """The outline of a beam whose tip has two corners, with the image and the clamp line."""
 
     picture: _DarkBeamImage
     clamp: ClampLine
@@ -60,11 +60,12 @@ class OutlinedBeam:
 
 @dataclass
 class BackLitSearch:
-    """The search for the edges in one image.
+    """The search for the edges of a beam in one image, in front of a back-light.
 
-    On normals to the outline of the silhouette, the mean of four neighbouring profiles is fitted with a step that is
-    blurred by a Gaussian. Each profile has its own plateaus on both sides; the blur is common to the whole image. The
-    fit is repeated on normals to the curve through the first result.
+    The search starts from the outline of the silhouette. On normals to the outline, the mean of four neighbouring
+    profiles of grey values is fitted with a step that is blurred by a Gaussian. Each profile has a dark and a bright
+    plateau of its own, but the blur is common to the whole image. The fit is repeated on normals to the smooth curve
+    through the fitted points.
 
     Attributes
     ----------
@@ -75,15 +76,16 @@ class BackLitSearch:
     specimen_file : SpecimenFile
         The specimen and its magnet.
     findings : dict of str to float
-        The values measured so far, by the names of the table of flags. The search adds to it.
+        The measured values, with the keys of the table of flags. The search adds its values to this dictionary.
     limits : mapping of str to float, optional
-        Limits that replace those in the table of flags.
+        Limits that replace limits in the table of flags.
     even_turn_deg : float
-        Turn of the whole beam about its axis that would explain its apparent width; set by the search.
+        Angle by which the whole beam would be turned about its axis if a turn explained its apparent width; set by the
+        search.
     projection : Projection, optional
         Projection of the colours of the image.
     polarity : {"dark", "bright"}, optional
-        Whether the beam is darker or brighter than its surroundings; None to decide it from the image.
+        Whether the beam is darker or brighter than its surroundings; None to decide from the image.
     """
 
     frame: BeamFrame
@@ -102,7 +104,7 @@ class BackLitSearch:
         self.width_px = self.shape.narrowest_mm * self.pixels_per_mm
 
     def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
-        """Find the clamp line, the silhouette and the corners of the beam, accurate to about a pixel.
+        """Find the clamp line, the outline and the corners of the beam, accurate to about a pixel.
 
         Parameters
         ----------
@@ -112,29 +114,30 @@ class BackLitSearch:
         Returns
         -------
         OutlinedBeam or None
-            None if no beam with two corners at its tip is found.
+            None if no beam with two corners at its tip is detected.
         """
         picture = self._dark_beam_image(image)
         outline = None if picture is None else self._outline(picture)
         return None if picture is None or outline is None else OutlinedBeam(picture, *outline)
 
     def locate_edges(self, beam: OutlinedBeam, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
-        """Return the left edge, the right edge and the corners.
+        """Locate the left edge, the right edge and the corners of an outlined beam.
 
         Parameters
         ----------
         beam : OutlinedBeam
             The beam from `find_outline`.
         spacing_mm : float
-            Wanted distance of the points along the edges.
+            Desired distance between the points along the edges.
 
         Returns
         -------
         left, right : EdgePoints
+            The edges.
         corners_px : ndarray, shape (4, 2)
             Clamp-left, clamp-right, tip-left, tip-right.
 
-            None in place of the three if they are not the edges of a beam.
+            None replaces the three values if an edge is too short, or if the body is too wide to be the beam.
         """
         picture = beam.picture
         located = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
@@ -151,7 +154,7 @@ class BackLitSearch:
         return self._edge_points(left, scatter), self._edge_points(right, scatter), corners_px
 
     def _dark_beam_image(self, image: ArrayLike) -> _DarkBeamImage | None:
-        """Return the image with a dark beam; return None if the array is no image or is too small."""
+        """Return the image with a dark beam, or None if the array is not an image or is too small."""
         try:
             pixels = grey(image) if self.projection is None else self.projection.apply(image)
         except ValueError:
@@ -190,7 +193,10 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Return the second pass and the corners (4, 2) px; return None if an edge is too short."""
+        """Return the result of the second pass (see `passes`) and the corners (4, 2), px.
+
+        Return None if an edge is too short.
+        """
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand
         first = first_pass(picture.pixels, silhouette, hand, spacing_px, self.width_px, margin)
@@ -213,7 +219,10 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Measure width, length, twist and place of the beam; return False if the body is too wide to be the beam."""
+        """Add width, length, twist and place of the beam to the findings.
+
+        Return False if the body is too wide to be the beam.
+        """
         left, right = (side.points_px[side.sound] for side in second.sides)
         # Widths as those of a beam that has its mean width everywhere.
         even = self.shape.even_widths(left, local_widths(left, right), corners_px[:2])
@@ -233,7 +242,7 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Return the pass without the points near a step of the beam's width, where the fit of a profile is biased."""
+        """Return the result of a pass without the points near a step of the beam's width, which are biased."""
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
             replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
@@ -241,19 +250,19 @@ class BackLitSearch:
         return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        """Return the sound points of one edge at the wanted spacing, in mm, with their standard deviations."""
+        """Return the sound points of one edge in mm at the desired spacing, with their standard deviations."""
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return sentences for remedies of flags: the effect of a turn of the beam about its axis on the modulus."""
+        """Return the words for remedies: the effect of a turn of the beam about its axis on the modulus."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
 
 def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
-    """Return whether the beam's root is a fifth brighter than its surroundings on both sides."""
+    """Return whether the beam's root is at least a fifth brighter than its surroundings on both sides."""
     inside, left, right = (
         float(np.median(sample(image, root_places(frame, width_mm, aside)))) for aside in (0.0, -1.5, 1.5)
     )
@@ -261,10 +270,10 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
-    """Return the corners (4, 2) px of the beam at the clamp line and at the face of the tip.
+    """Return the corners (4, 2) of the beam, px: clamp-left, clamp-right, tip-left, tip-right.
 
-    Two corners are the crossings of the left and right edges with the clamp line, two the crossings with the line of
-    the tip's face.
+    The corners at the clamp are the crossings of the two edges with the clamp line. The corners at the tip are the
+    crossings of the two edges with the straight line along the face of the tip.
     """
     face = _line_through(tip.points_px[tip.sound])
     corners = []
@@ -289,7 +298,10 @@ def _line_through(points: Array) -> tuple[Array, Array]:
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the crossing of two lines (place, direction); NaN if the lines are almost parallel."""
+    """Return the point (2,) at which two lines cross; NaN if the lines are almost parallel.
+
+    A line is given by a point and a direction.
+    """
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)

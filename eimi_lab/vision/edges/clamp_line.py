@@ -20,7 +20,7 @@ _STEP_SHARE = 0.3  # of the back-light; a fainter step beside the beam is not th
 
 @dataclass(frozen=True)
 class ClampLine:
-    """The clamp line in an image.
+    """The line in an image at which the beam leaves its clamp.
 
     Attributes
     ----------
@@ -29,8 +29,8 @@ class ClampLine:
     ahead : ndarray, shape (2,)
         Unit vector perpendicular to the line, away from the clamp.
     visible_share : float
-        Share of the profiles beside the beam that show the edge of the clamp. Below one half the line is that of the
-        calibration.
+        Share of the grey-value profiles beside the beam that show the edge of the clamp. Below one half, the line is
+        taken from the calibration.
     """
 
     point_px: Array
@@ -43,16 +43,16 @@ class ClampLine:
 
 
 def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back_light: float) -> ClampLine:
-    """Find the edge of the clamp on both sides of the beam, near the calibrated line.
+    """Find the edge of the clamp on both sides of the beam, near the clamp line of the calibration.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam and clamp.
+        Grey values with a dark beam and a dark clamp.
     frame : BeamFrame
-        The calibrated clamp and axis.
+        Clamp and axis of the calibration.
     width_mm : float
-        Width of the specimen.
+        Width of the specimen at the clamp.
     back_light : float
         Grey value of the back-light beside the beam.
 

@@ -12,7 +12,7 @@ _FEWEST = 3  # points in an interval of given length
 
 
 class SmoothCurve:
-    """Least-squares cubic spline through ordered points.
+    """Least-squares cubic spline through ordered points, with the arc length as parameter.
 
     Parameters
     ----------
@@ -21,8 +21,8 @@ class SmoothCurve:
     pieces : int
         Number of intervals of the spline; reduced if there are too few points.
     equal : bool
-        Whether the intervals are equally long. Otherwise they hold equally many points. An interval of fewer than three
-        points is joined to the previous interval.
+        True for intervals of equal length; an interval with fewer than three points is then joined to the previous
+        interval. False for intervals with equally many points.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class SmoothCurve:
         self.length = float(self._distance[-1])
 
     def at(self, distance: Array) -> tuple[Array, Array]:
-        """Return points and unit tangents at arc lengths.
+        """Return the points and the unit tangents of the curve at given arc lengths.
 
-        Beyond the ends the curve continues straight.
+        Beyond its ends the curve continues as a straight line.
 
         Parameters
         ----------
@@ -79,7 +79,10 @@ class SmoothCurve:
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
 
     def curvature(self, distance: Array) -> Array:
-        """Return the curvature vector (n, 2) at arc lengths: toward the centre of curvature, with length 1/radius."""
+        """Return the curvature vector (n, 2) at arc lengths (n,).
+
+        The vector points to the centre of curvature. Its length is the inverse of the radius of curvature.
+        """
         parameter = np.interp(distance, self._distance, self._parameter)
         slope, second = self._slope(parameter), self._slope.derivative()(parameter)
         speed = np.maximum((slope**2).sum(axis=-1, keepdims=True), 1e-12)
@@ -88,7 +91,10 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Return the inner knots without those that would leave an interval fewer than three of the sorted parameters."""
+    """Return the knots without the inner knots that would leave fewer than three points in an interval.
+
+    `parameter` holds the sorted parameters of the points.
+    """
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

@@ -1,4 +1,4 @@
-"""Width, length and twist of the beam, measured on its edges and compared with the specimen."""
+"""Measure width, length and twist of the beam from its edges, and compare them with the specimen."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ _BENDING_DEGREE = 5  # of the polynomial for the direction of an edge
 def local_widths(left: Array, right: Array) -> Array:
     """Return the distance of each point of the left edge from the right edge.
 
-    The distance is measured to the chord between the neighbours of the nearest point of the right edge.
+    The right edge is replaced by a chord: the line through the two neighbours of its point that is nearest to the left
+    point.
 
     Parameters
     ----------
@@ -26,6 +27,7 @@ def local_widths(left: Array, right: Array) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+        Distances in the unit of the points.
     """
     nearest = cKDTree(right).query(left)[1]
     # The points are far apart, so that the distance to the nearest point itself would be too large.
@@ -36,11 +38,12 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return by how much a beam can look wider at each point of its left edge because its cross-section bows.
+    """Return the largest excess of the apparent width that the bow of the cross-section can cause, along the left edge.
 
-    A beam of incompressible material that is bent with the curvature k has the curvature k / 2 across its depth. Its
-    outline is then wider by k depth² / 16, but at most by a sixth of the width, because a deep strip stays flat in the
-    middle of its depth (Ashwell 1950, J. R. Aeronaut. Soc. 54:708). Clamp and magnet reduce the bow near them.
+    In a beam of incompressible material with the bending curvature k, the cross-section has the curvature k / 2 across
+    its depth. The outline is therefore wider by k depth² / 16. The excess is at most a sixth of the width, because a
+    deep strip stays flat in the middle of its depth (Ashwell 1950, J. R. Aeronaut. Soc. 54:708). Near the clamp and
+    near the magnet the bow is smaller than this.
 
     Parameters
     ----------
@@ -52,6 +55,7 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
     Returns
     -------
     ndarray, shape (n,)
+        Excess of the width in the unit of the points.
     """
     along = np.linspace(0.0, 1.0, len(left))
     curvature = 0.5 * (_curvature(left, along) + _curvature(right, along))
@@ -59,7 +63,7 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
 
 
 def _curvature(edge: Array, along: Array) -> Array:
-    """Return the smoothed curvature of an edge (n, 2) at shares (m,) of its length."""
+    """Return the smoothed curvature (m,) of an edge (n, 2) at given shares (m,) of its length."""
     steps = np.diff(edge, axis=0)
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
@@ -69,23 +73,24 @@ def _curvature(edge: Array, along: Array) -> Array:
 
 
 def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
-    """Return the 90th percentile of the relative deviation of the local widths (n,) from the specimen's width.
+    """Return the 90th percentile of |width - specimen's width| / specimen's width over the local widths (n,).
 
-    An excess up to ``bow`` (n,) is no deviation, see `anticlastic_bow`.
+    A positive difference counts only as far as it exceeds `bow` (n,), see `anticlastic_bow`.
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))
 
 
 def length_deviation(left: Array, right: Array, corners: Array, length: float) -> float:
-    """Return the relative deviation of the mean length of the edges from the specimen's length.
+    """Return |mean length of the two edges / length of the specimen - 1|.
 
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
         Points of the two edges, ordered from the clamp.
     corners : ndarray, shape (4, 2)
-        Clamp-left, clamp-right, tip-left, tip-right. Each edge is measured from corner to corner.
+        Clamp-left, clamp-right, tip-left, tip-right. Each edge is measured from its corner at the clamp to its corner
+        at the tip.
     length : float
         Length of the specimen, in the unit of the points.
     """
@@ -96,12 +101,15 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
 
 
 def twist_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the angle by which the tip is turned about the beam's axis relative to the clamp, degrees.
+    """Return the angle (degrees) by which the tip is turned about the beam's axis relative to the clamp.
 
-    A box of width w and depth d that is rotated by φ has the apparent width w cos φ + d sin φ. The twist follows from
-    the excess of the last quarter of the beam over the first eighth, or over the width of the specimen if that is
-    larger: a beam that is stretched by its weight is narrower at the root. The middles of the two stretches are 13/16
-    of the beam apart, so that a twist that grows evenly over the whole length is 16/13 times as large.
+    A box of width w and depth d that is turned by φ about its axis has the apparent width w cos φ + d sin φ. The turn φ
+    at the tip is computed from the excess of the width in the last quarter of the beam over the width in the first
+    eighth. If the specimen's width is larger than that of the first eighth, the specimen's width is used: a beam that
+    is stretched by its weight is narrower at the root.
+
+    The middles of the two parts are 13/16 of the length apart. A twist that grows evenly over the whole length is
+    therefore 16/13 of φ.
 
     Parameters
     ----------
@@ -120,25 +128,33 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the rotation (degrees) of the whole beam that explains its median width; 0 for a narrower beam."""
+    """Return the angle (degrees) by which the whole beam would have to be turned to look as wide as its median width.
+
+    The result is 0 if the median width is not larger than the specimen's width.
+    """
     apparent = float(np.median(widths))
     return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 
 
 def _turn_deg(apparent: float, width: float, depth: float) -> float:
-    """Return the angle φ (degrees) for which w cos φ + d sin φ is the apparent width."""
+    """Return the angle φ (degrees) for which width · cos φ + depth · sin φ equals the apparent width."""
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
     return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)
 
 
 def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: float) -> float:
-    """Return the relative increase of the bending stiffness in the plane of the image of a twisted box.
+    """Return the relative increase of the bending stiffness of a twisted box in the plane of the image.
 
-    A bending moment M on a section that is turned by φ has components along both axes of the section. The curvature in
-    the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)². This curvature is averaged
-    over a turn that grows evenly from the root to the tip, with φ² in place of sin² φ. A fit that assumes no twist
-    overestimates the modulus by this share; it underestimates the modulus of a beam that is less deep than wide.
+    If a section is turned by φ about the axis of the box, a bending moment M acts about both principal axes of the
+    section. The curvature in the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)².
+    With φ² in place of sin² φ, and averaged over a turn that grows evenly from the root to the tip, the relative
+    increase is
+
+        1 / (1 - m (1 - (width/depth)²)) - 1,    m = (root² + root · tip + tip²) / 3,
+
+    with the turns in radians. A fit that assumes no twist gives a modulus that is too large by this share. For a beam
+    that is less deep than wide the share is negative.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The result of segmentation for one state: two edges in millimetres, and the flags."""
+"""The result of the search for edges in one state: two edges in millimetres, and the flags."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EdgePoints:
-    """One edge in the beam frame, ordered from the clamp to the tip.
+    """The points of one edge in the beam frame, ordered from the clamp to the tip.
 
     Attributes
     ----------
@@ -30,20 +30,20 @@ class EdgePoints:
 
 @dataclass(frozen=True)
 class EdgeSet:
-    """Both edges of one state, the flags and the corners.
+    """Both edges of the beam in one state, the flags and the corners.
 
     Attributes
     ----------
     left, right : EdgePoints
-        The edges; the left one has y < 0 at zero field. Both are empty if no beam was found.
+        The edges. Without coil field, the left edge has y < 0. Both edges are empty if no beam was detected.
     flags : tuple of Flag
         The quality checks that the state did not pass.
     corners_px : ndarray, shape (4, 2)
-        Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not found.
+        Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not located.
     calibration_digest : str
         `Calibration.digest` of the calibration that mapped pixels to millimetres.
     calibration_age_days : float, optional
-        Age of the calibration when the frame was taken; None if it is not known.
+        Age of the calibration when the frame was taken; None if the age is not known.
     """
 
     left: EdgePoints
@@ -55,7 +55,7 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """Points (n, 2) midway between each point of the left edge and the nearest point of the right edge."""
+        """Points (n, 2), mm, midway between each point of the left edge and the nearest point of the right edge."""
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):
             return np.zeros((0, 2))
@@ -64,14 +64,14 @@ class EdgeSet:
 
 
 END_SHARE = 0.1
-"""Share of an edge's length, at its end, that gives the direction of the tip."""
+"""Share of the length of an edge, before its end, over which the direction of the tip is measured."""
 
 
 def tip_angle_deg(edges: EdgeSet) -> float:
-    """Return the direction of the tip, from +x toward +y.
+    """Return the direction of the tip in the beam frame, from +x toward +y.
 
-    It is the mean direction of the last tenth of both edges. The points end a few pixels before the corners of the tip,
-    so that this is the direction just before the corners.
+    The direction is the mean over the last tenth of both edges. The points of an edge end a few pixels before the
+    corner of the tip.
 
     Parameters
     ----------
@@ -89,9 +89,9 @@ def tip_angle_deg(edges: EdgeSet) -> float:
 
 
 def tip_angle_sigma_deg(edges: EdgeSet) -> float:
-    """Return the standard uncertainty of the direction of the tip (`tip_angle_deg`) from the noise of the edge points.
+    """Return the standard uncertainty of the direction of the tip (`tip_angle_deg`) due to the noise of the points.
 
-    The errors of the points are taken as independent. The uncertainty of the axis of the picture is not included.
+    The errors of the points are assumed to be independent. The uncertainty of the axis in the picture is not included.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _end_direction(points_mm: Array) -> Array:
 
 
 def _end(points_mm: Array) -> NDArray[np.bool_]:
-    """Return which points (n,) belong to the last tenth of an edge; at least three do."""
+    """Return a mask (n,) of the points in the last tenth of an edge, and of at least the last three points."""
     steps = np.hypot(*np.diff(points_mm, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

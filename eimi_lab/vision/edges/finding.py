@@ -1,4 +1,4 @@
-"""Find both edges of the beam in one image, by its silhouette or by following it from its clamp."""
+"""Find both edges of the beam in one image, by its silhouette or by following the beam from its clamp."""
 
 from __future__ import annotations
 
@@ -44,39 +44,42 @@ def find_edges(
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: Array | None = None,
 ) -> EdgeSet:
-    """Find the edges of the beam in one image.
+    """Find both edges of the beam in one image.
 
-    The silhouette is tried first (`back_lit`): in front of a back-light its accuracy is limited by the noise alone. If
-    it gives no edges, or reaches the border of the picture, the beam is followed from its clamp
-    (`eimi_lab.vision.following`). In a picture with colours the beam is also followed if the silhouette is in doubt.
+    The silhouette of the beam is tried first (`back_lit`). In front of a back-light, only the noise limits its
+    accuracy. If the silhouette gives no edges, or reaches the border of the picture, the beam is followed from its
+    clamp (`eimi_lab.vision.following`). In a colour picture, the beam is also followed if the silhouette raises one of
+    several flags, for example HOLE_OR_REFLECTION.
 
-    A few pixels are left out at the clamp line and at the corners, where a profile is not a clean step. A beam that is
-    brighter than the surroundings of its root is taken for a lit beam in front of a dark background.
+    A few pixels at the clamp line and at the corners are left out, because a profile there is not a clean step. If the
+    root of the beam is brighter than its surroundings, the beam is taken as a lit beam in front of a dark background.
 
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, 3)
-        The image, of any bit depth. Any image is accepted; without a beam the edges are empty, and the flags say why.
+        The image, of any bit depth. Every image is accepted. Without a beam the edges are empty, and flags give the
+        reason.
     calibration : Calibration
         Scale, clamp, axis and lens.
     specimen_file : SpecimenFile
         The specimen and its magnet.
     spacing_mm : float
-        Wanted distance of the points along the edges. It is increased if there would be more than `passes.MOST_POINTS`
-        points, or if their profiles would overlap. If it exceeds a tenth of the beam's width, more points are located
-        than returned, to estimate their scatter.
+        Desired distance between the points along the edges. The distance is increased if an edge would have more than
+        `passes.MOST_POINTS` points, or if the profiles of neighbouring points would overlap. If the distance exceeds a
+        tenth of the beam's width, further points are located to estimate the scatter, but are not returned.
     limits : mapping of str to float, optional
-        Limits that replace those in the table of flags, by the names of its findings.
+        Limits that replace limits in the table of flags. The keys are those of the table (`Check.finding`).
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
         Projection of the image's colours.
     earlier : callable, optional
-        Return the edges of an earlier state with the same calibration, or None. It is called only if several bodies are
-        equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag ROOT_AMBIGUOUS.
+        Return the edges of an earlier state with the same calibration, or None. The function is called only if several
+        bodies are equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag
+        ROOT_AMBIGUOUS.
     expected_mm : ndarray, shape (n, 2), optional
-        Middle of the beam in an earlier picture, from the clamp outward, for a picture without clicked points. It
-        replaces the calibration's clicked points.
+        Centre line of the beam in an earlier picture, from the clamp outward. The search then ignores the clicked
+        points of the calibration.
 
     Returns
     -------
@@ -156,8 +159,8 @@ def follow_beam(
 ) -> FollowedBeam:
     """Follow the beam from its clamp in one image, and keep the intermediate results.
 
-    All colours are used, with a separate projection for each stretch of each edge, unless a person named a channel or
-    the colour of the beam.
+    All colours are used, and each part of each edge has a projection of its own. If the calibration names a channel or
+    the colour of the beam, `projection` is used for the whole picture.
 
     Parameters
     ----------
@@ -194,13 +197,13 @@ def follow_beam(
 
 
 def _clicks(calibration: Calibration) -> Array | None:
-    """Return the clicked points (n, 2), px, or None."""
+    """Return the clicked points (n, 2) of a calibration, px, or None without clicked points."""
     clicks = calibration.picture.along_px if calibration.picture else None
     return None if clicks is None else np.array(clicks)
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether a clicked point lies outside both edges by more than the error of a click."""
+    """Return whether a clicked point lies outside the beam by more than the error of a click (10 px)."""
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -208,7 +211,7 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
-    """Return whether the beam has to be followed although its silhouette gave edges."""
+    """Return whether the silhouette raises a flag for which the beam is followed from its clamp instead."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2:  # in front of a back-light the edges of the silhouette remain the best
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
@@ -216,7 +219,7 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the followed edges in mm; None without edges, or if flags make the edges unusable."""
+    """Return the followed edges in mm with NaN corners, or None without edges or if a flag makes the edges unusable."""
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)
@@ -226,11 +229,11 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
-    """Convert one followed edge to millimetres."""
+    """Convert one followed edge from pixels to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 
 def _pixel_mm(frame: BeamFrame) -> float:
-    """Return the size of a pixel at the clamp in mm."""
+    """Return the size of a pixel at the clamp, mm."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     return 1.0 / float(np.linalg.norm(ahead - origin))

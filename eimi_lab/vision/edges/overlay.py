@@ -1,4 +1,4 @@
-"""Draw the edges on a frame, with the normals, the corners and the flags; combine many pictures on one sheet."""
+"""Draw the edges, their normals, the corners and the flags on a frame, and combine many pictures on one sheet."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def draw_overlay(
 ) -> NDArray[np.uint8]:
     """Draw the edges and the flags of one state on its frame.
 
-    The left edge is blue, the right edge orange, and the corners are green. Every tenth point of an edge shows the
-    normal along which it was located. Below the frame each flag is listed with its value, its limit and its remedy. The
-    frame keeps its size and lies at the top left.
+    The left edge is blue, the right edge is orange, and the corners are green. At every tenth point of an edge, the
+    normal is drawn. Below the frame each flag is listed with its value, its limit and its remedy. The frame keeps its
+    size and lies at the top left.
 
     Parameters
     ----------
@@ -56,9 +56,11 @@ def draw_overlay(
     calibration : Calibration
         The map between millimetres and pixels.
     specimen_file : SpecimenFile, optional
-        If given and there are no edges, the stated clamp, axis and width are drawn in light blue.
+        If given and if there are no edges, the clamp line, the axis and the edges of a straight beam are drawn in light
+        blue, as the calibration and the specimen file give them.
     followed : FollowedBeam, optional
-        If given and there are no edges, the followed path is drawn in yellow, with a cross where it ended.
+        If this and `specimen_file` are given and if there are no edges, the followed path is drawn in yellow, with a
+        cross at its end.
 
     Returns
     -------
@@ -101,7 +103,7 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """Draw the clamp line, the axis and both edges of a straight beam with the values of the files."""
+    """Draw the clamp line, the axis and both edges of a straight beam, as calibration and specimen file give them."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],
@@ -113,7 +115,7 @@ def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: Sp
 
 
 def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
-    """Draw the middle of the followed strip, the sure places of its edges, and a cross at its end."""
+    """Draw the followed path, the sure places of both edges, and a cross at the end of the path."""
     path = followed.path_px
     _draw_line(picture, path, FOLLOWED_COLOUR)
     for edge in followed.sure_px:
@@ -125,9 +127,9 @@ def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
 
 
 def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDArray[np.uint8]:
-    """Add name, value and limit of each flag on white below the picture, and the remedies in smaller letters.
+    """Add the name, value and limit of each flag below the picture, and its remedy in smaller letters.
 
-    Notes, which need no action, are grey.
+    Flags of the severity NOTE, which need no action, are grey.
     """
     if not flags:
         return picture
@@ -150,16 +152,16 @@ def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDAr
 def contact_sheet(
     pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], size_px: tuple[int, int] = _SHEET_PX
 ) -> NDArray[np.uint8]:
-    """Combine many pictures on one roughly square sheet.
+    """Combine many pictures with captions on one roughly square sheet.
 
     Parameters
     ----------
     pictures : sequence of ndarray of uint8, shape (h, w, 3)
-        The pictures; large ones are reduced.
+        The pictures. Large pictures are reduced.
     captions : sequence of str
-        A caption above each picture.
+        The captions, each above its picture.
     size_px : tuple of int
-        Width and height for each picture with its caption.
+        Width and height of the field for one picture and its caption.
 
     Returns
     -------
@@ -182,7 +184,7 @@ def contact_sheet(
 
 
 def _normals(points: NDArray[Any]) -> NDArray[Any]:
-    """Return short lines (k, 2, 2) across an edge (n, 2), at every tenth point."""
+    """Return a short line across an edge (n, 2) at every tenth point, (k, 2, 2): two ends of k lines."""
     if len(points) < 3:
         return np.zeros((0, 2, 2))
     tangent = np.gradient(points, axis=0)
@@ -192,5 +194,5 @@ def _normals(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def _fixed_point(points: NDArray[Any]) -> NDArray[np.int32]:
-    """Convert places to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to their valid range."""
+    """Convert points to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to the range of OpenCV."""
     return np.rint(np.clip(points, -1e5, 1e5) * 2**_SUB_PIXEL_BITS).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The two passes that locate the edges: on normals to the outline, then on normals to the resulting curve."""
+"""Locate the edges in two passes: on normals to the outline, then on normals to the curves through the first points."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class SiliconeMargin:
     width_px : float
         Width of the silicone on each side of the magnet.
     tolerance_px : float
-        Standard deviation of that width; a magnet is seldom cast exactly in the middle.
+        Standard deviation of this width; a magnet is seldom cast exactly in the middle.
     begins_px : float
-        Distance from the tip to the beginning of the magnet.
+        Distance from the tip to the end of the magnet that is nearer to the clamp.
     """
 
     width_px: float
@@ -55,25 +55,25 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """One part of the outline, and the n edge points that were located on it, from the clamp to the tip.
+    """A part of the outline with the n points that were located on it, ordered from the clamp to the tip.
 
     Attributes
     ----------
     curve : SmoothCurve
-        The curve whose normals were searched.
+        The curve on whose normals the points were searched.
     points_px : ndarray, shape (n, 2)
         The edge points.
     offset_px : ndarray, shape (n,)
-        Distance of each point from `curve`.
+        Distance of each point from `curve` along the normal.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset, up to a factor that is common to the frame (`scatter_scale`).
+        Standard deviation of the offset, up to a factor that all points of the frame share (`scatter_scale`).
     common_px : ndarray, shape (n,)
-        Standard deviation that neighbouring points share, up to the same factor; it adds to `sigma_px` as a sum of
-        squares.
+        Standard deviation of an error that neighbouring points share, up to the same factor. The variances of
+        `sigma_px` and `common_px` are added.
     sound : ndarray of bool, shape (n,)
-        Whether a step was found at each point.
+        Whether a step was detected at each point.
     stride : int
-        Every stride-th point is stored; the points between them serve to estimate the scatter.
+        Every stride-th point becomes a point of the edge. The other points serve only to estimate the scatter.
     """
 
     curve: SmoothCurve
@@ -87,12 +87,12 @@ class Side:
 
 @dataclass(frozen=True)
 class PassResult:
-    """The result of one pass; n counts the profiles of all sides.
+    """The result of one pass over the edges: n profiles of grey values on all sides, each at m places along a normal.
 
     Attributes
     ----------
     sides : tuple of Side
-        The stretches of the outline.
+        The parts of the outline.
     steps : Steps
         The fitted steps.
     stations_px : ndarray, shape (m,)
@@ -100,7 +100,7 @@ class PassResult:
     profiles : ndarray, shape (n, m)
         Grey values at the stations.
     residual : ndarray, shape (n,)
-        RMS residual of each profile as a share of its step; 1 if there is no step.
+        RMS residual of each profile as a share of the height of its step; 1 if there is no step.
     """
 
     sides: tuple[Side, ...]
@@ -116,12 +116,15 @@ class PassResult:
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether each sound profile lies in the half of its edge nearer to the clamp, where there is no magnet."""
+        """Whether each profile is sound and lies in the half of its edge that is nearer to the clamp.
+
+        There is no magnet in this half.
+        """
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return grey values of the sound profiles on one side of the edge, outside the blur of the step.
+        """Return the grey values of the sound profiles on one side of the edge, outside the blur of the step.
 
         Parameters
         ----------
@@ -144,10 +147,11 @@ def first_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left edge, the tip and the right edge on normals to a silhouette.
+    """Locate the left edge, the tip and the right edge on normals to the outline of a silhouette.
 
-    Silicone beside the magnet causes a second, fainter step. Where the silicone is wide, the profiles end before that
-    step. Where it is thin, the edge lies some tenths of a pixel too far inside; the second pass corrects this.
+    Silicone beside the magnet causes a second, fainter step in the grey values. Where the silicone is wide, the
+    profiles end before the fainter step. Where the silicone is thin, the located edge lies some tenths of a pixel too
+    far inside, and the second pass corrects this error.
 
     Parameters
     ----------
@@ -156,9 +160,9 @@ def first_pass(
     silhouette : Silhouette
         Outline and corners, accurate to about a pixel.
     hand : float
-        `BeamFrame.hand`.
+        `BeamFrame.hand`: +1 if the y axis is a quarter turn clockwise of the x axis in the image, else -1.
     spacing_px : float
-        Wanted distance of the points along the long edges.
+        Desired distance between the points along the long edges.
     width_px : float
         Width of the specimen.
     margin : SiliconeMargin
@@ -167,7 +171,7 @@ def first_pass(
     Returns
     -------
     PassResult or None
-        Sides: left edge, tip, right edge. None without corners, or if an edge is too short.
+        Sides: left edge, tip, right edge. None if the silhouette has no corners, or if an edge is too short.
     """
     if silhouette.corners is None:
         return None
@@ -201,8 +205,9 @@ def second_pass(
 ) -> PassResult | None:
     """Locate the left and right edges on normals to the curves of the first pass, from corner to corner.
 
-    At each end, the stretch that the blur of the corner affects is left out. Where the silicone beside the magnet
-    is thin, both steps are fitted, with one width of the silicone on each side as an unknown.
+    At both ends of an edge, the part that the blur of the corner affects is left out. Where the silicone beside the
+    magnet is thin, the steps at its outer and inner border are fitted together. The width of the silicone on each side
+    of the beam is then an unknown of the fit.
 
     Parameters
     ----------
@@ -218,7 +223,7 @@ def second_pass(
     Returns
     -------
     PassResult or None
-        Sides: left edge, right edge. None if an edge is too short.
+        Sides: left edge, right edge. None if a corner is NaN, or if an edge has fewer than eight points.
     """
     sides = (first.sides[0], first.sides[-1])
     if not np.isfinite(corners_px).all() or min(side.sound.sum() for side in sides) < _FEWEST_POINTS:
@@ -247,20 +252,21 @@ def second_pass(
 
 
 def _transmission(located: PassResult) -> float:
-    """Return the share of the light that passes the silicone, measured where there is no magnet behind the edge."""
+    """Return the share of the light that passes through the silicone, measured where there is no magnet."""
     near, steps = located.near_clamp, located.steps
     share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
     return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
 
 
 def scatter_scale(left: Side, right: Side) -> float:
-    """Return the factor by which the points' standard deviations are multiplied to match their scatter.
+    """Return the factor by which the standard deviations of the points are multiplied to match their scatter.
 
-    The scatter is estimated from third differences along the edges, to which a smooth shape does not contribute. For
-    independent offsets with standard deviations a, b, c, d the third difference has the standard deviation √(a² + 9b² +
-    9c² + d²). Where a bent beam meets its stiff magnet, and where the curve continues straight beyond its end, the
-    curve from which the offsets are counted has another curvature than the edge. The median ignores those few places; a
-    root mean square would not.
+    The scatter is estimated from third differences of the offsets along the edges, to which a smooth shape hardly
+    contributes. For independent offsets with standard deviations a, b, c, d the third difference has the standard
+    deviation √(a² + 9b² + 9c² + d²).
+
+    The median of the ratios is used, because a few ratios are too large: at the magnet and at the end of the curve, the
+    curve from which the offsets are counted bends in another way than the edge.
     """
     ratios = []
     for side in (left, right):
@@ -280,9 +286,31 @@ def _locate(
     fewest: int,
     cover: Cover | None = None,
 ) -> PassResult | None:
-    """Locate edge points at given arc lengths of each curve.
+    """Locate edge points on normals to curves.
 
-    `arc_lengths` holds the results of `_arc_lengths`. `outward` is +1 for a curve whose clockwise side is bright.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W)
+        Grey values with a dark beam.
+    curves : sequence of SmoothCurve
+        One curve for each part of the outline.
+    arc_lengths : sequence of (ndarray, int)
+        Arc lengths of the points on each curve, and their stride, from `_arc_lengths`.
+    outward : sequence of float
+        For each curve, +1 if its clockwise side is bright, else -1.
+    stations_px : ndarray, shape (m,)
+        Places along the normals, positive outward.
+    blur_px : float
+        Initial value of the blur.
+    fewest : int
+        Least number of points on a curve.
+    cover : Cover, optional
+        Silicone beside a magnet.
+
+    Returns
+    -------
+    PassResult or None
+        None if a curve has fewer points than `fewest`.
     """
     points, normals = [], []
     for curve, (place, _), sign in zip(curves, arc_lengths, outward, strict=True):
@@ -319,27 +347,27 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far a profile can extend into the beam without reaching the edge of the magnet."""
+    """Return the length over which a profile can extend into the beam without reaching the edge of the magnet."""
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 
 def _smooth(points: Array, width_px: float) -> SmoothCurve:
-    """Return a smooth curve through ordered points, with intervals of 0.7 beam widths."""
+    """Return a smooth curve through ordered points, with spline intervals of about 0.7 beam widths."""
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
     return SmoothCurve(points, max(1, round(length / (_PIECE_IN_WIDTHS * width_px))))
 
 
 def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
-    """Return whether each ordered point is farther than a margin from both ends, measured along the points."""
+    """Return whether each ordered point is at least `margin` away from both ends, measured along the points."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return (distance >= margin) & (distance <= distance[-1] - margin)
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths, and the stride at which the requested arc lengths occur among them.
+    """Return evenly spaced arc lengths, and the stride from one requested arc length to the next.
 
-    At most `MOST_POINTS` are requested. More points are added between these until neighbours are at most `widest`
-    apart, unless their profiles would then overlap.
+    At most `MOST_POINTS` arc lengths are requested. Further arc lengths are added between them until neighbours are at
+    most `widest` apart, but only as long as the profiles of neighbours do not overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

@@ -20,10 +20,10 @@ _BLUR_LIMITS_PX = (0.3, 8.0)
 
 
 def sample(image: NDArray[Any], points_px: Array) -> Array:
-    """Interpolate an image bilinearly.
+    """Return the values of an image at points between its pixels, by bilinear interpolation.
 
-    Beyond the border the value of the border pixel is used. cv2.remap is not used, because before OpenCV 5 it rounds
-    places to 1/32 px.
+    Beyond the border the value of the border pixel is used. cv2.remap is not used, because before OpenCV 5 this
+    function rounds places to 1/32 px.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
 
 
 def normals_of(tangents: Array) -> Array:
-    """Turn unit tangents (..., 2) by a quarter turn, clockwise in the image."""
+    """Return unit tangents (..., 2) turned by a quarter turn, clockwise in the image."""
     return np.asarray(np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1), dtype=np.float64)
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return places along a normal from -inner_px to outer_px in steps of half a pixel; zero is one of them."""
+    """Return places along a normal, px, from -inner_px to outer_px in steps of half a pixel, including zero."""
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
 
@@ -72,23 +72,24 @@ def stations(inner_px: float, outer_px: float) -> Array:
 def read_profiles(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Read the mean grey values along bundles of parallel normals.
+    """Read profiles of grey values across an edge, each as the mean over k parallel lines.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, channels)
         The image.
     points_px, normals : ndarray, shape (n, k, 2)
-        For each of n profiles the origins and the unit directions of its k lines.
+        Origins and unit directions of the k lines of each of n profiles.
     stations_px : ndarray, shape (m,)
-        Distances along the normals.
+        Distances from the origin along the lines.
 
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Means of the k lines. Each line is shifted along its normal by less than half a pixel; the mean shift is zero.
+        Means over the k lines. The lines are shifted against each other along the normal by parts of a pixel. The mean
+        shift is zero.
     inside : ndarray of bool, shape (n,)
-        Which profiles lie entirely in the image.
+        Whether a profile lies entirely in the image.
     """
     # Interpolation blurs least at the centre of a pixel and most between two pixels. The lines are shifted against each
     # other by parts of a pixel, so that an edge along the rows of pixels is blurred like any other edge.
@@ -102,16 +103,18 @@ def read_profiles(
 
 @dataclass(frozen=True)
 class Cover:
-    """Silicone outside a narrower magnet, which causes a second, fainter step inside the edge.
+    """The silicone between the edge of the beam and a narrower magnet, on k sides.
+
+    The edge of the magnet causes a second step in the n profiles, inside the edge of the beam.
 
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        Index, among the k covers, of the cover of each profile; -1 for none.
+        Index of the side, from 0 to k - 1, whose silicone a profile crosses; -1 for a profile without magnet.
     width_px, tolerance_px : ndarray, shape (k,)
-        Prior mean and standard deviation of the width of each cover.
+        Prior mean and prior standard deviation of the width of the silicone.
     transmission : float
-        Share of the light that passes the silicone alone.
+        Share of the light that passes through the silicone.
     """
 
     group: NDArray[np.int64]
@@ -122,7 +125,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class Steps:
-    """Blurred steps fitted to n profiles.
+    """Blurred steps that were fitted to n profiles of grey values.
 
     Attributes
     ----------
@@ -133,14 +136,14 @@ class Steps:
     blur_px : float
         Standard deviation of the Gaussian blur, common to all profiles.
     residual : ndarray, shape (n,)
-        RMS residual as a share of the step.
+        RMS residual as a share of the height of the step.
     sensitivity : ndarray, shape (n,)
-        Standard deviation of the offset (px) for noise of one grey level that is independent from station to station.
+        Standard deviation of the offset (px) for independent noise with a standard deviation of one grey level.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset that is caused by the uncertain width of a cover; all profiles of the cover
-        share the same error.
+        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet. All profiles on
+        one side of the beam share this error.
     sound : ndarray of bool, shape (n,)
-        Whether a step was found on each profile.
+        Whether a step was detected in each profile.
     """
 
     offset_px: Array
@@ -160,18 +163,19 @@ def fit_steps(
     usable: NDArray[np.bool_] | None = None,
     cover: Cover | None = None,
 ) -> Steps:
-    """Fit a blurred step to each profile, with one blur for all profiles.
+    """Fit a blurred step to each of n profiles, with one blur for all profiles.
 
-    The model of a profile is a step from dark to bright at the offset o, blurred by a Gaussian of standard deviation s:
+    The fitted function of the place u is a step from dark to bright at the offset o, blurred by a Gaussian of standard
+    deviation s:
 
         g(u) = dark + (bright - dark) · Φ((u - o) / s),    Φ(z) = (1 + erf(z / √2)) / 2.
 
-    A profile with a cover of width c has two steps. With the transmission t the grey value rises from dark to t ·
-    bright at o - c, and from there to bright at o.
+    A profile that crosses silicone of width c beside a magnet has two steps. With the transmission t of the silicone,
+    the grey value rises from dark to t · bright at o - c, and from there to bright at o.
 
-    All unknowns are found by Gauss-Newton iteration. The offset and the plateaus belong to one profile each, and are
-    eliminated from the normal equations of the shared unknowns (the blur and the widths of the covers). Each width has
-    a Gaussian prior.
+    The unknowns are computed by Gauss-Newton iteration. The offset and the plateaus of each profile are eliminated from
+    the normal equations, so that only the shared unknowns remain: the blur and the widths of the silicone. Each width
+    has a Gaussian prior.
 
     Parameters
     ----------
@@ -182,7 +186,7 @@ def fit_steps(
     blur_px : float
         Initial value of the blur.
     usable : ndarray of bool, shape (n,), optional
-        Profiles that may determine the shared unknowns; all of them if it is None.
+        Whether a profile may contribute to the shared unknowns; by default all profiles do.
     cover : Cover, optional
         Silicone beside a magnet.
 
@@ -240,7 +244,10 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return plateaus from the ends of the profiles (n, m), and the offset from the area under them."""
+    """Return initial values (n,) of the dark plateau, the bright plateau and the offset of n profiles.
+
+    The plateaus are the means at the ends of a profile. The offset follows from the area under the profile.
+    """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
     height = np.where(bright - dark > 1e-9, bright - dark, 1.0)
@@ -253,7 +260,10 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns that all profiles share: `values` holds the blur (px) and the widths of the k covers (px)."""
+    """The unknowns that all profiles share: the blur and the widths of the silicone on k sides of the magnet.
+
+    `values` holds the blur and the k widths, px.
+    """
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.
@@ -270,12 +280,12 @@ class _SharedUnknowns:
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Take one Gauss-Newton step and return it.
+        """Take one Gauss-Newton step, and return the changes (1 + k,) of the shared unknowns, px.
 
         Parameters
         ----------
         reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives by the shared unknowns, after the unknowns of each profile were eliminated.
+            Derivatives with respect to the shared unknowns, after the unknowns of each of n profiles were eliminated.
         residuals : ndarray, shape (n, m)
             Residuals of the profiles.
         """
@@ -290,18 +300,22 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances (k,) of the widths of the covers after the last step, px²."""
+        """Return the variances (k,) of the widths of the silicone after the last step, px²."""
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the profiles with respect to their own unknowns and the shared unknowns.
+    """Return the derivatives of n profiles with respect to their unknowns.
 
-    The first array (n, m, 3) has the derivatives by dark, bright and offset, the second (n, m, 1 + k) those by the
-    shared unknowns. A profile is linear in its plateaus: it equals dark times the first column plus bright times the
-    second.
+    Returns
+    -------
+    columns : ndarray, shape (n, m, 3)
+        Derivatives with respect to the dark plateau, the bright plateau and the offset of each profile. A profile
+        equals dark · (first column) + bright · (second column).
+    shared_columns : ndarray, shape (n, m, 1 + k)
+        Derivatives with respect to the blur and the k widths of the silicone.
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)
@@ -324,27 +338,33 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return values and slopes of a blurred unit step at distances from it, and the distances in units of the blur."""
+    """Return the values and slopes of a blurred unit step at given distances from the step.
+
+    The third returned array holds the distances divided by the blur.
+    """
     z = distances / blur
     return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 
 def _inverse(normal: Array) -> Array:
-    """Invert normal matrices (n, 3, 3); a small term on the diagonal keeps the inverses of flat profiles finite."""
+    """Return the inverses of normal matrices (n, 3, 3).
+
+    A small term on the diagonal keeps the inverses of flat profiles finite.
+    """
     size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
 
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
-    """Return the least-squares solution for each profile from the inverse of its normal matrix."""
+    """Return the least-squares solution (n, 3) for each profile from the inverse of its normal matrix."""
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether each profile has at most three times the median residual of its group.
+    """Return whether the residual of each profile is at most three times the median residual of its group.
 
-    Dirt on an edge must not determine the blur. Each group has its own median: before its two steps are fitted, a
-    profile with a cover has a large residual, and must still determine the width of the cover.
+    Profiles with dirt on the edge must not determine the blur. The profiles beside a magnet form groups of their own.
+    Their residuals are large before both steps are fitted, but these profiles must determine the width of the silicone.
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

@@ -1,4 +1,4 @@
-"""Measure contrast, clipping, blur and gamma of a picture at the edges, under the names that `vision.flags` uses."""
+"""Measure contrast, clipping, blur and gamma at the edges of a picture, for the table of flags."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ def light_findings(
     lit_beam : bool
         Whether the picture is a negative.
     limits : mapping of str to float, optional
-        Limits that replace those in the table of `vision.flags`. Gamma is measured only if the picture is not clipped.
+        Limits that replace limits in the table of flags. The limit of clipping decides whether gamma is measured: gamma
+        is not measured in a clipped picture.
 
     Returns
     -------
     dict of str to float
+        The measured values, with the keys of the table of flags (`Check.finding`).
     """
     steps = edge_pass.steps
     if lit_beam:
@@ -55,7 +57,7 @@ def light_findings(
 
 
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
-    """Estimate the gamma of the camera from the half of each edge nearer to the clamp, where there is no magnet."""
+    """Estimate the gamma of the camera from the halves of the edges nearer to the clamp, away from the magnet."""
     near, steps, stations = edge_pass.near_clamp, edge_pass.steps, edge_pass.stations_px
     profiles, offset, bright = edge_pass.profiles[near], steps.offset_px[near], steps.bright[near]
     if inverted_from is not None:  # turn the negative back, so that grey values rise with the light
@@ -65,14 +67,14 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return the sentences in the remedies that state the effect of a turn on the fitted modulus.
+    """Return the words for remedies that give the effect of a turn about the beam's axis on the fitted modulus.
 
     Parameters
     ----------
     twist_deg : float
-        Turn of the tip about the beam's axis, relative to the clamp.
+        Angle by which the tip is turned relative to the clamp.
     even_turn_deg : float
-        Turn of the whole beam that would explain its apparent width.
+        Angle by which the whole beam would have to be turned to explain its apparent width.
     width, depth : float
         Width and depth of the specimen, in any one unit.
 

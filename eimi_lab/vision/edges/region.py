@@ -1,4 +1,4 @@
-"""The part of the pictures in which the beam is searched, as a person states it."""
+"""The region of the pictures in which the beam is searched, as a calibration gives it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the pictures.
+    """A rectangular region of the pictures.
 
     Attributes
     ----------
     left, top, width, height : int
         The rectangle, px of the picture.
     calibration : Calibration
-        The calibration for pixels counted from the corner of the rectangle.
+        The calibration for pixels that are counted from the upper left corner of the rectangle.
     digest : str
         Digest of the calibration of the whole picture.
     """
@@ -39,30 +39,30 @@ class Region:
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
-        """Return edges found in the rectangle, with corners in pixels of the whole picture."""
+        """Return the edges that were located in the rectangle, with their corners in pixels of the whole picture."""
         corners = edges.corners_px + np.array([self.left, self.top])
         return replace(edges, corners_px=corners, calibration_digest=self.digest)
 
 
 def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None:
-    """Return the region that a calibration states.
+    """Return the region in which the calibration restricts the search, or None.
 
     Parameters
     ----------
     calibration : Calibration
         The calibration of the whole picture.
     shape : tuple of int
-        Shape of the pictures: height, width, and perhaps channels.
+        Shape of the pictures: height, width and, in colour, the number of channels.
 
     Returns
     -------
     Region or None
-        None if the calibration states no region.
+        None if the calibration has no `region_px`.
 
     Raises
     ------
     InputError
-        If the region leaves the picture, or if the clamp is not in the region.
+        If the region is not entirely in the picture, or if it does not contain the clamp and all clicked points.
     """
     if calibration.picture is None or calibration.picture.region_px is None:
         return None

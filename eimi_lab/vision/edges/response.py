@@ -1,8 +1,8 @@
 """Estimate the gamma of the camera from the shape of the edges.
 
-A lens images an edge as a symmetric blurred step of light. A camera that stores light to the power 1/gamma distorts the
-step, more at its dark foot than at its bright shoulder. Every method that looks for the middle of the step is then
-biased.
+A lens images an edge as a symmetric blurred step of light. A camera with gamma stores light to the power 1/gamma. This
+distorts the step, more at its dark end than at its bright end. Every method that looks for the middle of the step is
+then biased.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def estimate_gamma(
     """Estimate the gamma of the camera, where grey = light ** (1 / gamma).
 
     The profiles are divided by their bright plateaus, shifted to a common edge, and averaged in bins of a quarter
-    pixel. A blurred step to the power 1/gamma is fitted to the mean.
+    pixel. A blurred step to the power 1/gamma is then fitted to the mean profile.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def estimate_gamma(
 
 
 def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Estimate gamma by one linear step from gamma = 1.
+    """Estimate gamma by one linear least-squares step from gamma = 1.
 
-    This is enough for most pictures, and takes a twentieth of the time of the full fit.
+    The estimate is sufficient for most pictures, and takes a twentieth of the time of the full fit.
     """
     z = place / blur
     rise, bell = ndtr(z), np.exp(-0.5 * z**2)
@@ -91,6 +91,6 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
-    """Return a blurred step of light, as a camera with the given gamma stores it."""
+    """Return the grey values of a blurred step of light that a camera with the given gamma stores."""
     light = dark + (1.0 - dark) * ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))

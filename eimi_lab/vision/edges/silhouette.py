@@ -34,7 +34,7 @@ class BackLight:
     surface : ndarray
         The fitted back-light on a coarse grid over the image, grey levels.
     bright, dark : float
-        Grey values beside the beam's root and inside the root.
+        Grey value of the back-light at the beam's root, and grey value of the root, which is not larger.
     """
 
     surface: NDArray[np.float32]
@@ -51,15 +51,15 @@ class Silhouette:
     outline_px : ndarray, shape (n, 2)
         Points about a pixel apart.
     corners : tuple of int, optional
-        Indices of the tip's left and right corners in the outline; None if no pair of corners was found.
+        Indices of the tip's left and right corners in the outline; None if there is no pair of corners.
     turn_deg : float
-        Turn of the outline at the less sharp of the two corners; 0 without corners.
+        Angle by which the outline turns at the less sharp of the two corners; 0 without corners.
     touches_frame : bool
         Whether the body reaches the border of the image.
     other_bodies : int
         Number of other dark bodies within the reach of the beam.
     hole_share : float
-        Area of the largest bright patch inside the outline, as a share of the width squared.
+        Area of the largest bright patch inside the outline, divided by the square of the width.
     """
 
     outline_px: Array
@@ -71,10 +71,10 @@ class Silhouette:
 
 
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
-    """Fit a quadratic surface to the back-light, and read the grey value of the beam's root.
+    """Fit a quadratic surface to the back-light, and measure the grey value of the beam's root.
 
-    Dark bodies are excluded in three rounds: each round excludes the pixels clearly below the surface of the previous
-    round.
+    The surface is fitted three times. Each fit excludes the pixels that are clearly darker than the previous surface,
+    so that the beam and other dark bodies have no effect.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """Return places (n, 2), px, spread over the first stretch of the beam.
+    """Return places (n, 2), px, that are spread over the root of the beam, up to a width from the clamp.
 
     Parameters
     ----------
@@ -136,9 +136,10 @@ def find_silhouette(
     light: BackLight,
     shape: StatedShape,
 ) -> Silhouette | None:
-    """Find the dark body that leaves the clamp.
+    """Find the outline of the dark body that leaves the clamp.
 
-    A pixel is dark if it lies below the mean of the root's grey value and the back-light at that place.
+    A pixel is dark if its grey value is below the mean of two grey values: that of the root, and that of the back-light
+    at the pixel.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ def find_silhouette(
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """Cut the closed contour open at the clamp line, and order it from the left edge to the right edge."""
+    """Cut a closed contour open at the clamp line, and order it from the left edge to the right edge."""
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():
         return contour[:0]
@@ -213,7 +214,10 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the indices of the outline's two sharpest turns about a width apart, and the smaller turn."""
+    """Return the indices of the two sharpest turns of the outline about a width apart, and the smaller turn (degrees).
+
+    Without such turns, return None and 0.
+    """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm
     place = np.arange(0.2 * distance[-1], 0.8 * distance[-1], width_mm / _PLACES_IN_WIDTH)

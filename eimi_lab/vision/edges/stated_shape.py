@@ -1,4 +1,4 @@
-"""The stated lengths and widths of the beam that the search for its edges needs."""
+"""Lengths and widths of the beam, from the specimen file, for the search of its edges."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NEAR_STEP = 0.5  # of the smallest width
 
 @dataclass(frozen=True)
 class StatedShape:
-    """Lengths and widths of a specimen whose width may vary along it, in mm.
+    """Lengths and widths of a specimen whose width may vary along its length, in mm.
 
     Parameters
     ----------
@@ -38,32 +38,32 @@ class StatedShape:
 
     @property
     def length_mm(self) -> float:
-        """Length along the centre line."""
+        """Length of the specimen along its centre line."""
         return self.specimen.length_mm
 
     @property
     def at_clamp_mm(self) -> float:
-        """Width at the clamp."""
+        """Width of the specimen at the clamp."""
         return float(self._strip.width_mm(np.zeros(1))[0])
 
     @property
     def at_tip_mm(self) -> float:
-        """Width at the tip."""
+        """Width of the specimen at the tip."""
         return float(self._strip.width_mm(np.array([self.length_mm]))[0])
 
     @property
     def at_magnet_mm(self) -> float:
-        """Smallest width along the magnet."""
+        """Smallest width of the specimen along the magnet."""
         return self._strip.straight.width_mm
 
     @property
     def narrowest_mm(self) -> float:
-        """Smallest width."""
+        """Smallest width of the specimen."""
         return float(self._strip.width_mm(self._along_mm).min())
 
     @cached_property
     def edge_length_mm(self) -> float:
-        """Mean length of the two edges."""
+        """Mean length of the two edges of the specimen."""
         if self._strip.is_straight:
             return self.length_mm
         half = np.full(_STATIONS, 0.5 * self._strip.straight.width_mm)
@@ -71,7 +71,10 @@ class StatedShape:
         return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
 
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
-        """Return local widths (n,) divided by the stated local widths, times the mean width; none near a step.
+        """Return the measured widths, scaled to a beam of constant width.
+
+        Each measured width is divided by the specimen's width at its place, and multiplied by `Specimen.width_mm`.
+        Points near a step of the width are left out.
 
         Parameters
         ----------
@@ -81,6 +84,10 @@ class StatedShape:
             Distance of each point from the right edge.
         clamp : ndarray, shape (2, 2)
             Clamp-left and clamp-right.
+
+        Returns
+        -------
+        ndarray, shape (k,) with k <= n
         """
         if not self._varies:
             return widths
@@ -90,9 +97,10 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return whether points (n,) of the left (0) or right (1) edge are within half the least width of a step.
+        """Return whether each point (n,) of an edge is near a step of the width.
 
-        Near a step, a smooth curve through the points cuts the corners.
+        A smooth curve through the points cuts the corners of a step. A point is near a step if its distance from the
+        step is less than half of the smallest width. `side` is 0 for the left edge and 1 for the right edge.
         """
         near = np.zeros(len(edge), bool)
         if not self._varies:
@@ -110,7 +118,7 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """The length of a stated edge from the clamp to each station."""
+        """The length of an edge of the specimen from the clamp to each station, mm."""
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
 

@@ -1,4 +1,4 @@
-"""Suggest which value of the calibration is wrong if no beam was found."""
+"""Suggest which value of the calibration or which width is wrong if no beam was found."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 @dataclass(frozen=True)
 class SuggestedCorrection:
-    """A sentence on the value that is probably wrong, and the edges that were found with another value.
+    """A suggestion which value is wrong, and the edges that were located with another value.
 
     Attributes
     ----------
     words : str
-        A part of a sentence, to follow "no beam was found;".
+        A part of a sentence that continues "no beam was found;".
     edges_px : tuple of ndarray, shape (n, 2)
-        The edges that are found with the suggested value, px; empty if no value is suggested.
+        The edges that were located with the suggested value, px; empty if no value is suggested.
     """
 
     words: str
@@ -48,18 +48,18 @@ class SuggestedCorrection:
 def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> SuggestedCorrection:
-    """Return the value that is probably wrong for an image in which no beam was found.
+    """Suggest which value is probably wrong for an image in which no beam was found.
 
-    The search is repeated without clicked points, and with another width, scale, axis or clamp, one change at a time
-    and each clearly different from the stated value. The first change with which a beam of the full length is found,
-    without a doubt, is suggested. This is not a proof, and no file is changed.
+    The search is repeated without clicked points, and with another width, scale, axis or clamp. Each search changes one
+    value clearly. The first change with which a beam of the full length is located without a doubt is suggested. The
+    suggestion is not a proof, and no file is changed.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
         The image.
     calibration : Calibration
-        The stated values.
+        The calibration with which no beam was found.
     specimen : SpecimenFile
         The specimen.
     projection : Projection, optional
@@ -68,6 +68,7 @@ def suggest_correction(
     Returns
     -------
     SuggestedCorrection
+        If no change succeeds, its words name another probable reason.
     """
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         size = {key: changes[key] for key in changes if key == "width_mm"}
@@ -80,17 +81,18 @@ def suggest_correction(
         if _is_convincing(edges, beam):
             frame = BeamFrame(changed)
             edges_px = tuple(frame.to_px(edge.points_mm) for edge in (edges.left, edges.right))
-            return SuggestedCorrection(f"one is found with {words}", edges_px)
+            return SuggestedCorrection(f"a beam is found with {words}", edges_px)
     if reason := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
         return SuggestedCorrection(reason)
     wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
     if wide_px < NARROWEST_PX:
         return SuggestedCorrection(
-            f"it is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g}: go nearer, or use a longer lens;"
+            f"the beam is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g} px wide: move the camera "
+            "nearer, or use a longer lens;"
         )
     return SuggestedCorrection(
-        "no body of the stated width leaves the clamp there or nearby: check clamp_midpoint_px, axis_angle_deg and "
-        "pixels_per_mm, or help with --along, --region, --polarity and --beam-colour;"
+        "no body as wide as width_mm leaves the clamp at or near clamp_midpoint_px: check clamp_midpoint_px, "
+        "axis_angle_deg and pixels_per_mm, or help the search by --along, --region, --polarity or --beam-colour;"
     )
 
 
@@ -107,48 +109,49 @@ def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
-    """Return a sentence if the whole picture is about equally bright; otherwise an empty string."""
+    """Return a sentence if the whole picture is about equally bright, else an empty string."""
     darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
     full = full_scale(image)
     if brightest - darkest > _LEAST_SPAN * full:
         return ""
     way = "raise" if brightest < 0.5 * full else "lower"
     return (
-        f"its grey values lie between {darkest:.0f} and {brightest:.0f} of {full:.0f}: {way} the exposure, or improve "
-        "the light;"
+        f"the grey values of the picture lie between {darkest:.0f} and {brightest:.0f} of {full:.0f}: {way} the "
+        "exposure, or improve the light;"
     )
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Return a sentence if an edge begins outside the picture; otherwise an empty string."""
+    """Return a sentence if an edge of the beam begins outside the picture, else an empty string."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
         return ""
     return (
-        "one of its edges begins outside the picture: take a picture with the whole width of the beam, or correct "
-        "clamp_midpoint_px;"
+        "an edge of the beam begins outside the picture: take a picture that shows the whole width of the beam, or "
+        "correct clamp_midpoint_px;"
     )
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes of the calibration or the width, each with a description."""
+    """Yield changes of the calibration or of the width, each with a description for the message."""
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (
             {"picture": picture.model_copy(update={"along_px": None})},
-            "another centre line than that of --along: is --along right?",
+            "another centre line than the one through the points of --along: are these points right?",
         )
     for factor in WIDTHS:
         width = factor * width_mm
-        yield {"width_mm": width}, f"width_mm = {width:.3g}, {factor:g} times as much: is the width right?"
+        yield {"width_mm": width}, f"width_mm = {width:.3g}, {factor:g} times the given value: is the width right?"
     for scale in SCALES:
         changed = scale * calibration.pixels_per_mm
-        yield {"pixels_per_mm": changed}, f"pixels_per_mm = {changed:.3g}, {scale:g} times as much: is the scale right?"
+        words = f"pixels_per_mm = {changed:.3g}, {scale:g} times the given value: is the scale right?"
+        yield {"pixels_per_mm": changed}, words
     for turn in TURNS_DEG:
         axis = (calibration.axis_angle_deg + turn + 180.0) % 360.0 - 180.0
-        yield {"axis_angle_deg": axis}, f"axis_angle_deg = {axis:g}: does the beam leave its clamp in that direction?"
+        yield {"axis_angle_deg": axis}, f"axis_angle_deg = {axis:g}: is the given direction of the beam right?"
     frame = BeamFrame(calibration)
     for along, across in [(0.0, aside) for aside in ASIDE] + [(aside, 0.0) for aside in ASIDE]:
         x, y = np.round(frame.to_px([[along * width_mm, across * width_mm]])[0], 1).tolist()
-        yield {"clamp_midpoint_px": (x, y)}, f"clamp_midpoint_px = [{x:g}, {y:g}]: is the clamp at the stated place?"
+        yield {"clamp_midpoint_px": (x, y)}, f"clamp_midpoint_px = [{x:g}, {y:g}]: is the clamp at the given place?"

@@ -20,18 +20,19 @@ _STEEPEST_PER_PX = 0.01  # of the light; a larger slope is another body
 def light_along(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array, counts: Sequence[int]
 ) -> Array:
-    """Return the light at the stations of each profile, as a share of the light at its edge.
+    """Return the light along each of n profiles, as a share of the light at the edge.
 
-    The slope of the light is measured on the 16 px beyond the outer end of each profile, as the median of 21
-    neighbouring profiles, so that dirt does not affect it. Within the few pixels of a profile the slope could not be
-    separated from a wider or narrower second step. Light that passes the beam has the same slope.
+    The slope of the light is measured on the 16 px beyond the outer end of each profile. The median over 21
+    neighbouring profiles is taken, so that dirt has no effect. Within the few pixels of a profile, the slope could not
+    be distinguished from the slope of a wider or narrower second step. The same slope is assumed for the light that
+    passes through the beam.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
         Grey values with a dark beam.
     points_px, normals : ndarray, shape (n, k, 2)
-        See `read_profiles`.
+        Origins and directions of the k lines of each profile, as in `read_profiles`.
     stations_px : ndarray, shape (m,)
         Places along the normals.
     counts : sequence of int
