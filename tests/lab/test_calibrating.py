@@ -233,7 +233,10 @@ BAD = {
     "small": (("--board", "circles", "--rows", "2"), "should have 4 to 60"),
     "not a board": (BOARD, "blank.png: shows no charuco board of 9 x 7"),
     "not a beam": (("--specimen", "type1"), "blank.png: no beam leaves clamp_midpoint_px"),
-    "ruler outside": (("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"), "are not both in it"),
+    "ruler outside": (
+        ("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"),
+        "both points of --ruler-px 1 1 900 1 should lie in it",
+    ),
     "endless squares": ((*BOARD, "--square-mm", "inf"), "square_mm = inf should be a finite number"),
     "endless ruler": (("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "inf"), "--ruler-mm inf over 89.0 px gives no"),
     "ruler of nothing": (("--ruler-px", "1", "1", "90", "1"), "gives no scale"),

@@ -1,4 +1,4 @@
-"""Calibration boards: find one in an image, and print one to scale."""
+"""Calibration boards: find the points of a board in an image, and print a board at its true size."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class Board:
     kind : {"charuco", "checkerboard", "circles"}
         Kind of the pattern.
     columns, rows : int
-        Number of squares (or of circles) in each direction, 4 to 60.
+        Number of squares or of circles in each direction, 4 to 60.
     square_mm : float
         Side of a square, or distance of the centres of neighbouring circles.
 
     Raises
     ------
     ValueError
-        If one of the values is out of its range.
+        If one of the values is out of its range, or if a ChArUco board has more than 1000 markers.
     """
 
     kind: Kind
@@ -63,15 +63,18 @@ class Board:
         if min(self.columns, self.rows) < 4 or max(self.columns, self.rows) > 60:
             raise ValueError(f"a board of {self.columns} x {self.rows} should have 4 to 60 columns and rows")
         if self.kind == "charuco" and self.columns * self.rows > 2 * max(_DICTIONARIES):
-            raise ValueError(f"a charuco board of {self.columns} x {self.rows} has more than 1000 markers")
+            raise ValueError(
+                f"a charuco board of {self.columns} x {self.rows} has more than 1000 markers; give fewer columns or "
+                "rows"
+            )
         if not 0.0 < self.square_mm < math.inf:
             raise ValueError(f"square_mm = {self.square_mm:g} should be a finite number greater than 0")
 
     def find(self, image: NDArray[Any]) -> tuple[Array, Array] | None:
         """Find the points of the board in an image.
 
-        A ChArUco board may be visible in part. Prefer squares to circles for tilted views: the centre of the image of a
-        tilted circle differs slightly from the image of its centre.
+        A ChArUco board may be partly hidden. For tilted views, prefer squares to circles: the image of a tilted circle
+        is an ellipse whose centre differs slightly from the image of the circle's centre.
 
         Parameters
         ----------
@@ -85,7 +88,7 @@ class Board:
         image_px : ndarray, shape (n, 2)
             The same points in the image.
 
-            None in place of both if fewer than 12 points are found.
+            None replaces the two arrays if fewer than 12 points are detected.
         """
         find = {"charuco": self._charuco, "checkerboard": self._checkerboard, "circles": self._circles}[self.kind]
         points = find(eight_bit(image))
@@ -129,7 +132,7 @@ class Board:
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, marker_mm, dictionary)
 
     def cells(self) -> NDArray[np.bool_]:
-        """Return which tenths of the squares of a board are dark: (10 rows, 10 columns)."""
+        """Return which cells of the board are dark, (10 rows, 10 columns); a square has 10 x 10 cells."""
         if self.kind == "charuco":
             size = (_CELLS * self.columns, _CELLS * self.rows)
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128
@@ -138,9 +141,9 @@ class Board:
 
 
 def print_board(board: Board, path: Path) -> None:
-    """Write the board as a PDF page, in vector graphics and at its true size with a margin.
+    """Write the board as a PDF page in vector graphics, at its true size and with a margin.
 
-    The page is to be printed at 100 %. A line of stated length below the board serves to check the print.
+    The page is to be printed at 100 %. A line below the board, with its length in words, serves to check the print.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Make a calibration.toml from images of a board, of the beam at rest, or of a ruler.
 
-The clamp's place and the direction of gravity may come from additional pictures.
+The place of the clamp and the direction of gravity may be measured on additional pictures.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ READING_PX = 1.0  # standard deviation of a point that a person reads off an ima
 
 @dataclass(frozen=True)
 class BenchSetup:
-    """The values of a calibration that no image of a board shows.
+    """The values of a calibration that an image of a board does not show.
 
     Attributes
     ----------
     coil_constant_mT_per_A : float or None
         Field at the magnet per ampere; None without a coil.
     clamp_midpoint_px : tuple of float
-        Middle of the line where the beam leaves its clamp.
+        Middle of the line at which the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
-        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, it need only
-        be correct to some degrees here; gravity and field then keep their angles to the axis.
+        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, an axis that
+        is right to a few degrees is enough. Gravity and field are then turned with the axis.
     telecentric : bool
         Whether the lens is telecentric.
     """
@@ -56,7 +56,7 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """Return a calibration in which axis, gravity and field are rotated by the same angle.
+        """Return a calibration with these values, in which axis, gravity and field are turned by the same angle.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class BenchSetup:
         turned_deg : float
             Angle by which the three directions are turned, clockwise.
         uncertainty : dict of str to float
-            Standard uncertainties by the keys of the calibration.
+            Standard uncertainties, with the keys of the calibration.
         on : date
             Day of the calibration.
 
@@ -94,7 +94,7 @@ def from_board(
 ) -> tuple[Calibration, list[str]]:
     """Make a calibration from images of a board.
 
-    With at least four images, and a lens that is not telecentric, the lens is calibrated too.
+    The lens is calibrated too if there are at least four images and the lens is not telecentric.
 
     Parameters
     ----------
@@ -113,12 +113,13 @@ def from_board(
     -------
     calibration : Calibration
     lines : list of str
-        Lines for a person that state how well the board and the lens fit.
+        Lines for a person, with the residuals of the lens and of the board.
 
     Raises
     ------
     InputError
-        If an image shows no board or has another size, or if the board in the middle plane is tilted.
+        If an image shows no board or has another size, if the lens cannot be calibrated, or if the board in the middle
+        plane is tilted by more than 5 degrees.
     """
     paths = list(dict.fromkeys([*images, mid_plane]))
     views, size = _views_of(board, paths)
@@ -126,18 +127,19 @@ def from_board(
     view, lens, stand_off_mm = views[mid_plane], None, None
     lines: list[str] = []
     if not setup.telecentric and len(paths) < FEWEST_VIEWS:
-        lines.append(f"lens: not calibrated; that needs at least {FEWEST_VIEWS} views, most of them tilted")
+        lines.append(f"lens: not calibrated; give at least {FEWEST_VIEWS} views, most of them tilted, to calibrate it")
     elif not setup.telecentric:
         lens, stand_off_mm = _lens_of(views, size, view)
         view = (view[0], lens.undistort(view[1]))
-        lines.append(f"lens: {lens.residual_px:.3f} px RMS over {len(paths)} views")
+        lines.append(f"lens: residual of {lens.residual_px:.3f} px RMS over {len(paths)} views")
     pose = fit_board_pose(view, board_error)
     if pose.tilt_deg > MOST_TILT_DEG:
         raise InputError(
-            f"{mid_plane}: the board is tilted by {pose.tilt_deg:.1f} degrees; hold it in the beam's middle plane, or "
-            "name the image that shows it there with --mid-plane"
+            f"{mid_plane}: the board is tilted by {pose.tilt_deg:.1f} degrees (at most {MOST_TILT_DEG:g}); hold the "
+            "board in the beam's middle plane, or give an image of the board in this plane with --mid-plane"
         )
-    lines.append(f"mid-plane: {pose.residual_px:.3f} px RMS, tilted by about {pose.tilt_deg:.1f} degrees")
+    residual = f"residual of {pose.residual_px:.3f} px RMS"
+    lines.append(f"board in the middle plane: {residual}, tilted by about {pose.tilt_deg:.1f} degrees")
     return _with_board_and_lens(setup, pose, lens, stand_off_mm, _day_of(paths)), lines
 
 
@@ -147,8 +149,11 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
     size: tuple[int, int] | None = None
     for path in paths:
         image = read_grey(path)
-        if size not in (None, image.shape[::-1]):
-            raise InputError(f"{path}: is {image.shape[1]} x {image.shape[0]} px; {paths[0].name} has another size")
+        if size is not None and size != image.shape[::-1]:
+            raise InputError(
+                f"{path}: is {image.shape[1]} x {image.shape[0]} px; it should have the size of {paths[0].name}, "
+                f"{size[0]} x {size[1]} px"
+            )
         size = (image.shape[1], image.shape[0])
         points = board.find(image)
         if points is None:
@@ -162,18 +167,18 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens; return it with its distance (mm) from the board in the beam's middle plane."""
+    """Calibrate the lens; return the lens, and its distance (mm) from the board in the beam's middle plane."""
     try:
         lens = calibrate_lens(list(views.values()), size)
         return lens, lens.stand_off_mm(mid_plane)
     except ValueError as error:
-        raise InputError(f"{next(iter(views))} and {len(views) - 1} more: {error}") from error
+        raise InputError(f"{next(iter(views))} and {len(views) - 1} more images: {error}") from error
 
 
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    """Return the calibration that follows from the lens and the pose of the board."""
+    """Return the calibration that results from the setup, the pose of the board and the lens."""
     # The angle from the stated axis to the nearest direction of the board's rows or columns.
     turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {
@@ -201,7 +206,7 @@ def _with_board_and_lens(
 def from_beam(
     image: Path, specimen: SpecimenFile, setup: BenchSetup, tolerance_mm: float
 ) -> tuple[Calibration, list[str]]:
-    """Measure the scale, the clamp and the axis on an image of the beam at rest.
+    """Make a calibration from an image of the beam at rest, on which scale, clamp and axis are measured.
 
     Parameters
     ----------
@@ -218,7 +223,7 @@ def from_beam(
     -------
     calibration : Calibration
     lines : list of str
-        Lines for a person that state how well the scale is known.
+        Lines for a person, with the uncertainty of the scale.
 
     Raises
     ------
@@ -245,12 +250,12 @@ def from_beam(
 def from_ruler(
     image: Path, ends_px: tuple[float, float, float, float], length_mm: float, setup: BenchSetup
 ) -> tuple[Calibration, list[str]]:
-    """Measure the scale on two points of known distance in the beam's middle plane.
+    """Make a calibration whose scale follows from two points of known distance in the beam's middle plane.
 
     Parameters
     ----------
     image : Path
-        The picture in which a person read the points.
+        The picture on which a person read the points.
     ends_px : tuple of float
         The two points: x1, y1, x2, y2.
     length_mm : float
@@ -262,23 +267,24 @@ def from_ruler(
     -------
     calibration : Calibration
     lines : list of str
-        Lines for a person that state how well the scale is known.
+        Lines for a person, with the uncertainty of the scale.
 
     Raises
     ------
     InputError
-        If a point is not in the image, or if the points are less than 20 px apart.
+        If a point is not in the image, if the points are less than 20 px apart, or if the distance is not positive.
     """
     height, width = _image_with_clamp(image, setup.clamp_midpoint_px).shape
     if not (
         0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
     ):
-        raise InputError(f"{image}: is {width} x {height} px; the ruler's ends {ends_px} are not both in it")
+        points = " ".join(f"{place:g}" for place in ends_px)
+        raise InputError(f"{image}: is {width} x {height} px; both points of --ruler-px {points} should lie in it")
     ruler_px = math.dist(ends_px[:2], ends_px[2:])
     if not (0 < length_mm < math.inf and ruler_px > 20 * READING_PX):
         raise InputError(
-            f"{image}: --ruler-mm {length_mm:g} over {ruler_px:.1f} px gives no scale; it should be a length that "
-            f"is more than {20 * READING_PX:g} px long in the image"
+            f"{image}: --ruler-mm {length_mm:g} over {ruler_px:.1f} px gives no scale; --ruler-mm should be greater "
+            f"than 0, and the points of --ruler-px more than {20 * READING_PX:g} px apart"
         )
     uncertainty = {
         "pixels_per_mm": math.sqrt(2.0) * READING_PX / length_mm,
@@ -286,18 +292,18 @@ def from_ruler(
         "clamp_midpoint_px": READING_PX,
     }
     calibration = setup.calibration(ruler_px / length_mm, 0.0, uncertainty, _day_of([image]))
-    return calibration, [_scale_quality(calibration, f"{length_mm:g} mm read by eye")]
+    return calibration, [_scale_quality(calibration, f"two points {length_mm:g} mm apart, read by eye")]
 
 
 def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, float]) -> None:
-    """Raise InputError if the middle of the clamp does not lie in an image of this width and height (px)."""
+    """Raise InputError if the middle of the clamp lies outside an image of the given width and height (px)."""
     if not all(0 <= place < extent for place, extent in zip(midpoint_px, size, strict=True)):
         x, y = midpoint_px
         raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is not in it")
 
 
 def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
-    """Read an image as grey values; raise InputError if the middle of the clamp is outside the image."""
+    """Read an image as grey values; raise InputError if the middle of the clamp lies outside the image."""
     pixels = read_grey(image)
     _check_clamp(image, pixels.shape[::-1], midpoint_px)
     return pixels
@@ -309,7 +315,7 @@ def with_measured_clamp(calibration: Calibration, image: Path, specimen: Specime
     Parameters
     ----------
     calibration : Calibration
-        Its `clamp_midpoint_px` must be right to a third of a beam's width.
+        The calibration to change. Its `clamp_midpoint_px` must be right to a third of a beam's width.
     image : Path
         The beam in front of a back-light.
     specimen : SpecimenFile
@@ -344,7 +350,7 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
     -------
     calibration : Calibration
     lines : list of str
-        Lines for a person that state how well the direction is known.
+        Lines for a person, with the direction and its uncertainty.
 
     Raises
     ------
@@ -413,16 +419,19 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
 
 
 def _listed(numbers: Sequence[float]) -> str:
-    """Write numbers as a TOML list."""
+    """Return numbers as a TOML list."""
     return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"
 
 
 def _scale_quality(calibration: Calibration, source: str) -> str:
-    """Return one line that states the source of the scale and its uncertainty."""
+    """Return a line for a person with the source of the scale and its relative uncertainty."""
     share = (calibration.uncertainty or {}).get("pixels_per_mm", math.nan) / calibration.pixels_per_mm
-    return f"scale from {source}: uncertain by {100.0 * share:.2g} %; a board in the beam's plane gives about 0.1 %"
+    return (
+        f"scale from {source}: standard uncertainty {100.0 * share:.2g} %; a board in the beam's plane gives about "
+        "0.1 %"
+    )
 
 
 def _day_of(images: Sequence[Path]) -> date:
-    """Return the day on which the newest of the image files was written."""
+    """Return the day (UTC) on which the newest of the image files was written."""
     return datetime.fromtimestamp(max(path.stat().st_mtime for path in images), UTC).date()

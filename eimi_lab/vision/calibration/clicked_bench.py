@@ -1,7 +1,8 @@
 """Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
 
-The scale follows from the ruler. The stand-off is the focal length in pixels over the scale. The roll of the camera
-follows from the ruler, which lies level or hangs plumb, or from the clamp's edge. There is no coil.
+The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
+divided by the scale. The roll of the camera follows from the ruler, if it lies level or hangs plumb, or from the edge
+of the clamp. There is no coil.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """The points (px) that a person clicked, and what the person states about them."""
+    """The points (px) that a person clicked on a photograph of the bench, and what the person told about them."""
 
     clamp_px: Points = Field(min_length=1, max_length=2)
-    """Middle of the line where the beam leaves its clamp, or both ends of this line."""
+    """Middle of the line at which the beam leaves its clamp, or both ends of this line."""
     tip_px: Pair
     """Middle of the tip of the beam."""
     ruler_px: Points = Field(min_length=2, max_length=2)
@@ -50,14 +51,14 @@ class ClickedBench(Document):
     leaves: Literal["level", "downward", "upward", "clamp"] = "level"
     """How the beam leaves its clamp: level, downward, upward, or perpendicular to the clamp's edge."""
     stand_off_mm: float | None = Field(default=None, gt=0)
-    """Distance from the lens to the beam; needed if the picture states no focal length."""
+    """Distance from the lens to the beam; needed if the Exif data of the picture give no focal length."""
     along_px: Annotated[tuple[Pair, ...], Field(strict=False, max_length=5)] = ()
     """Further points on the centre line, from the clamp to the tip."""
 
 
 @dataclass(frozen=True)
 class MeasuredBench:
-    """A calibration, and the source of each of its values in words."""
+    """The calibration of a photographed bench, and the source of each of its values in words."""
 
     calibration: Calibration
     sources: dict[str, str]
@@ -71,7 +72,7 @@ def measure_bench(
     lens: FocalLength | None,
     day: date,
 ) -> MeasuredBench:
-    """Return the calibration that follows from clicks on a picture.
+    """Return the calibration that follows from a person's clicks on a photograph.
 
     Parameters
     ----------
@@ -79,18 +80,24 @@ def measure_bench(
         The clicks.
     size : tuple of int
         Width and height of the picture, px.
-    length_mm, depth_mm : float
-        Length of the beam, against which the clicks are checked, and its depth: a person clicks the clamp on the near
-        face of the beam, which the lens shows larger than its middle plane.
+    length_mm : float
+        Length of the beam, against which the clicks are checked.
+    depth_mm : float
+        Depth of the beam. The clamp is clicked on the near face of the beam, which the lens images larger than the
+        middle plane.
     lens : FocalLength or None
-        The focal length that the picture states.
+        The focal length from the Exif data of the picture.
     day : date
         The day on which the picture was taken.
+
+    Returns
+    -------
+    MeasuredBench
 
     Raises
     ------
     InputError
-        If the clicks contradict each other, or if the stand-off is not known.
+        If the clicks contradict each other, if a click is outside the picture, or if the stand-off is not known.
     """
     _check_inside(clicked, size)
     click_px = max(CLICK_PX, CLICK_SHARE * math.hypot(*size))
@@ -107,8 +114,8 @@ def measure_bench(
     stand_off_mm, stand_off_share, stand_off_words = _stand_off(clicked, scale, lens)
     if stand_off_mm < 2.0 * depth_mm:
         raise InputError(
-            f"the lens would be {stand_off_mm:.3g} mm from a beam of depth_mm = {depth_mm:g}: correct the distance "
-            "of the ticks, or the distance from the lens to the beam"
+            f"the lens would be {stand_off_mm:.3g} mm from the beam, less than twice depth_mm = {depth_mm:g}: correct "
+            "the distance of the ticks, or the distance from the lens to the beam"
         )
     nearer = 0.5 * depth_mm / stand_off_mm
     from_axis = (clamp[0] - 0.5 * (size[0] - 1), clamp[1] - 0.5 * (size[1] - 1))
@@ -121,7 +128,7 @@ def measure_bench(
         "clamp_midpoint_px": (
             f"[{clamp[0]:.1f}, {clamp[1]:.1f}]",
             f"{clamp_px:.2g}",
-            "where the beam leaves its clamp: the click on its near face, moved to its middle plane",
+            "where the beam leaves its clamp: clicked on the near face of the beam, moved to its middle plane",
         ),
         "axis_angle_deg": (f"{axis_deg:.2f}", f"{axis_sigma:.2g}", axis_words),
         "gravity_angle_deg": (f"{gravity_deg:.2f}", f"{gravity_sigma:.2g}", gravity_words),
@@ -144,7 +151,7 @@ def measure_bench(
 
 
 def _region(clamp: tuple[float, float], reach_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, width and height of the part of the picture that the beam can reach."""
+    """Return left, top, width and height (px) of the part of the picture that the beam can reach."""
     left, top = (max(0, math.floor(middle - reach_px)) for middle in clamp)
     right, bottom = (min(most, math.ceil(middle + reach_px)) for middle, most in zip(clamp, size, strict=True))
     return left, top, right - left, bottom - top
@@ -158,13 +165,13 @@ def _check_inside(clicked: ClickedBench, size: tuple[int, int]) -> None:
 
 
 def _middle(clicked: ClickedBench) -> tuple[float, float]:
-    """Return the middle of the clamp line."""
+    """Return the middle of the clamp line, px."""
     (x, y), (other_x, other_y) = clicked.clamp_px[0], clicked.clamp_px[-1]
     return 0.5 * (x + other_x), 0.5 * (y + other_y)
 
 
 def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the scale in px/mm, its relative uncertainty from the clicks, and its source."""
+    """Return the scale in px/mm, its relative uncertainty due to the clicks, and its source in words."""
     ruler_px = math.dist(*clicked.ruler_px)
     if ruler_px < FEWEST_RULER_PX:
         raise InputError(
@@ -176,44 +183,44 @@ def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
 
 
 def _direction_deg(points: tuple[tuple[float, float], ...]) -> float:
-    """Return the direction from the first to the last point, clockwise from +x."""
+    """Return the direction (degrees) from the first to the last point, clockwise from +x."""
     (x, y), (end_x, end_y) = points[0], points[-1]
     return math.degrees(math.atan2(end_y - y, end_x - x))
 
 
 def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -> float:
-    """Return the uncertainty (degrees) of the direction through two clicked points."""
+    """Return the uncertainty (degrees) of the direction through two points that is due to the clicks."""
     return math.degrees(math.sqrt(2.0) * click_px / math.dist(points[0], points[-1]))
 
 
 def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of gravity in the picture, its uncertainty, and its source."""
+    """Return the direction of gravity in the picture (degrees), its uncertainty, and its source in words."""
     if clicked.plumb == "picture":
         return 90.0, UPRIGHT_DEG, f"the phone was upright (assumed to {UPRIGHT_DEG:g} degrees)"
     points = clicked.ruler_px if clicked.plumb == "ruler" else _clamp_line(clicked)
     tilt_deg = (_direction_deg(points) + 45.0) % 90.0 - 45.0
-    thing = "the ruler" if clicked.plumb == "ruler" else "the clamp's edge"
+    body = "the ruler" if clicked.plumb == "ruler" else "the clamp's edge"
     if abs(tilt_deg) > LARGEST_TILT_DEG:
         raise InputError(
-            f"{thing} is turned by {tilt_deg:.0f} degrees in the picture, so it is neither level nor plumb; choose "
-            "something else that is level or plumb"
+            f"{body} is turned by {tilt_deg:.0f} degrees in the picture, and is therefore neither level nor plumb; "
+            "choose something else that is level or plumb"
         )
-    words = f"{thing} is level or plumb (assumed to {LEVEL_DEG:g} degrees), the phone tilted by {tilt_deg:.2f} degrees"
+    words = f"{body} is level or plumb (assumed to {LEVEL_DEG:g} degrees), the phone tilted by {tilt_deg:.2f} degrees"
     return 90.0 + tilt_deg, math.hypot(LEVEL_DEG, _from_clicks_deg(points, click_px)), words
 
 
 def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
-    """Return both ends of the clamp line; raise InputError if only its middle was clicked."""
+    """Return the two clicked ends of the clamp line, px; raise InputError if they are missing or too close."""
     if len(clicked.clamp_px) < 2 or math.dist(*clicked.clamp_px) < 0.5 * FEWEST_RULER_PX:
         raise InputError(
-            f"click both ends of the clamp's edge, at least {0.5 * FEWEST_RULER_PX:g} px apart, because its direction "
-            "is used"
+            f"click both ends of the clamp's edge, at least {0.5 * FEWEST_RULER_PX:g} px apart, because the direction "
+            "of this edge is used"
         )
     return clicked.clamp_px
 
 
 def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of the straight beam at its clamp, its uncertainty, and its source."""
+    """Return the direction of the straight beam at its clamp (degrees), its uncertainty, and its source in words."""
     clamp = _middle(clicked)
     to_tip_deg = _direction_deg((clamp, clicked.tip_px))
     if clicked.leaves == "clamp":
@@ -229,20 +236,20 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:
-    """Return a direction or its opposite, from -180 to 180: the one that points to the side of the tip."""
+    """Return `direction_deg` or the opposite direction, whichever is nearer to the tip, from -180 to 180."""
     if math.cos(math.radians(direction_deg - to_tip_deg)) < 0.0:
         direction_deg += 180.0
     return (direction_deg + 180.0) % 360.0 - 180.0
 
 
 def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) -> tuple[float, float, str]:
-    """Return the distance from the lens to the beam in mm, its relative uncertainty, and its source."""
+    """Return the distance from the lens to the beam in mm, its relative uncertainty, and its source in words."""
     if clicked.stand_off_mm is not None:
         return clicked.stand_off_mm, STAND_OFF_SHARE, "measured with a ruler"
     if lens is None:
         raise InputError(
-            "stand_off_mm is missing: the picture states no focal length, or was cropped; measure the distance from "
-            "the lens to the beam"
+            "stand_off_mm is missing: the picture has no focal length in its Exif data, or was cropped; measure the "
+            "distance from the lens to the beam, and give it"
         )
     return lens.px / scale, FOCAL_LENGTH_SHARE, f"{lens.source}, and the scale"
 
@@ -250,7 +257,7 @@ def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) ->
 def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
-    """Return calibration.toml with the source of each value in a comment."""
+    """Return the text of calibration.toml, with the source of each value in a comment."""
     ticks = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
     lines = [
         '# Written by the page "Weights and a phone" from clicks on a picture. Angles: clockwise from the image\'s +x.',

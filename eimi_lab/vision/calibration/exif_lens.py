@@ -1,4 +1,4 @@
-"""The focal length that a phone or a camera states in the Exif data of a picture."""
+"""Read the focal length that a phone or a camera writes in the Exif data of a picture."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from PIL.ExifTags import IFD, Base
 from eimi_lab.vision.heic import let_pillow_read_heic
 
 DIAGONAL_35MM = 43.2666
-"""Diagonal (mm) of a frame of 36 x 24 mm. The "35 mm equivalent" has the same angle of view over the diagonal (CIPA
-DCG-001, 2005)."""
+"""Diagonal (mm) of a frame of 36 x 24 mm. A lens with the "35 mm equivalent" focal length has the same angle of view
+over the diagonal of this frame as the phone has over its own (CIPA DCG-001, 2005)."""
 FOCAL_LENGTH_SHARE = 0.03
-"""Assumed standard uncertainty of a focal length from Exif: it is rounded to 1 mm of about 26 mm, holds for a lens that
-is focused at infinity, and ignores that correcting the distortion crops the picture."""
+"""Assumed relative standard uncertainty of a focal length from Exif. Its value is rounded to 1 mm of about 26 mm, holds
+for focus at infinity, and ignores that the correction of the distortion crops the picture."""
 _SAME_SHAPE = 0.01  # relative difference of two ratios of width to height
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: inch (Exif 2.3, 4.6.5), cm, mm, µm
 
@@ -31,14 +31,19 @@ class FocalLength:
 
 
 def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
-    """Return the focal length that a picture states; None if it states none, or if the picture was cropped.
+    """Return the focal length from the Exif data of a picture.
 
     Parameters
     ----------
     path : Path
         The picture.
     size : tuple of int
-        Width and height of its pixels, px.
+        Width and height of the picture, px.
+
+    Returns
+    -------
+    FocalLength or None
+        None if the Exif data give no focal length, or if the picture was cropped.
     """
     let_pillow_read_heic()
     try:
@@ -64,7 +69,7 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
 
 
 def _number(value: object) -> float:
-    """Return a positive number of the Exif data; 0 if the value is absent or no positive number."""
+    """Return a number of the Exif data; 0 if the value is absent or is not a positive number."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

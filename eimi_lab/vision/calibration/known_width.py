@@ -1,4 +1,4 @@
-"""Measure the scale and the axis on the beam at rest, whose width is known, without a board."""
+"""Measure the scale and the axis on an image of the beam at rest, whose width is known. No board is needed."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ class BeamPose:
 
     Attributes
     ----------
-    pixels_per_mm, pixels_per_mm_sigma : float
-        Scale and its standard deviation from the scatter of the edges alone; the uncertainty of the width is not
+    pixels_per_mm : float
+        Scale.
+    pixels_per_mm_sigma : float
+        Standard deviation of the scale due to the scatter of the edges. The uncertainty of the specimen's width is not
         included.
     clamp_midpoint_px : tuple of float
         Middle of the clamp line.
@@ -59,8 +61,8 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     specimen : SpecimenFile
         The specimen; its width gives the scale.
     guess : Calibration
-        `clamp_midpoint_px` must be right to a third of a beam's width, and `axis_angle_deg` to a few degrees. Its scale
-        is not used.
+        An approximate calibration. `clamp_midpoint_px` must be right to a third of a beam's width, and `axis_angle_deg`
+        to a few degrees. The scale is not used.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     Raises
     ------
     ValueError
-        If the image shows no beam, or if the beam cannot be measured in it.
+        If the image shows no beam, or if the beam or its clamp line cannot be measured.
     """
     pixels = grey(image)
     scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
@@ -108,12 +110,12 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
     specimen : SpecimenFile
         The specimen in the image.
     calibration : Calibration
-        Its scale and axis are used as they are. `clamp_midpoint_px` must be right to a third of a beam's width.
+        Calibration with the right scale and axis. `clamp_midpoint_px` must be right to a third of a beam's width.
 
     Raises
     ------
     ValueError
-        If the image does not show the beam and its clamp line well enough.
+        If the beam or its clamp line cannot be measured.
     """
     for _ in range(_ROUNDS):
         midpoint = _clamp_midpoint(_edges_of(grey(image), specimen, calibration), BeamFrame(calibration))
@@ -132,15 +134,15 @@ def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibra
 
 
 def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
-    """Return the middle of the two corners at the clamp, px; raise ValueError if they were not found."""
+    """Return the point midway between the two corners at the clamp, px; raise ValueError if a corner is NaN."""
     if not np.isfinite(edges.corners_px[:2]).all():
-        raise ValueError("the line of the clamp is not visible; take the picture in front of a back-light")
+        raise ValueError("the edge of the clamp is not visible; take the picture in front of a back-light")
     x, y = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
     return float(x), float(y)
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
-    """Return the angle of the beam's first half from +x toward +y, rad, and its standard deviation."""
+    """Return the angle (rad) of the first half of the beam from +x toward +y, and its standard deviation."""
     angles, variances = [], []
     for points in (left, right):
         near = points[: max(4, len(points) // 2)]
@@ -151,7 +153,7 @@ def _tilt(left: Array, right: Array) -> tuple[float, float]:
 
 
 def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
-    """Return the width of the body across the axis ahead of the clamp, to one or two pixels."""
+    """Return the median width of the beam across the given axis, accurate to one or two pixels."""
     grey_values = eight_bit(pixels)
     _, bright = cv2.threshold(grey_values, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     angle = math.radians(guess.axis_angle_deg)
@@ -168,14 +170,14 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
             break
         runs.append(float(sum(step for step in run if step is not None)))
     if len(runs) < 5:
-        raise ValueError("no beam leaves clamp_midpoint_px along axis_angle_deg")
+        raise ValueError("no beam leaves clamp_midpoint_px in the direction axis_angle_deg; correct the two values")
     return float(np.median(runs))
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
     """Count the pixels from a place to the first bright pixel.
 
-    Return None if the place itself is bright, or if the image ends first.
+    Return None if the place itself is bright, or if the image ends before a bright pixel.
     """
     steps = np.arange(max(bright.shape))
     places = np.rint(begin + steps[:, None] * direction).astype(int)

@@ -22,18 +22,18 @@ _LEAST_TILT_DEG = 15.0  # between two views: parallel views do not separate the 
 
 @dataclass(frozen=True)
 class Lens:
-    """A pinhole camera with distortion in OpenCV's model: coefficients k1, k2, p1, p2, k3 = 0, and square pixels.
+    """A pinhole camera with square pixels and with distortion by OpenCV's coefficients k1, k2, p1, p2 (k3 = 0).
 
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
         Camera matrix, px.
     distortion : ndarray, shape (5,)
-        Distortion coefficients.
+        Distortion coefficients k1, k2, p1, p2, k3.
     focal_length_sigma_px : float
         Standard deviation of the focal length.
     residual_px : float
-        RMS distance of the points from their images by the model.
+        RMS distance between measured and computed points in the images.
     """
 
     matrix: Array
@@ -47,11 +47,11 @@ class Lens:
         return float(self.matrix[0, 0])
 
     def undistort(self, points_px: Array) -> Array:
-        """Return where a lens without distortion would image the points (n, 2), px."""
+        """Return the places (n, 2), px, at which a lens without distortion would image the points (n, 2), px."""
         return undistorted(points_px, self.matrix, self.distortion)
 
     def stand_off_mm(self, view: View) -> float:
-        """Return the distance along the optical axis from the entrance pupil to the middle of a board.
+        """Return the distance (mm) along the optical axis from the entrance pupil to the middle of a board.
 
         Parameters
         ----------
@@ -88,8 +88,8 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Raises
     ------
     ValueError
-        If there are fewer than four views, or if the views are so similar or so little tilted that the focal length is
-        uncertain by more than 2 %.
+        If there are fewer than four views, if no two views differ in tilt by 15 degrees, or if the focal length is
+        uncertain by 2 % or more.
 
     References
     ----------
@@ -97,7 +97,9 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Intelligence 22 (2000) 1330; the implementation is OpenCV's.
     """
     if len(views) < FEWEST_VIEWS:
-        raise ValueError(f"{len(views)} views of the board; the calibration of a lens needs at least {FEWEST_VIEWS}")
+        raise ValueError(
+            f"there are {len(views)} views of the board; the calibration of a lens needs at least {FEWEST_VIEWS}"
+        )
     boards = [np.column_stack([board, np.zeros(len(board))]).astype(np.float32) for board, _ in views]
     images = [image.astype(np.float32).reshape(-1, 1, 2) for _, image in views]
     start = np.array([[max(size), 0.0, size[0] / 2], [0.0, max(size), size[1] / 2], [0.0, 0.0, 1.0]])
@@ -120,7 +122,7 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True)
 class BoardPose:
-    """The position and scale of a board in the beam's middle plane, in the undistorted image.
+    """The orientation and scale of a board in the beam's middle plane, in the undistorted image.
 
     Attributes
     ----------
@@ -145,10 +147,14 @@ class BoardPose:
 def fit_board_pose(view: View, board_error: float) -> BoardPose:
     """Fit the scale and the orientation of a board by least squares.
 
-    With the points as complex numbers, b on the board and q in the image, both relative to their means, the similarity
-    q ≈ t b has the least-squares solution t = Σ b* q / Σ |b|². Its modulus is the scale, its argument the direction of
-    the rows. The standard deviation of the scale combines the scatter of the points, the error of the print, and half
-    of the difference between the largest and the smallest scale of an affine fit, which a tilted board causes.
+    Let b be the points on the board and q the points in the image, as complex numbers relative to their means. The
+    similarity q ≈ t b has the least-squares solution
+
+        t = Σ b* q / Σ |b|².
+
+    |t| is the scale, and the argument of t is the direction of the rows. The variance of the scale is the sum of three
+    variances: from the scatter of the points, from the error of the print, and from a tilt of the board. The standard
+    deviation due to the tilt is half of the difference between the largest and the smallest scale of an affine fit.
 
     Parameters
     ----------

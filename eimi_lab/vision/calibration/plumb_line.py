@@ -27,7 +27,7 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class PlumbLine:
-    """A plumb line in an image.
+    """The direction of gravity from a plumb line in an image.
 
     Attributes
     ----------
@@ -43,10 +43,11 @@ class PlumbLine:
 
 
 def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_deg: float) -> PlumbLine:
-    """Measure the direction of the thread in an image.
+    """Measure the direction of gravity from the thread in an image.
 
-    The middle of the thread is located pixel by pixel along the thread and undistorted. A straight line is fitted to
-    the means of twelve stretches; its covariance gives the standard deviation.
+    The middle of the thread is located at each pixel along the thread, and undistorted. The thread is divided into
+    twelve parts, and a straight line is fitted to the mean points of the parts. The covariance of the fit gives the
+    standard deviation.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     calibration : Calibration
         The lens and the axis.
     roughly_deg : float
-        Approximate direction of gravity. Of the two directions of the thread, the one nearer to this angle is returned.
+        Approximate direction of gravity, which distinguishes the two opposite directions of the thread.
 
     Returns
     -------
@@ -64,7 +65,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     Raises
     ------
     ValueError
-        If the image shows no thin dark line, or if the line is not straight to 1 px.
+        If the image shows no thin dark line, or if the thread is more than 1 px (RMS) off a straight line.
     """
     middle = _thread(image)
     frame = BeamFrame(calibration)
@@ -92,11 +93,11 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
 
 
 def _thread(image: NDArray[Any]) -> Array:
-    """Return the middle (n, 2), px, of the longest thin dark body, at about one point a pixel."""
+    """Return points (n, 2), px, on the middle of the longest thin dark body, about one pixel apart."""
     shown = eight_bit(image)
     side = min(shown.shape)
     if side < 100:
-        raise ValueError("the picture is too small for a plumb line")
+        raise ValueError(f"the shorter side of the picture is {side} px long; a plumb line needs at least 100 px")
     widest = max(9, round(_WIDEST * side)) | 1
     darkness = cv2.morphologyEx(shown, cv2.MORPH_BLACKHAT, np.ones((widest, widest), np.uint8))
     level, mask = cv2.threshold(darkness, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)

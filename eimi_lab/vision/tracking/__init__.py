@@ -1,7 +1,7 @@
 """Follow the beam from frame to frame of a recording, faster than a fast camera takes the frames.
 
-beam_curve      the centre line of a beam of fixed length, in a few numbers
+beam_curve      the centre line of a beam of fixed length, as a curve with few parameters
 beam_tracker    find the beam in each frame near its place in the previous frames
-step_places     places of the edges on profiles, also of edges that the motion blurs
+step_places     measure the places of the edges on profiles, even if the motion blurs the edges
 steady_view     remove the motion of the camera
 """

@@ -1,7 +1,7 @@
-"""The centre line of a beam of fixed length in the picture, described by the direction along it.
+"""The centre line of a beam of fixed length in the picture, described by its direction at each arc length.
 
-The direction is a polynomial in the arc length, and its integral gives the place of every point. A point at a fixed arc
-length is therefore the same material point while the beam bends.
+The direction is a polynomial in the arc length. The integral of the direction gives the place of each point. While the
+beam bends, the point at a fixed arc length is therefore always the same material point.
 """
 
 from __future__ import annotations
@@ -20,19 +20,20 @@ _NODES = 129
 _STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
 
 _OF_NODES = chebyshev.chebvander((2.0 * np.arange(_NODES - 1) + 1.0) / (_NODES - 1.0) - 1.0, DEGREE)
-"""Polynomials in the middle between two nodes, (nodes - 1, DEGREE + 1)."""
+"""Values of the Chebyshev polynomials midway between neighbouring nodes of the arc length, (nodes - 1, DEGREE + 1)."""
 
 
 @dataclass(frozen=True)
 class BeamCurve:
-    """A centre line.
+    """The centre line of a beam in the picture.
 
     Parameters
     ----------
     root_px : ndarray, shape (2,)
-        Beginning of the line, at the clamp.
+        Begin of the line, at the clamp.
     coefficients : ndarray, shape (DEGREE + 1,)
-        Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) over the length.
+        Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) as a function of the arc
+        length.
     length_px : float
         Length of the line.
 
@@ -49,21 +50,21 @@ class BeamCurve:
     length_px: float
 
     def at(self, along_px: Array) -> tuple[Array, Array]:
-        """Return places and unit normals (p, 2) at arc lengths (p,), px."""
+        """Return the points and the unit normals of the line, both (p, 2), at arc lengths (p,), px."""
         nodes, places = self._integrated
         direction = self._direction(along_px)
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
         return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
 
     def moved(self, along_px: Array, offset_px: Array, weight: Array) -> BeamCurve:
-        """Return the curve after a least-squares step toward points beside it.
+        """Return the curve after one least-squares step toward p points beside the curve.
 
         Parameters
         ----------
         along_px : ndarray, shape (p,)
-            Arc lengths of the points.
+            Arc length of each point.
         offset_px : ndarray, shape (p,)
-            Distances of the points from the curve, along its normals.
+            Distance of each point from the curve, along the normal of the curve.
         weight : ndarray, shape (p,)
             Weight of each point; 0 for a point that is not used.
         """
@@ -84,7 +85,7 @@ class BeamCurve:
         return BeamCurve(self.root_px + change_of[0] * across, self.coefficients + change_of[1:], self.length_px)
 
     def extrapolated(self, before: BeamCurve, share: float) -> BeamCurve:
-        """Return the curve that continues the change from `before` to this curve by a share of the change."""
+        """Return this curve plus `share` times the change from the curve `before` to this curve."""
         return BeamCurve(
             self.root_px, self.coefficients + share * (self.coefficients - before.coefficients), self.length_px
         )
@@ -101,14 +102,14 @@ class BeamCurve:
 
 
 def curve_through(points_px: Array, length_px: float) -> BeamCurve:
-    """Return the centre line through ordered points.
+    """Return the centre line of a beam through ordered points.
 
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        Points of the centre line, from the clamp; the first point is the root.
+        Points of the centre line, ordered from the clamp. The first point is the root.
     length_px : float
-        Length of the beam; beyond the last point the curve continues straight.
+        Length of the beam. Beyond the last point the line continues straight.
     """
     steps = np.diff(points_px, axis=0)
     lengths = np.hypot(*steps.T)

@@ -1,8 +1,8 @@
 """Find the beam in each frame of a recording, near its place in the previous frames.
 
-The beam is a curve of fixed length (`beam_curve`). In each frame the last change of the curve is first continued. The
-curve is then moved to the band that contrasts with its surroundings, and then to the middle between the two edges. Only
-the pixels around the beam are read.
+The beam is described by a curve of fixed length (`beam_curve`). In each frame, the curve is found in three steps.
+First, the change from the frame before is continued. Second, the curve is moved to the band that contrasts with its
+surroundings. Third, the curve is moved to the middle between the two edges. Only pixels near the beam are read.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _OFF_CURVE_PX = 3.0  # an edge point farther from the smooth curve is dirt or a 
 
 @dataclass(frozen=True)
 class SeenBeam:
-    """The beam in one frame.
+    """The beam in one frame of a recording, at p fixed arc lengths.
 
     Parameters
     ----------
     middle_px, left_px, right_px : ndarray, shape (p, 2)
-        Points of the centre line and of both edges at fixed arc lengths; NaN where an edge was not seen.
+        Points of the centre line and of both edges; NaN where an edge was not detected.
     """
 
     middle_px: Array
@@ -52,17 +52,17 @@ class SeenBeam:
 
     @property
     def is_seen(self) -> bool:
-        """Whether enough of the beam was seen for the next frame to be searched."""
+        """Whether the beam was detected at half of the arc lengths or more, enough to search the next frame."""
         return float(np.isfinite(self.middle_px[:, 0]).mean()) >= _FEWEST
 
 
 class BeamTracker:
-    """Follow a beam through the frames of a recording, in their order.
+    """The search for a beam in the successive frames of a recording.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        A frame of the recording.
+        A frame of the recording, in which the search begins.
     edges : EdgeSet
         The edges of the beam in this frame.
     frame : BeamFrame
@@ -75,12 +75,12 @@ class BeamTracker:
     Attributes
     ----------
     along_mm : ndarray, shape (p,)
-        Arc lengths of the points that are followed.
+        Arc lengths at which the beam is followed.
 
     Raises
     ------
     ValueError
-        If the edges are empty, or if the beam does not contrast with its surroundings at them.
+        If the edges are empty, or if the beam does not contrast with its surroundings at the edges.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class BeamTracker:
         projection: Projection | None = None,
     ) -> None:
         if not len(edges.middle_mm):
-            raise ValueError("the first frame has no edges")
+            raise ValueError("no edges of the beam were found in the first frame")
         self._projection = projection
         root, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
         length_px = length_mm * float(np.linalg.norm(ahead - root))
@@ -121,7 +121,7 @@ class BeamTracker:
 
     @property
     def outline_px(self) -> Array:
-        """A polygon (n, 2) around the beam in the first frame, a width of the beam wider on each side."""
+        """A polygon (n, 2) around the beam in the first frame, px, with a margin of a beam's width."""
         places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
         aside = 3.0 * float(self._half_px.max()) * normals
         ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
@@ -129,7 +129,7 @@ class BeamTracker:
                           (places + aside)[::-1]])  # fmt: skip
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the beam in the next frame; most of its points are NaN if the beam was not seen."""
+        """Return the beam in the next frame; most points are NaN if the beam was not detected."""
         grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
@@ -157,7 +157,11 @@ class BeamTracker:
         return beam
 
     def _grey(self, image: NDArray[Any], widths: float) -> NDArray[Any]:
-        """Return one channel (H, W) of a frame; of a colour picture only the part that a search may read."""
+        """Return one channel (H, W) of a frame.
+
+        Of an 8-bit colour frame, only the part within reach of the search is converted; `widths` is this reach in beam
+        widths.
+        """
         if image.ndim == 2:
             return image
         if image.dtype != np.uint8:  # the full scale of other pictures depends on all pixels
@@ -181,7 +185,7 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Return the centre line of the band near a curve; None if too little of the band is seen."""
+        """Return the centre line of the contrasting band near a curve; None if too little of the band is detected."""
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)
             weight = (contrast > _FAINT * self._contrast).astype(float)
@@ -209,7 +213,7 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return how far (px) the fastest point moved since the previous frame, which no motion blur can exceed."""
+        """Return the largest distance (px) that a point moved since the last frame, the largest possible smear."""
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
@@ -235,7 +239,7 @@ class BeamTracker:
         return SeenBeam(middle, *sides), curve
 
     def _edge(self, grey: NDArray[Any], places: Array, normals: Array, side: float, reach: float) -> Array:
-        """Return the points of one edge (p, 2); NaN where there is no step of the expected kind."""
+        """Return the points (p, 2) of one edge, px; NaN where a profile shows no step of the right sign and height."""
         inner = float(min(reach, 2.0 * _WIDEST * self._half_px.min()))
         across = stations(inner, max(inner, min(reach, 2.0 * self._half_px.max())))
         outward = side * normals

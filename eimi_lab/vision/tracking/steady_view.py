@@ -1,8 +1,8 @@
-"""Remove the motion of the camera from a recording: what does not belong to the beam stays where it is.
+"""Remove the motion of the camera from a recording, so that fixed objects stay at the same place in each frame.
 
 Corners around the beam are followed from a reference frame into each frame by the method of Lucas and Kanade with
-pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a scale are fitted to them; corners that move otherwise,
-such as those of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
+pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a scale are fitted to the corners. Corners that move in
+another way, for example those of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eimi_lab.vision.intensity import eight_bit
 Array = NDArray[np.float64]
 
 MOVED_PX = 0.3
-"""A camera whose picture moves by less counts as fixed: following the corners is hardly more accurate."""
+"""Motion of the picture (px) below which the camera counts as fixed: corners cannot be followed more accurately."""
 _CORNERS, _FEWEST = 80, 12
 _QUALITY, _DISTANCE_PX = 0.02, 12
 _WINDOW = (15, 15)
@@ -28,14 +28,14 @@ _WIDEST_PX = 1400  # a wider picture is halved before its corners are followed
 
 
 class SteadyView:
-    """The view of a reference frame, into which the other frames of a recording are moved.
+    """The view of a reference frame, to which the other frames of a recording are transformed.
 
     Parameters
     ----------
     reference : ndarray, shape (H, W) or (H, W, 3)
-        The frame whose view the others take.
+        The reference frame.
     outline_px : ndarray, shape (n, 2)
-        A polygon around the part of the picture that moves, in the reference frame; corners within are not used.
+        A polygon around the moving part of the reference frame, px. Corners inside the polygon are not used.
 
     Attributes
     ----------
@@ -56,19 +56,19 @@ class SteadyView:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the reference frame has enough corners."""
+        """Whether the reference frame has enough corners to measure the motion of the camera."""
         return len(self._corners) >= _FEWEST
 
     def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return a frame as the reference sees it; the frame itself while the camera has not moved."""
+        """Return a frame in the view of the reference frame; unchanged as long as the camera has not moved."""
         if not self.is_possible:
             return image
-        found = self._follow(self._small(image))
-        if found is not None:
-            self._to_frame = found
+        measured = self._follow(self._small(image))
+        if measured is not None:
+            self._to_frame = measured
             height, width = self._reference.shape
             ends = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
-            moved = ends @ found[:, :2].T + found[:, 2] - ends
+            moved = ends @ measured[:, :2].T + measured[:, 2] - ends
             self.moved_px = max(self.moved_px, self._scale * float(np.hypot(*moved.T).max()))
             self._is_moving |= self.moved_px > MOVED_PX
         if not self._is_moving:
@@ -86,7 +86,7 @@ class SteadyView:
         return 2.0 if self._halved else 1.0
 
     def _small(self, image: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return a frame in grey with 8 bits, halved if it is wide."""
+        """Return a frame as 8-bit grey values, at half of its size if it is wide."""
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         grey = grey if grey.dtype == np.uint8 else eight_bit(grey)
         if self._halved:
@@ -94,18 +94,18 @@ class SteadyView:
         return np.asarray(grey, np.uint8)
 
     def _follow(self, grey: NDArray[np.uint8]) -> Array | None:
-        """Return the map (2, 3) from the reference to a frame; None if too few corners are seen."""
+        """Return the affine map (2, 3) from the reference to a frame; None if too few corners are detected."""
         guess = (self._corners @ self._to_frame[:, :2].T + self._to_frame[:, 2]).astype(np.float32)
-        places, seen, _ = cv2.calcOpticalFlowPyrLK(
+        places, followed, _ = cv2.calcOpticalFlowPyrLK(
             self._reference, grey, self._corners, guess.copy(), winSize=_WINDOW, maxLevel=_LEVELS,
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )  # fmt: skip
-        kept = seen.ravel() > 0
+        kept = followed.ravel() > 0
         if kept.sum() < _FEWEST:
             return None
-        found, inliers = cv2.estimateAffinePartial2D(
+        similarity, inliers = cv2.estimateAffinePartial2D(
             self._corners[kept], places[kept], method=cv2.RANSAC, ransacReprojThreshold=_OFF_PX / self._scale
         )
-        if found is None or int(inliers.sum()) < max(_FEWEST, int(kept.sum()) // 4):
+        if similarity is None or int(inliers.sum()) < max(_FEWEST, int(kept.sum()) // 4):
             return None
-        return np.asarray(found, float)
+        return np.asarray(similarity, float)

@@ -1,8 +1,8 @@
-"""Measure the places of steps on profiles by the area under each profile, which does not depend on the blur.
+"""Measure the places of steps from the area under profiles of grey values, independently of the blur.
 
 A frame of a moving beam is blurred by the lens and by the motion during the exposure. The area under a step from 0 to 1
 is the distance from the mean place of the step to the end of the profile, for any blur. If the speed is constant during
-an exposure, this mean place is the place at the middle of the exposure.
+an exposure, the mean place is the place at the middle of the exposure.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ _END_SHARE = 6  # the plateaus are means over this part of a profile, at each en
 
 
 class StepPlaces(NamedTuple):
-    """Steps on n profiles.
+    """The steps on n profiles of grey values.
 
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Place of each step, in the coordinates of the stations.
+        Place of each step, in the coordinate along the profile.
     height : ndarray, shape (n,)
         Outer minus inner grey value.
     """
@@ -33,7 +33,7 @@ class StepPlaces(NamedTuple):
 
 
 def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
-    """Return the places of one step on each profile.
+    """Return the place and the height of one step on each profile.
 
     Parameters
     ----------
@@ -41,6 +41,10 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
         Evenly spaced places along the profiles, outward.
     profiles : ndarray, shape (n, m)
         Grey values.
+
+    Returns
+    -------
+    StepPlaces
 
     Examples
     --------
@@ -60,7 +64,7 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Return, for each profile, the shift at which a band differs most in grey value from both of its sides.
+    """Return the shift of a band on each profile at which the band contrasts most with both of its sides.
 
     Parameters
     ----------
@@ -73,7 +77,7 @@ def band_shifts(
     reach_px : ndarray, shape (n,)
         Largest shift.
     polarity : float
-        +1 for a dark band, -1 for a bright one.
+        +1 for a dark band, -1 for a bright band.
 
     Returns
     -------
