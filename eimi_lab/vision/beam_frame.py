@@ -52,8 +52,8 @@ class BeamFrame:
     in mm, with the middle of the clamp line p0 (px), the unit vectors a (along x) and b (along y) in the image, and the
     scale s (px/mm).
 
-    If the calibration has a camera matrix, p and p0 are places in the undistorted image. `clamp_midpoint_px` of the
-    calibration is a place in the camera's own image, and its angles are measured in the undistorted image.
+    If the calibration has a camera matrix, p and p0 are places in the undistorted image. In the calibration,
+    `clamp_midpoint_px` is a place in the camera's own image, but the angles are measured in the undistorted image.
 
     Parameters
     ----------

@@ -33,15 +33,15 @@ class Flag:
     value : float
         The measured value.
     limit : float
-        The limit that the value is above or, for some checks, below.
+        Limit of the check. The value is above the limit or, for some checks, below the limit.
     remedy : str
         A sentence that tells a person what to do.
     severity : Severity
         The consequence of the flag for the state.
     widens : float
-        Standard deviation that the flag adds to the points of the state. The variances are added.
+        Standard deviation that the flag adds to the points of the state (the variances are added).
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of `widens`: pixels, millimetres, or the specimen's width or depth as the unit.
+        Unit of `widens`: a pixel, a millimetre, the specimen's width, or the specimen's depth.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The magnetic field at the beam that a calibration gives: the shape of the coil's field, and the background field."""
+"""Apply the magnetic field of a calibration to loads: the shape of the coil's field, and the background field."""
 
 from __future__ import annotations
 

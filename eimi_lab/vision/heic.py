@@ -1,4 +1,4 @@
-"""Read HEIC pictures, in which an iPhone stores its photographs, with pillow-heif (the extra ``heic``)."""
+"""Read HEIC pictures by the library pillow-heif (the extra ``heic``). An iPhone stores its photographs in this format."""
 
 from __future__ import annotations
 

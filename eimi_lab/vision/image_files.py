@@ -65,7 +65,7 @@ def read_image(path: Path) -> NDArray[Any]:
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # reading might wait for ever
-            raise InputError(f"{path}: is a device or a pipe, not a file")
+            raise InputError(f"{path}: is a device or a pipe; give an image file")
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
@@ -77,19 +77,20 @@ def read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: is truncated or damaged; copy it again")
     size = claimed_size(raw)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
-        raise InputError(f"{path}: states a size of {size[0]} x {size[1]} px; at most {MOST_PIXELS:_} pixels are read")
+        raise InputError(f"{path}: has a size of {size[0]} x {size[1]} px; at most {MOST_PIXELS:_} pixels are read")
     if size is not None:
         refuse_unpacked(size[0] * size[1] * _BYTES_PER_PIXEL, f"{path}: a size of {size[0]} x {size[1]} px")
     if is_stack(raw):
         raise InputError(
-            f"{path}: is a stack of pictures; save each as a separate file, and list the files in states.csv"
+            f"{path}: is a stack of pictures; save each picture as a separate file, and list the files in states.csv"
         )
     image = _decoded(raw, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     if image is None:
         raise InputError(f"{path}: is not an image, or is truncated or damaged")
     if may_be_transparent(raw) and _is_transparent(_decoded(raw, cv2.IMREAD_UNCHANGED)):
         raise InputError(
-            f"{path}: is transparent in places, so that its colour there is not defined; save it on a background"
+            f"{path}: is transparent in places, where its colour is not defined; save the picture on a background of "
+            "one colour"
         )
     if image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: has pixels of type {image.dtype}; it should have unsigned pixels of 8 or 16 bits")

@@ -1,6 +1,6 @@
 """Read the size of an image from the header of its file, before the pixels are decoded.
 
-The header of a file of a few bytes may give a size for which the memory does not suffice.
+Even a file of a few bytes may give a size in its header for which the memory does not suffice.
 """
 
 from __future__ import annotations

@@ -180,8 +180,8 @@ class FieldCorrection:
         Raises
         ------
         ValueError
-            If both images are None, if their shapes differ, or if flat - dark is below 5 % of its median in more than 1
-            % of the pixels.
+            If both images are None, if their shapes differ, or if more than 1 % of the pixels have a flat - dark below
+            5 % of its median.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         present = [image for image in images if image is not None]

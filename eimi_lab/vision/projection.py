@@ -218,7 +218,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
     """Return a projection with the given weights and with its separation on the samples.
 
     The separation is measured on each side of the root in each picture. The projection gets the 20th percentile of
-    these values, so that a single clear side or picture does not decide.
+    these values, so that a few clear sides or pictures do not determine the result.
     """
     separations = []
     for sample in samples:

@@ -232,7 +232,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         "states.csv: is not UTF-8 text (byte 18); save it with that encoding",
     ),
     "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits; frame_1.png is 128 x 96 px of 8 bits"),
-    "stack": (stack, "frame_10.tif: is a stack of pictures; save each as a separate file"),
+    "stack": (stack, "frame_10.tif: is a stack of pictures; save each picture as a separate file"),
     "see-through": (see_through, "frame_10.png: is transparent in places"),
     "turned": (turned, "frame_10.png: is 96 x 128 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits; pictures of one"),
     "not finite": (

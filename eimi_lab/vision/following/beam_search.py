@@ -1,12 +1,13 @@
-"""Search for the strip of the beam from its clamp outward, keeping the best hypotheses at every step (a beam search).
+"""Search for the strip of the picture that shows the beam, from the clamp outward.
 
-A strip of bounded curvature grows by steps of about a third of its width. The gain of a step is the support of both of
-its sides, from 0 to 2, minus the support that is needed and minus costs:
+The search is a beam search: it extends many strips step by step, and keeps the best strips after each step. A strip has
+bounded curvature. A step is about a third of the beam's width. The gain of a step is
 
-    gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - cost of bend and width,
+    gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line),
 
-plus the gain of an expected centre line (`centre_line`),
-with the misfit of the colours inside and the sideways shift in widths. The score of a strip is the sum of its gains.
+with the support of both sides of the strip by the image (0 to 2), the misfit of the colours inside the strip to the
+colours remembered from earlier steps, and the sideways shift in beam widths. The last term is 0 without an expected
+centre line (`centre_line`). The score of a strip is the sum of its gains.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 
 @dataclass(frozen=True)
 class Strip:
-    """The followed strip: k places from the clamp outward, in pixels of the working picture.
+    """The strip of the working picture that shows the beam: k places from the clamp outward. Lengths are in pixels.
 
     Attributes
     ----------
@@ -61,14 +62,15 @@ class Strip:
     width : ndarray, shape (k,)
         Width of the strip.
     gain : ndarray, shape (k,)
-        Gain of each step.
+        Gain of each step of the search.
     step_px : float
-        Distance of the places.
+        Distance between neighbouring places.
     variance : float
-        Variance within which two colours count as equal, summed over the channels.
+        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
+        as equal.
     rival : float
-        Score of the best strip of another body, as a share of this strip's score. The share is 1 or more if an earlier
-        picture decided between the two bodies.
+        Score of the best strip along another body, divided by the score of this strip. The ratio is 1 or more if an
+        earlier picture decided between the two bodies.
     """
 
     place: Array
@@ -87,9 +89,9 @@ class Strip:
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """Bounds of the curvature.
+    """Bounds of the curvature of a strip.
 
-    bend: usual change of the curvature over one beam width, 1/px. most: the largest curvature, 1/px.
+    `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest curvature, 1/px.
     """
 
     bend: float
@@ -102,12 +104,12 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
     Parameters
     ----------
     picture : WorkingPicture
-        The picture, scaled to the width of the beam.
+        The picture, scaled to a given width of the beam.
     polarity : {"dark", "bright"}, optional
-        The beam against its surroundings at the root; None if either is possible.
+        Whether the beam is darker or brighter than its surroundings at the root; None if either is possible.
     earlier : callable
-        Return places (n, 2) of the beam in an earlier picture, in pixels of this one, or None. It is called only if
-        several bodies have about the same score; the body nearest to these places is then used.
+        Return places (n, 2) of the beam in an earlier picture, in pixels of this picture, or None. The function is
+        called only if several bodies have about the same score. The body nearest to these places is then used.
 
     Returns
     -------
@@ -130,7 +132,7 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The strips after one step, with the index of each strip's parent and the gain of the step."""
+    """The strips after one step of the search, with the index of each strip's parent and the gain of the step."""
 
     strips: Hypotheses
     parent: NDArray[np.int64]
@@ -138,7 +140,7 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the first strips, half a width ahead of the clamp."""
+    """Return the first strips of the search, half a width ahead of the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
@@ -170,11 +172,19 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 def _extended(
     picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every strip by one step to the distance `along` from the clamp, in several ways, and keep the best strips.
+    """Extend every strip by one step, and keep the best of the extended strips.
 
-    The ways are different bends, widths and sideways shifts.
+    Each strip is extended in 13 ways, with different bends, widths and sideways shifts. `along` is the distance of the
+    new ends from the clamp, px.
 
-    Returns the extended strips, the index of the parent of each strip, and the gain of the step.
+    Returns
+    -------
+    strips : Hypotheses
+        The n extended strips.
+    parent : ndarray of int, shape (n,)
+        Index of the strip that was extended.
+    gain : ndarray, shape (n,)
+        Gain of the step.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
@@ -212,15 +222,21 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the stated width.
+    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the nominal width.
 
-    `more_bend` is a share of the largest usual change, `width` a share of the stated width.
+        cost = 0.6 c² + 4 (ln w)² + 0.03 (b / 0.6)²,
+
+    with the change of curvature c = `more_bend` in units of `_Stiffness.bend`, the width w in nominal widths, and the
+    curvature b times the nominal width.
     """
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the best hypotheses, one for each cell of place and direction, the best first."""
+    """Return the indices of the best hypotheses, at most one in each cell of place and direction.
+
+    The indices are in the order of decreasing score.
+    """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
     key = np.zeros(len(order), dtype=np.int64)
@@ -235,7 +251,7 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 def _best_strip(
     trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]
 ) -> Strip | None:
-    """Trace the best strip back to the clamp."""
+    """Return the best strip, traced back to the clamp; None if no score is positive."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = int(np.argmax(best))
     if last == 0 or best[last] <= 0.0:
@@ -258,7 +274,11 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the best strip, or of the strip nearest to the earlier picture among equally good bodies."""
+    """Return the index of the best strip in the last generation.
+
+    If strips along several bodies are about equally good, the body nearest to the beam in the earlier picture is
+    chosen.
+    """
     score = trail[-1].strips.score
     best = int(score.argmax())
     equals = np.flatnonzero(score >= _TIE * score[best])
@@ -283,7 +303,10 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best other body half way along the strip, divided by the strip's score there."""
+    """Return the score of the best strip along another body, divided by the score of this strip.
+
+    Both scores are taken half way along this strip.
+    """
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

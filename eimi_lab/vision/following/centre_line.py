@@ -1,7 +1,6 @@
 """A centre line that is expected before the search: clicked by a person, or taken from an earlier picture.
 
-It is a prior for the search and never an edge: the search prefers strips near the line, and the picture decides where
-the edges are.
+The search prefers strips near the expected line. Only the picture determines where the edges are.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no di
 
 @dataclass(frozen=True)
 class CentreLine:
-    """An expected centre line.
+    """An expected centre line of the beam.
 
     Attributes
     ----------
@@ -38,9 +37,9 @@ class CentreLine:
     free_px : ndarray, shape (n,)
         Distance from each place within which a strip has no cost.
     evidence : float
-        Gain of a step within the free distance.
+        Gain of a search step within the free distance.
     largest_cost : float
-        Largest cost of a step outside the free distance.
+        Largest cost of a search step outside the free distance.
     """
 
     points: Array
@@ -55,17 +54,17 @@ class CentreLine:
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return the gain of places at one distance along the strip, which depends on their distance from the line.
+        """Return the gain of search steps that end at given places, from their distance to the line.
 
-        With the distance e beyond the free distance, in half widths, the cost is e²/2 up to the largest cost. Places
-        farther along than the line's end gain nothing.
+        Within the free distance the gain is `evidence`. At a distance e beyond the free distance, in half beam widths,
+        the gain is -e²/2, but not below -`largest_cost`. Beyond the end of the line the gain is 0.
 
         Parameters
         ----------
         x, y : ndarray, shape (...)
             Places, px.
         along_px : float
-            Distance of the places from the clamp along the strip.
+            Distance of the places from the clamp, along the strip.
         width_px : float
             Width of the beam.
 
@@ -85,7 +84,7 @@ class CentreLine:
 
 
 def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
-    """Return the line from the clamp through the clicks of a person.
+    """Return the smooth line from the clamp through the points that a person clicked.
 
     Parameters
     ----------
@@ -94,7 +93,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     ahead : ndarray, shape (2,)
         Unit vector of the beam at its clamp.
     clicks_px : ndarray, shape (n, 2)
-        The clicks, from the clamp outward.
+        The clicked points, from the clamp outward.
 
     Returns
     -------
@@ -110,23 +109,23 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the centre line (n, 2) of the beam in another picture as the line that is expected in this one."""
+    """Return the centre line (n, 2), px, of the beam in another picture as the expected line."""
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp followed by the clicks, without the first clicks if they are too close to the clamp."""
+    """Return the clamp and the clicked points, without the first points if they are too close to the clamp (20 px)."""
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1
     return np.vstack([clamp_px, clicks_px[first:]])
 
 
 def _merged(corners: Array) -> Array:
-    """Return the corners (n, 2) of a line, px, with the mean of each group of clicks in place of the group.
+    """Return the corners (n, 2) of a line, px, with each group of close clicked points replaced by its mean.
 
-    Every click may lie 10 px beside the beam. A line through two clicks that are closer than a few times this distance
-    has any direction, and may turn back.
+    Each clicked point may lie 10 px beside the beam. The direction of a line through two points that are closer than 40
+    px is therefore arbitrary, and the line may turn back.
     """
     groups: list[list[Array]] = []
     for place in corners[1:]:

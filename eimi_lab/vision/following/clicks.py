@@ -16,7 +16,7 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Return the result with the distance of the farthest click from the followed path as a finding.
+    """Add the distance of the farthest clicked point from the followed path to the findings.
 
     Parameters
     ----------
@@ -25,11 +25,12 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     clicks : ndarray, shape (n, 2)
         The clicked points, px.
     width_px : float
-        Stated width of the beam.
+        Nominal width of the beam.
 
     Returns
     -------
     FollowedBeam
+        The result with the finding ``"followed_click"``. Unchanged if the beam was too narrow to be followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:
@@ -37,16 +38,16 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     distance = off_path(path, clicks) if len(path) > 1 else np.full(len(clicks), np.inf)
     worst = int(distance.argmax())
     x, y = clicks[worst].tolist()
-    off = "no body of the stated width could be followed through the points"
+    off = "no body as wide as width_mm could be followed through the points"
     if np.isfinite(distance[worst]):
-        off = f"the point [{x:g}, {y:g}] lies {distance[worst]:.0f} px from the body that could be followed"
+        off = f"the point [{x:g}, {y:g}] lies {distance[worst]:.0f} px from the body that was followed"
     beyond = max(0.0, float(distance[worst]) - CLICKED_PX) / width_px
     findings = followed.findings | {"followed_click": min(beyond, _FARTHEST)}
     return replace(followed, findings=findings, words=followed.words | {"clicks_off": off})
 
 
 def off_path(path: Array, clicks: Array) -> Array:
-    """Return the distance (n,) of each click from a path (m, 2), px."""
+    """Return the distance (n,), px, of each clicked point from a path (m, 2)."""
     begin, step = path[:-1], np.diff(path, axis=0)
     offset = clicks[:, None] - begin
     share = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Find both edges of the unrolled strip as seams, each in the colour projection in which its two sides differ most."""
+"""Find both edges of the unrolled picture, each in the colour projection in which its two sides differ most."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """Both edges, left and right, at n stations along the beam.
+    """Both edges (left, right) in the unrolled picture, at n stations along the beam.
+
+    The unit of length is the nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Places across the beam, in stated widths.
+        Places of the edges across the beam.
     support : ndarray, shape (2, n)
-        Height of the step at the edge, from 0 to 1 for a full step.
+        Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam, in stated widths; 0 where there is no
-        such border.
+        Distance between an edge and the border of a possible shadow of the beam; 0 where there is no such border.
     """
 
     edge: Array
@@ -43,20 +44,22 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both seams in several passes; each pass takes inside and outside from the seams of the previous pass.
+    """Find both edges of the unrolled picture in several passes.
+
+    Each pass computes the colour projections from the colours inside and outside the edges of the previous pass.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
         The picture along the strip.
     edge : ndarray, shape (2, n)
-        Initial edges, in stated widths.
+        Initial edges, in nominal widths of the beam.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
-        For each pass, the standard deviation of the seam about the previous seam, in stated widths.
+        For each pass, the standard deviation of an edge about the edge of the previous pass, in nominal widths.
     shadowless : bool
-        Whether to use only projections in which the surroundings look the same in shadow.
+        Whether to use only projections in which the surroundings look the same in shadow and in light.
 
     Returns
     -------

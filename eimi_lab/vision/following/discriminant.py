@@ -1,12 +1,12 @@
-"""Project colours to one number, 1 inside the beam and 0 outside, by the colours on both sides of an edge.
+"""Project the colours at an edge to one number, which is 1 inside the beam and 0 outside.
 
 The projection is Fisher's linear discriminant of the colours in a window along the edge,
 
     share = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
 
-with the mean colours m inside and outside and the mean covariance C (R. A. Fisher, "The use of multiple measurements in
-taxonomic problems", Annals of Eugenics 7 (1936) 179). The sign of the contrast need not be known, and the background
-may change along the beam.
+with the mean colours m_in inside and m_out outside, and the mean covariance C of the two sides (R. A. Fisher, "The use
+of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179). The beam may be brighter or darker
+than the background, and the background may change along the beam.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge; n stations along the beam, m places across it.
+    """The colour projection of one edge in the unrolled picture: n stations along the beam, m places across it.
 
     Attributes
     ----------
     share : ndarray, shape (n, m)
         Projected colours, about 1 inside and 0 outside.
     separation : ndarray, shape (n,)
-        Distance of the inside from the outside in standard deviations.
+        Distance between the colours inside and outside, in standard deviations.
     weight : ndarray, shape (n, channels)
         Weight of each channel.
     level : ndarray, shape (n,)
-        Projected colour of the outside: colour · weight - level is 0 outside and 1 inside.
+        Weighted sum of the outside colour: colour · weight - level is 0 outside and 1 inside.
     step : ndarray, shape (n, channels)
         Mean colour inside minus mean colour outside.
     """
@@ -56,21 +56,21 @@ class ColourProjection:
 def project(
     unrolled: UnrolledPicture, edge: Array, outward: float, noise: float, shadowless: bool = False
 ) -> ColourProjection:
-    """Return the colour projection of one edge.
+    """Compute the colour projection of one edge from the colours on both sides of the edge.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
         The picture along the strip.
     edge : ndarray, shape (n,)
-        Place of the edge across the beam, in stated widths.
+        Place of the edge across the beam, in nominal widths.
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     shadowless : bool
-        Whether any multiple of the outside's colour is projected to the same value. A picture of one channel has no
-        such projection.
+        Whether to use only projections in which the outside colour and all its multiples have the same value. A picture
+        with one channel has no such projection.
 
     Returns
     -------
@@ -103,7 +103,10 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean (n, c) and the covariance (n, c, c) of the masked colours in a window along the beam."""
+    """Return the mean (n, c) and the covariance (n, c, c) of masked colours in a window along the beam.
+
+    c is the number of channels.
+    """
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
     weighted = share[..., None] * colours

@@ -1,4 +1,4 @@
-"""Measure the disturbances of the edges of a followed beam: borders of shadows, reflections and clipping."""
+"""Measure the disturbances at the edges of a followed beam: borders of shadows, reflections and clipping."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """Return the possible error of the softer edge if it is the border of the beam's own shadow, px.
+    """Return the possible error (px) of the softer edge if this edge is the border of the beam's own shadow.
 
-    Both edges of one body are about equally far from the lens and equally blurred. The border of a shadow is also
-    blurred by the size of the lamp. The shadow is darker in every colour. Its border lies outside the body, which
-    therefore looks wider.
+    Both edges of one body are about equally far from the lens, and therefore equally blurred. The border of a shadow is
+    also blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border of the
+    shadow lies outside the body, so that the body looks wider.
 
     Parameters
     ----------
     left, right : StripEdges
         The located edges.
     sides : Sides
-        Both edges in the unrolled strip.
+        Both edges in the unrolled picture.
     width_px : float
-        Stated width of the beam.
+        Nominal width of the beam.
 
     Returns
     -------
     float
-        The blur of the softer edge, or the excess width if that is larger; 0 if no edge looks like the border of a
-        shadow.
+        The larger of two values: the blur of the softer edge, and the excess of the measured width over the nominal
+        width. 0 if no edge looks like the border of a shadow.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])
@@ -56,14 +56,15 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) between sure places of the edges and the borders of possible shadows."""
+    """Return the RMS distance (px) between the edges and the borders of possible shadows, over the sure places."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of the worse edge on which there is the reflection of a lamp.
+    """Return the share of an edge on which the reflection of a lamp lies.
 
-    A reflection is clipped, while the middle of the beam and the surroundings beside it are not.
+    Of both edges, the larger share is returned. A place with a reflection is clipped at the edge, but neither in the
+    middle of the beam nor in the surroundings.
     """
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
@@ -77,9 +78,9 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of the worse edge that has clipped light on one side, in any colour.
+    """Return the share of an edge beside which any colour is clipped, inside or outside.
 
-    Clipping moves an edge away from the clipped side.
+    Of both edges, the larger share is returned. Clipping moves an edge away from the clipped side.
     """
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []

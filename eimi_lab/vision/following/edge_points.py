@@ -41,16 +41,16 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 @dataclass(frozen=True)
 class StripEdges:
-    """One edge in pixels of the image, from the clamp outward.
+    """The points of one followed edge in pixels of the image, from the clamp outward.
 
     Attributes
     ----------
     points : ndarray, shape (n, 2)
         Edge points.
     sigma : ndarray, shape (n,)
-        Standard deviation along the normal.
+        Standard deviation of each point along the normal of the edge.
     along : ndarray, shape (n,)
-        Distance from the clamp, in stated widths.
+        Distance from the clamp, in nominal widths of the beam.
     blur_px : float
         Standard deviation of the blur of the edge.
     """
@@ -64,10 +64,11 @@ class StripEdges:
 def locate_edge(
     image: NDArray[Any], unrolled: UnrolledPicture, sides: Sides, side: int, spacing_px: float
 ) -> StripEdges | None:
-    """Locate one edge in the original image.
+    """Locate the points of one followed edge in the original image.
 
-    Profiles on normals to the seam are projected by the colour projection of the seam, and fitted with blurred steps
-    (`edges.profiles.fit_steps`), twice: the second time on normals to the curve through the first result.
+    Profiles are read on normals to the edge, and projected by the colour projection of the edge. Blurred steps are
+    fitted to the projected profiles (`edges.profiles.fit_steps`). The fit is repeated on normals to the smooth curve
+    through the points of the first fit.
 
     Parameters
     ----------
@@ -76,16 +77,16 @@ def locate_edge(
     unrolled : UnrolledPicture
         The picture along the strip.
     sides : Sides
-        Both edges in the unrolled strip.
+        Both edges in the unrolled picture.
     side : int
         0 for the left edge, 1 for the right edge.
     spacing_px : float
-        Wanted distance of the points.
+        Desired distance between the points.
 
     Returns
     -------
     StripEdges or None
-        None if fewer than eight points are found.
+        None if the edge has fewer than eight points.
     """
     sound = np.flatnonzero(sides.sound[side][: sides.end])
     if len(sound) < _FEWEST:
@@ -114,7 +115,7 @@ def locate_edge(
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
-    """Return for each point the index of the nearest place of the seam."""
+    """Return, for each point, the index of the nearest place of an edge."""
     return np.asarray(cKDTree(seam).query(points)[1])
 
 
@@ -122,7 +123,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 class _Edge:
     """The image and the colour projection with which the profiles across one edge are read.
 
-    `outward` is +1 if the outside lies clockwise of the curve's tangent, else -1.
+    `outward` is +1 if the outside lies clockwise of the tangent of the edge, else -1.
     """
 
     image: NDArray[Any]
@@ -133,9 +134,10 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit steps at arc lengths of a curve; return the points (n, 2), the steps, and whether each step was found.
+        """Fit steps at arc lengths of a curve; return the points (n, 2), the steps, and whether each step is sound.
 
-        With `level` the slope of the light beside the edge is removed first. This requires the position of the edge.
+        If `level` is true, the slope of the light beside the edge is removed first. This needs a curve close to the
+        edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -159,10 +161,10 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return the contribution (n, m) of shading, light and shadow on both sides to the profiles, 0 at the edge.
+        """Return the change (n, m) of the profiles that slopes of the light on both sides cause, 0 at the edge.
 
-        The slope on each side is read outside the blur of the edge, as the median of neighbouring profiles, and is
-        blurred like the edge.
+        Shading, uneven light and shadows cause these slopes. The slope on each side is measured outside the blur of the
+        edge, as the median over neighbouring profiles. It acts from the edge outward, and is blurred like the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -181,7 +183,7 @@ class _Edge:
 
 
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
-    """Fit a line to each profile (n, m); return its slope (n,) and the RMS of its residuals (n,)."""
+    """Fit a straight line to each profile (n, m); return its slope (n,) and the RMS of its residuals (n,)."""
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
     residuals = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away
@@ -189,10 +191,10 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return, for each profile, the median (n,) of the slopes of its neighbours.
+    """Return, for each profile, the median slope (n,) of the profile and its ten neighbours on each side.
 
-    Neighbours whose slope is too steep or not straight are left out, because they show another body. The result is 0 if
-    most neighbours are left out.
+    Neighbours whose slope is too steep or whose profile is not straight are left out, because they show another body.
+    The result is 0 if fewer than a third of the neighbours remain.
     """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
@@ -204,10 +206,10 @@ def _common(slope: Array, residual_rms: Array) -> Array:
 
 
 def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
-    """Estimate the standard deviations of the points from their scatter about a smooth line, and reject outliers.
+    """Estimate the standard deviations of edge points from their scatter about a smooth line, and detect outliers.
 
-    On a real picture neighbouring points have similar errors, which texture and uneven light cause. These errors remain
-    in the residuals of a line of few pieces, but cancel in differences of neighbours.
+    In a real picture, texture and uneven light cause similar errors of neighbouring points. Such errors remain in the
+    residuals of a spline with few pieces, but cancel in differences of neighbouring points.
 
     Parameters
     ----------
@@ -219,9 +221,9 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     Returns
     -------
     points : ndarray, shape (n, 2)
-        The same points.
+        The points, unchanged.
     sigma : ndarray, shape (n,)
-        Standard deviation along the normal.
+        Standard deviation of each point along the normal.
     kept : ndarray of bool, shape (n,)
         Whether each point is within four standard deviations of the line.
     """
@@ -240,10 +242,11 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Return signed distances (n,) from a spline of few pieces through the kept points, and degrees of freedom.
+    """Return the signed distances (n,) of points from a spline with few pieces, and the degrees of freedom of the fit.
 
-    The pieces are equally long. With equally many points in each, a piece where points are few would be too long for
-    the shape of the edge, and the misfit would count as scatter.
+    The spline is fitted to the kept points. Its pieces are equally long. With equally many points in each piece, a
+    piece in a region with few points would be too long for the shape of the edge, and its misfit would count as
+    scatter.
     """
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))

@@ -1,8 +1,8 @@
 """Remove the points at the ends of the edges where the width of the beam changes.
 
-Near the tip and near the clamp, the border of a shadow or a body in the background may replace an edge. This line
-leaves the edge slowly at first. No single point is then an outlier, and a spline through all points follows the wrong
-line.
+Near the tip and near the clamp, the located points may leave the edge and follow the border of a shadow or of another
+body. This border leaves the edge slowly at first. Therefore no single point is an outlier, and a spline through all
+points follows the wrong line.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 
 def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[StripEdges, StripEdges]:
-    """Remove the points of both ends, beginning where the beam is clearly wider or narrower than before.
+    """Remove the points at both ends of the edges, from the place at which the width of the beam clearly changes.
 
     Parameters
     ----------
     left, right : StripEdges
         The located edges.
     width_px : float
-        Stated width of the beam.
+        Nominal width of the beam.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
 
 
 def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
-    """Return the edge with only the kept points, and with standard deviations from the scatter of these points."""
+    """Return an edge with only the kept points, and with standard deviations from the scatter of these points."""
     if kept.all() or kept.sum() < _FEWEST:
         return edge
     points, sigma, near = estimate_scatter(edge.points[kept], edge.sigma[kept])
@@ -57,9 +57,10 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return whether places (n,) lie before the first place whose width differs from that of the previous stretch.
+    """Return whether each place (n,) is nearer than the first place at which the width changes toward the last place.
 
-    `along` and `widths` are in stated widths; the last place is the end that is examined.
+    The width changes if it differs from the width extrapolated from the preceding part of the edge. `along` and
+    `widths` are in nominal widths of the beam.
     """
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)

@@ -1,4 +1,4 @@
-"""Draw the intermediate results: the searched picture, the followed strip, and the sure places of its edges."""
+"""Draw the intermediate results of following a beam: the searched picture, the strip, and the places of its edges."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SUB_PIXEL_BITS = 4
 
 
 def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
-    """Draw the intermediate results that exist.
+    """Draw the intermediate results of following a beam, as far as they exist.
 
     Parameters
     ----------
@@ -32,9 +32,10 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     Returns
     -------
     dict of str to ndarray of uint8
-        ``"strip"``: the working picture with the strip, from red to green by the gain of each step. ``"unrolled"``: the
-        unrolled strip with the clamp at the top, and beside it the colour projections of the left and of the right
-        edge; both edges are green where they are sure and red elsewhere.
+        ``"strip"``: the working picture with the strip, whose colour goes from red to green with the gain of each step.
+
+        ``"unrolled"``: three pictures side by side, with the clamp at the top: the unrolled picture, and the colour
+        projections of the left and of the right edge. Both edges are green where they are sure, and red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -58,7 +59,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the unrolled strip and on its two colour projections."""
+    """Draw both edges on the unrolled picture and on its two colour projections."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]

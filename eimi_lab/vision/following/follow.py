@@ -1,4 +1,4 @@
-"""Follow the beam in one image: both edges, and the findings about their quality."""
+"""Follow the beam in one image: locate both edges, and measure their quality."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ _AT_BORDER = 0.75  # widths from the border of the image
 
 @dataclass(frozen=True)
 class FollowedBeam:
-    """The result of following a beam; None for a step that was not reached.
+    """The result of following a beam in one image. A step that was not reached has the result None.
 
     Attributes
     ----------
     findings : dict of str to float
-        Measured values, by the names of the table of flags.
+        Measured values, with the keys of the table of flags (`Check.finding`).
     working : WorkingPicture, optional
         The picture in which the strip was searched.
     strip : Strip, optional
-        The followed strip.
+        The strip of the picture that shows the beam.
     unrolled : UnrolledPicture, optional
         The picture along the strip.
     sides : Sides, optional
-        Both edges in the unrolled strip.
+        Both edges in the unrolled picture.
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
@@ -61,7 +61,10 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return the same result for the picture from which this picture was cut at a place (2,), px."""
+        """Return this result in the coordinates of a larger picture.
+
+        This picture was cut from the larger picture at the place `by_px`, (2,).
+        """
         return replace(
             self,
             working=self.working and replace(self.working, origin_px=self.working.origin_px + by_px),
@@ -70,14 +73,14 @@ class FollowedBeam:
 
     @property
     def path_px(self) -> Array:
-        """Middle of the followed strip (n, 2), px of the image; empty if nothing was followed."""
+        """Middle of the followed strip (n, 2), px of the image; empty if no strip was found."""
         if self.strip is None or self.working is None:
             return np.zeros((0, 2))
         return self.working.to_picture(self.strip.place)
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """Sure places (n, 2) px of both edges, accurate to a twentieth of a width; empty without edges."""
+        """Sure places (n, 2), px, of each edge, accurate to a twentieth of the beam's width; empty without edges."""
         if self.sides is None or self.unrolled is None:
             return ()
         seams = self.unrolled.middle + self.sides.edge[..., None] * self.unrolled.aside
@@ -91,21 +94,21 @@ def follow(
     polarity: str | None = None,
     earlier_px: Callable[[], Array | None] = lambda: None,
 ) -> FollowedBeam:
-    """Follow the stated beam in an image.
+    """Follow a beam from its clamp in one image.
 
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255. Any image is accepted.
+        Grey values on a scale from 0 to 255. Every image is accepted.
     beam : StatedBeam
         Clamp, axis, width and length in pixels.
     spacing_px : float
-        Wanted distance of the points along the edges; there are at most a hundred on each.
+        Desired distance between the points along the edges. An edge has at most a hundred points.
     polarity : {"dark", "bright"}, optional
-        The beam against its surroundings, if a person stated it.
+        Whether the beam is darker or brighter than its surroundings; None if either is possible.
     earlier_px : callable, optional
-        Return the middle (n, 2) of the beam in an earlier picture, px, or None. It is called only if several bodies are
-        equally likely to be the beam.
+        Return the centre line (n, 2) of the beam in an earlier picture, px, or None. The function is called only if
+        several bodies are equally likely to be the beam.
 
     Returns
     -------
@@ -140,7 +143,7 @@ def follow(
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
-    """Map places of the image to the working picture."""
+    """Map places of the image to the working picture; return None for None."""
     return None if places_px is None else picture.from_picture(places_px)
 
 
@@ -152,7 +155,10 @@ def _words(beam: StatedBeam) -> dict[str, str]:
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Measure the followed strip, by the names of the table of flags; `size` is width and height of the image, px."""
+    """Measure the followed strip; return the values with the keys of the table of flags.
+
+    `size` is the width and the height of the image, px.
+    """
     both = sides.sound.all(axis=0)
     if not both.any():
         return {"followed_length": 0.0}
@@ -180,21 +186,21 @@ def _findings(
 
 
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
-    """Return whether a place lies within three quarters of a beam's width of the border of the image."""
+    """Return whether a place is nearer to the border of the image than three quarters of the beam's width."""
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
 
 
 def _change(width: Array) -> float:
-    """Return the relative difference between the widths of the widest and the narrowest fifth of the beam's length."""
+    """Return the relative difference between the median widths of the widest and the narrowest fifth of the beam."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """Return the largest fraction by which a fifth of the beam's length is narrower than an earlier fifth.
+    """Return the largest relative difference by which a fifth of the beam is narrower than a fifth nearer to the clamp.
 
-    A fish's tail or the neck of a drop becomes narrower; a beam does not.
+    The tail of a fish or the neck of a drop becomes narrower, but a beam does not.
     """
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

@@ -1,4 +1,4 @@
-"""Hypotheses of a strip: the place and the bend of each strip, and its support by the image."""
+"""Hypotheses of the search for the beam: place and bend of each strip, and its support by the image."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEARNING = 0.12  # share by which the remembered colours change in a step: ligh
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips, each described at its present end. Lengths are in pixels of the working picture.
+    """n strips of the working picture that may show the beam, each described at its outer end. Lengths are in pixels.
 
     Attributes
     ----------
@@ -47,9 +47,10 @@ class Hypotheses:
     width : ndarray, shape (n,)
         Width of the strip.
     template : ndarray, shape (n, 9, channels)
-        Remembered colours across the inside.
+        Colours at nine places across the inside, remembered from earlier steps of the search.
     variance : ndarray, shape (n,)
-        Variance within which two colours count as equal, summed over the channels.
+        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
+        as equal.
     score : ndarray, shape (n,)
         Sum of the gains of all steps.
     """
@@ -67,7 +68,7 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Read colours across strips at the places `ACROSS`.
+    """Return the colours at 15 places across each strip: nine inside and three on each side (`ACROSS`).
 
     Parameters
     ----------
@@ -88,9 +89,9 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
-    """Interpolate colours (n, m, channels) at places x, y (n, m), to 1/32 px.
+    """Return the colours (n, m, channels) of a picture at places x, y (n, m), by bilinear interpolation.
 
-    Beyond the border of the picture the colours of the border are used.
+    The places are rounded to 1/32 px. Beyond the border of the picture the colours of the border are used.
     """
     x, y = x.astype(np.float32, copy=False), y.astype(np.float32, copy=False)
     parts = [slice(at, at + _ROWS) for at in range(0, len(x), _ROWS)]
@@ -99,19 +100,19 @@ def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def least_variance(picture: WorkingPicture) -> float:
-    """Return the smallest variance of a colour, summed over the channels.
+    """Return the smallest variance that is assumed for a colour, summed over the channels.
 
-    The standard deviation of a channel is at least two grey levels, twice the noise, and a fortieth of the picture's
-    range.
+    The standard deviation of a channel is at least two grey levels, at least twice the noise, and at least a fortieth
+    of the range of grey levels in the picture.
     """
     return picture.pixels.shape[2] * max(2.0, 2.0 * picture.noise, 0.025 * picture.span) ** 2
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return how clearly inside and outside differ at both edges together: (...) from 0 to 2.
+    """Return the support of strips by the image: the colour steps at both edges, in one number (...) from 0 to 2.
 
-    With the squared step d² between the mean colours inside and outside of an edge, the evidence is e = d² / variance
-    and the support of the edge is e / (e + 9).
+    For one edge, let d be the distance between the mean colours inside and outside. With e = d² / variance, the support
+    of the edge is e / (e + 9). The support of a strip is the sum over its two edges.
 
     Parameters
     ----------
@@ -119,6 +120,10 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
         Colours across strips at the places `ACROSS`.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the channels.
+
+    Returns
+    -------
+    ndarray, shape (...)
     """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
@@ -129,17 +134,21 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix (15 c, 2 c) that applies `_STEPS` to every channel in one matrix product."""
+    """Return the matrix (15 c, 2 c) that computes the colour steps at both edges for c channels in one product."""
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return the brightness of the inside minus the brightness of the surroundings, (n,)."""
+    """Return the brightness of the inside of n strips minus the brightness of their surroundings, (n,)."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the inside of colours (..., 15, c) differs from the remembered inside: (...) from 0 to 2."""
+    """Return the difference between the colours inside strips and the remembered colours: (...) from 0 to 2.
+
+    The result is d² / (9 variance), at most 2. d² is the mean squared colour difference at the nine places inside.
+    `colours` has the shape (..., 15, channels).
+    """
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
@@ -150,16 +159,21 @@ def updated_templates(
 ) -> NDArray[np.float32]:
     """Return the remembered colours after another step of the search.
 
-    Each colour that has not changed moves by 12 % toward the present colour.
+    A remembered colour moves by 12 % toward the present colour if the two colours count as equal.
 
     Parameters
     ----------
     colours : ndarray, shape (n, 15, channels)
-        Colours across the strips.
+        Present colours across n strips.
     template : ndarray, shape (n, 9, channels)
         Remembered colours.
     variance : ndarray, shape (n,)
-        Variance within which two colours count as equal.
+        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
+        as equal.
+
+    Returns
+    -------
+    ndarray, shape (n, 9, channels)
     """
     present = colours[:, _INSIDE]
     same = ((present - template) ** 2).sum(axis=2) < _CERTAIN * variance[:, None]
@@ -167,5 +181,5 @@ def updated_templates(
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours (n, 9, channels) of the inside."""
+    """Return the colours (n, 9, channels) inside n strips, from colours (n, 15, channels) across the strips."""
     return colours[:, _INSIDE]

@@ -1,4 +1,4 @@
-"""The stated beam in pixels, and the image scaled to 255."""
+"""Compute clamp, axis, width and length of a beam in pixels, and scale an image to 255."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_lab.vision.intensity import full_scale
 
 
 def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBeam:
-    """Return the beam of the stated length and width (mm) at the clamp of the calibration."""
+    """Return the beam of the given length and width (mm) in pixels, at the clamp of the calibration."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     scale = float(np.linalg.norm(ahead - origin))
     angle = math.atan2(ahead[1] - origin[1], ahead[0] - origin[0])

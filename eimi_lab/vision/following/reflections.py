@@ -1,4 +1,4 @@
-"""Remove the reflections of a lamp from the searched picture, because they would split the beam into two."""
+"""Remove the reflections of a lamp from the searched picture. A reflection would split the beam into two bodies."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ _HALO = 0.12  # widths around a reflection that are replaced too
 
 
 def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
-    """Replace clipped lines and spots that are narrower than a third of the beam by their surroundings.
+    """Replace clipped lines and spots that are narrower than a third of the beam by the colours around them.
 
     Parameters
     ----------
     picture : WorkingPicture
-        The picture, of which only the pixels change.
+        The picture.
 
     Returns
     -------
     WorkingPicture
+        The picture with changed pixels.
 
     References
     ----------
-    The replacement is a grey-scale opening, which removes what is brighter than its neighbourhood and narrower than a
-    disc (J. Serra, Image Analysis and Mathematical Morphology, Academic Press 1982).
+    The replacement is a grey-scale opening, which removes bright spots that are narrower than a disc (J. Serra, Image
+    Analysis and Mathematical Morphology, Academic Press 1982).
     """
     pixels, width_px = picture.pixels, picture.beam.width_px
     clipped = (pixels >= CLIPPED).mean(axis=2) > 0.5

@@ -1,4 +1,7 @@
-"""Find an edge as the seam of largest fall along the unrolled beam, by dynamic programming."""
+"""Find an edge in the unrolled picture by dynamic programming, as the line at which the projected colour falls most.
+
+Such a connected line, with one place at each station along the beam, is called a seam.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +19,23 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 
 
 def fall_across(share: Array, outward: float, across: Array, stations_in_width: float) -> Array:
-    """Return how much the projected colour falls outward at each place.
+    """Return the fall of the projected colour in the outward direction, at each place of the unrolled picture.
 
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        Projected colours, about 1 inside and 0 outside.
+        Projected colours, about 1 inside and 0 outside, at n stations along the beam and m places across it.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
-        Places across the beam, in stated widths.
+        Places across the beam, in nominal widths.
     stations_in_width : float
-        Number of stations along the beam in a width.
+        Number of stations along the beam in a nominal width.
 
     Returns
     -------
     ndarray, shape (n, m)
-        1 for a full step.
+        The fall, which is 1 for a full step from inside to outside.
     """
     arm = max(2, round(_ARM / (across[1] - across[0])))
     padded = np.pad(share, ((0, 0), (arm, arm)), mode="edge")
@@ -45,22 +48,22 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find connected seams with the largest sum of falls, several at a time.
+    """Find k connected seams, each with the largest sum of falls.
 
-    The value of a place is its fall minus 0.25 ((place - expected) / tolerance)². A seam moves by at most two places
-    from station to station; each place costs 0.05. Dynamic programming finds the seam with the largest total value. A
-    parabola through the neighbouring values gives the fraction of a place.
+    The value of a place is its fall minus 0.25 ((place - expected) / tolerance)². From station to station a seam moves
+    by at most two places, and each place of such a move costs 0.05. Dynamic programming finds the seam with the largest
+    total value. A parabola through the neighbouring values refines each place.
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
-        Fall at each place, for k seams.
+        Fall at n stations along the beam and m places across it, for k seams.
     across : ndarray, shape (m,)
-        Places across the beam, in stated widths.
+        Places across the beam, in nominal widths.
     expected : ndarray, shape (k, n)
         Expected place of each seam.
     tolerance : float
-        Standard deviation about the expected place, in stated widths.
+        Standard deviation about the expected place, in nominal widths.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Refine a seam to a fraction of a place, by a parabola through the neighbouring values."""
+    """Return the places (n,) of a seam, refined by a parabola through the values at neighbouring places."""
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

@@ -1,14 +1,14 @@
-"""Detect where an edge is the border of a shadow, with colours that a shadow does not change.
+"""Detect edges that are borders of a shadow, by a colour projection in which a shadow is invisible.
 
-White light dims all colours of a surface in shadow by the same factor (R. Gershon, A. D. Jepson and J. K. Tsotsos,
-"Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). In a projection
-orthogonal to the colour of the surroundings every multiple of that colour is 0. The border of a shadow on the
-surroundings then has no step. The edge of the beam keeps a step unless its colour is a multiple of the colour of the
-surroundings.
+In shadow, all colours of a surface in white light are darker by the same factor (R. Gershon, A. D. Jepson and J. K.
+Tsotsos, "Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). A
+projection that is orthogonal to the colour of the surroundings maps all multiples of this colour to 0. The border of a
+shadow on the surroundings then has no step. The edge of the beam keeps a step, unless the colour of the beam is also a
+multiple of the colour of the surroundings.
 
-The thin rim of a translucent body dims the surroundings too, but it looks like the rest of the body: nearly the whole
-step of the colours is at its outer border. The outer border of such a rim is kept as the edge, and its distance from
-the inner border is still recorded.
+The thin rim of a translucent beam also looks like darkened surroundings. But its colour is near to that of the beam:
+nearly the whole colour step is at the outer border of the rim. In this case the outer border is kept as the edge, and
+its distance from the inner border is recorded.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ _ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every sure pl
 
 
 def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: float) -> Seams:
-    """Move edges that are borders of the beam's shadow to the beam itself.
+    """Move edges that are borders of the beam's shadow to the edge of the beam.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture along the strip. The seams of a grey picture are returned unchanged.
+        The picture along the strip. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
-        Seams in all colours.
+        Edges located by all colours.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
 
     Returns
     -------
     Seams
-        The moved seams. `Seams.shadow` is also set where the border belongs to a translucent rim and is not moved.
+        The moved edges. `Seams.shadow` is also set where the border belongs to a translucent rim and is not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -84,9 +84,10 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the stretch between an edge and a border outside it has nearly the colour of the body.
+    """Return whether the region between an edge and a border outside the edge has nearly the colour of the body.
 
-    Colours are read in the middle of that stretch, inside of the edge, and outside of the border, clear of their blur.
+    Three mean colours are compared: inside the edge, in the middle of the region, and outside the border. They are
+    measured at places that the blur of edge and border does not reach.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
@@ -102,7 +103,10 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return whether, (n,), the stretch between an edge and a shadow's border has less light than the surroundings."""
+    """Return, at each of n stations, whether the region between an edge and the border of a shadow is dimmed.
+
+    The region is dimmed if its colour, projected on the colour of the surroundings, is darker than the surroundings.
+    """
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -113,7 +117,7 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colours (n, channels) of the masked places (n, m) in a window along the beam."""
+    """Return the mean colours (n, channels) of the masked places (n, m), in a window along the beam."""
     in_image = (mask & unrolled.inside)[..., None]
     total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
     count = uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
@@ -121,7 +125,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Return a projection: the first one where, (n,), the edge was moved, and the second one elsewhere."""
+    """Return a projection that equals `where_moved` at the stations where the edge was moved, else `elsewhere`."""
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -1,4 +1,4 @@
-"""The place and size of the beam that are stated before the search in a picture."""
+"""Place and size of the beam in a picture, known from calibration and specimen file before the search."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StatedBeam:
-    """Place and size of the beam in pixels.
+    """Nominal place and size of the beam in a picture, in pixels.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class StatedBeam:
 
     @property
     def ahead(self) -> Array:
-        """Unit vector (2,) away from the clamp."""
+        """Unit vector (2,) along the beam at its clamp, away from the clamp."""
         return np.array([math.cos(self.axis_rad), math.sin(self.axis_rad)])
 
     def scaled(self, factor: float, origin_px: Array) -> StatedBeam:

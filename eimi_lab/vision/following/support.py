@@ -34,14 +34,16 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """Both edges (left, right) in the unrolled strip, at n stations.
+    """Both edges (left, right) in the unrolled picture, at n stations along the beam.
+
+    The unit of length is the nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Places across the beam, in stated widths.
+        Places of the edges across the beam.
     support : ndarray, shape (2, n)
-        Height of the step at the edge, from 0 to 1 for a full step.
+        Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     sound : ndarray of bool, shape (2, n)
         Whether each edge is sure at each station.
     end : int
@@ -49,7 +51,7 @@ class Sides:
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam, in stated widths.
+        Distance between an edge and the border of a possible shadow of the beam; 0 where there is no such border.
     """
 
     edge: Array
@@ -61,12 +63,12 @@ class Sides:
 
     @property
     def width(self) -> Array:
-        """Width of the beam (n,), in stated widths."""
+        """Width of the beam (n,), in nominal widths."""
         return np.asarray(self.edge[1] - self.edge[0])
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
-    """Find both edges in the unrolled strip, and where they are sure.
+    """Find both edges in the unrolled picture, and the stations at which each edge is sure.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     length : float
-        Stated length of the beam, in stated widths.
+        Nominal length of the beam, in nominal widths.
 
     Returns
     -------
@@ -99,18 +101,18 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed path on which the worse edge is sure, under the name of its finding.
+    """Return the share of the followed path on which the less sure edge is sure, with the key of the table of flags.
 
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Where each edge is sure.
+        Whether each edge is sure at each station.
 
     Returns
     -------
     dict of str to float
-        ``"followed_patches"`` if the gaps between sure places are all shorter than a tenth of the path, else
-        ``"followed_sides"``. With short gaps the followed path returns to its edge again and again.
+        The key is ``"followed_patches"`` if all gaps between sure places are shorter than a tenth of the path: the path
+        then follows the edge in spite of the gaps. Otherwise the key is ``"followed_sides"``.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -121,7 +123,7 @@ def sure_share(sound: Mask) -> dict[str, float]:
 def _end(along: Array, sound: Mask, length: float) -> int:
     """Return the number of stations before the end of the beam.
 
-    Both edges of a beam end at its tip. An edge that continues alone near the stated length belongs to a body in the
+    Both edges of a beam end at its tip. If a single edge continues near the nominal length, it belongs to a body in the
     background.
     """
     total = np.cumsum(sound.sum(axis=0) - 1)
@@ -134,7 +136,7 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return a mask (2, n): whether each edge has a full step, is straight and separates its two sides."""
+    """Return a mask (2, n), true where an edge has a clear step, is smooth, and separates two colours clearly."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -146,7 +148,10 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle (n,), rad, between the arms of a seam (n, 2) before and behind each station."""
+    """Return the angle (n,), rad, by which an edge (n, 2) turns at each station.
+
+    The directions before and after the station are measured over `arm` stations each.
+    """
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -154,24 +159,27 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return the longest chain of sound runs of one side in which each run continues the previous run.
+    """Return where (n,) one edge is sure, reduced to the longest chain of runs that continue each other.
 
-    After a gap the edge must lie near the straight continuation of the edge before it, within the largest bend over the
-    gap, and the beam must be as wide as before. This condition excludes the head of a hammer, the border of a shadow
-    and a body beyond the tip. It also separates a reflection near the clamp from the long edge that it interrupts.
+    A run is a sequence of stations at which the edge is sure. A run after a gap continues an earlier run on two
+    conditions. First, it lies near the straight continuation of the earlier run. Second, the beam is about as wide as
+    before. Both tolerances grow with the length of the gap.
+
+    The conditions exclude the head of a hammer, the border of a shadow and a body beyond the tip. A reflection near the
+    clamp, which interrupts a long edge, is also excluded.
 
     Parameters
     ----------
     seam : ndarray, shape (n, 2)
         The edge, px.
     width : ndarray, shape (n,)
-        Width in stated widths; NaN where the other edge is not sure.
+        Width in nominal widths; NaN where the other edge is not sure.
     sound : ndarray of bool, shape (n,)
         Whether the edge is sure at each station.
     scale : float
-        Stated width, px.
+        Nominal width, px.
     lever : int
-        Number of stations that determine a direction.
+        Number of stations over which the direction before a gap is measured.
 
     Returns
     -------
@@ -195,7 +203,11 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 
 def _as_wide(before: Array, after: Array, gap: float) -> bool:
-    """Return whether a body behind a gap (in widths) is as wide as before; True if fewer than 3 widths are known."""
+    """Return whether the body after a gap is about as wide as before the gap.
+
+    Widths and the length of the gap are in nominal widths. The result is True if fewer than three widths are known
+    before or after the gap.
+    """
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if min(len(before), len(after)) < 3:
         return True
@@ -203,7 +215,7 @@ def _as_wide(before: Array, after: Array, gap: float) -> bool:
 
 
 def _leads_to(before: Array, after: Array, scale: float, lever: int) -> bool:
-    """Return whether the line through the last places before a gap meets the places behind it."""
+    """Return whether the straight line through the last places before a gap leads to the first places after the gap."""
     near = before[-lever:]
     middle = near.mean(axis=0)
     direction = np.linalg.svd(near - middle, full_matrices=False)[2][0]

@@ -1,4 +1,4 @@
-"""Sample the image along the strip: in this unrolled picture the middle of the beam is straight."""
+"""Sample the image along the strip: in the resulting unrolled picture the middle of the beam is straight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BEYOND = 0.6  # widths beyond the end of the strip
 
 @dataclass(frozen=True)
 class ColourBins:
-    """Bins of a colour histogram.
+    """The bins of a colour histogram, and the bin of each colour in an unrolled picture.
 
     Attributes
     ----------
@@ -42,30 +42,32 @@ class ColourBins:
 
     @property
     def total(self) -> int:
-        """Number of bins."""
+        """Number of bins over all channels."""
         return math.prod(self.shape)
 
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """The picture along the strip: n stations along the beam, m places across it.
+    """The picture along the strip that shows the beam, at n stations along the beam and m places across it.
+
+    The nominal width of the beam is the unit of length, unless px are given.
 
     Attributes
     ----------
     colours : ndarray, shape (n, m, channels)
         Colours on a scale from 0 to 255.
     across : ndarray, shape (m,)
-        Places across the beam, in stated widths; positive to the right as seen from the clamp.
+        Places across the beam; positive to the right as seen from the clamp.
     along : ndarray, shape (n,)
-        Distance from the clamp, in stated widths.
+        Distance from the clamp.
     middle : ndarray, shape (n, 2)
         Middle of the strip, px of the image.
     aside : ndarray, shape (n, 2)
-        Vector of one stated width across the beam, px of the image.
+        Vector across the beam whose length is one nominal width, px of the image.
     width : ndarray, shape (n,)
-        Width of the strip, in stated widths.
+        Width of the strip.
     inside : ndarray of bool, shape (n, m)
-        Which places lie in the image.
+        Whether each place lies in the image.
     """
 
     colours: NDArray[np.float32]
@@ -78,7 +80,7 @@ class UnrolledPicture:
 
     @cached_property
     def bins(self) -> ColourBins:
-        """Bins of a histogram over all colours except the rarest hundredth."""
+        """Bins of a histogram of all colours; the outer bins also hold the extreme 0.5 % of a channel on each side."""
         channels = self.colours.shape[2]
         bins = _BINS if channels > 1 else 3 * _BINS
         low, high = np.percentile(self.colours.reshape(-1, channels), (0.5, 99.5), axis=0)
@@ -88,12 +90,12 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of stations along the beam in a stated width."""
+        """Number of stations along the beam in one nominal width."""
         return 1.0 / _ALONG
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample a picture along a strip, from the clamp to somewhat beyond the strip's end.
+    """Sample a picture along a strip, from the clamp to 0.6 beam widths beyond the end of the strip.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
     coarse : WorkingPicture
         The picture in which the strip was found.
     strip : Strip
-        The followed strip.
+        The strip that shows the beam.
 
     Returns
     -------
@@ -141,5 +143,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Convert points (n, 2) from pixels of the coarse working picture to pixels of the fine one."""
+    """Convert points (n, 2) from pixels of the coarse working picture to pixels of the fine working picture."""
     return fine.from_picture(coarse.to_picture(points))

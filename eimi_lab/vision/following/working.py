@@ -21,7 +21,7 @@ _LAPLACIAN_GAIN = 6.0  # standard deviation of [[1, -2, 1], [-2, 4, -2], [1, -2,
 
 @dataclass(frozen=True)
 class WorkingPicture:
-    """A part of an image, scaled.
+    """A scaled part of an image, in which the beam is searched.
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class WorkingPicture:
     origin_px : ndarray, shape (2,)
         Upper left corner of the part in the image.
     factor : float
-        Enlargement.
+        Factor by which the part was enlarged.
     beam : StatedBeam
-        The stated beam in this picture.
+        Nominal place and size of the beam in this picture.
     """
 
     pixels: NDArray[np.float32]
@@ -42,17 +42,17 @@ class WorkingPicture:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of the noise of a channel, grey levels."""
+        """Standard deviation of the noise of a channel, in grey levels."""
         return _noise(self.pixels)
 
     @cached_property
     def span(self) -> float:
-        """Number of grey levels between the darkest and the brightest hundredth of the pixels."""
+        """Difference (grey levels) between the 99th and the 1st percentile of the pixels."""
         darkest, brightest = np.percentile(self.pixels[::3, ::3], (1, 99))
         return float(brightest - darkest)
 
     def to_picture(self, points: Array) -> Array:
-        """Map places (..., 2) of this picture to the image."""
+        """Map places (..., 2) of this picture to the image from which it was cut."""
         return (points + 0.5) / self.factor - 0.5 + self.origin_px
 
     def from_picture(self, points: Array) -> Array:
@@ -61,16 +61,16 @@ class WorkingPicture:
 
 
 def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> WorkingPicture | None:
-    """Cut and scale an image.
+    """Cut an image to the reach of the beam, and scale the part.
 
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
         Grey values on a scale from 0 to 255.
     beam : StatedBeam
-        The stated beam.
+        Nominal place and size of the beam in the image.
     width_px : float
-        Wanted width of the beam.
+        Desired width of the beam in the scaled picture.
 
     Returns
     -------
@@ -94,11 +94,11 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 
 
 def _noise(pixels: NDArray[np.float32]) -> float:
-    """Estimate the standard deviation of the noise of a channel.
+    """Estimate the standard deviation of the noise of a channel, in grey levels.
 
-    The kernel takes second differences of second differences, to which smooth light does not contribute (J. Immerkær,
-    "Fast noise variance estimation", Computer Vision and Image Understanding 64 (1996) 300). The median replaces the
-    mean of that paper, so that edges do not count as noise.
+    The second difference along the rows is taken of the second difference along the columns, so that smooth changes of
+    the light have no effect (J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding 64
+    (1996) 300). The median of the absolute values replaces the mean in that paper, so that edges do not count as noise.
     """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # a quarter of the pixels is enough
