@@ -1,4 +1,4 @@
-"""Read HEIC pictures by the library pillow-heif (the extra ``heic``). An iPhone stores its photographs in this format."""
+"""Read HEIC pictures, the format in which an iPhone stores photographs, by pillow-heif (the extra ``heic``)."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def read_image(path: Path) -> NDArray[Any]:
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # reading might wait for ever
-            raise InputError(f"{path}: is a device or a pipe; give an image file")
+            raise InputError(f"{path}: is a device or a pipe, not a file")
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
