@@ -235,7 +235,7 @@ BAD = {
     "not a beam": (("--specimen", "type1"), "blank.png: no beam leaves clamp_midpoint_px"),
     "ruler outside": (
         ("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"),
-        "both points of --ruler-px 1 1 900 1 should lie in it",
+        "both points of --ruler-px 1 1 900 1 should lie in the image",
     ),
     "endless squares": ((*BOARD, "--square-mm", "inf"), "square_mm = inf should be a finite number"),
     "endless ruler": (("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "inf"), "--ruler-mm inf over 89.0 px gives no"),

@@ -167,7 +167,7 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens; return the lens, and its distance (mm) from the board in the beam's middle plane."""
+    """Calibrate the lens; return the lens, and its distance (mm) to the board in the beam's middle plane."""
     try:
         lens = calibrate_lens(list(views.values()), size)
         return lens, lens.stand_off_mm(mid_plane)
@@ -279,7 +279,9 @@ def from_ruler(
         0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
     ):
         points = " ".join(f"{place:g}" for place in ends_px)
-        raise InputError(f"{image}: is {width} x {height} px; both points of --ruler-px {points} should lie in it")
+        raise InputError(
+            f"{image}: is {width} x {height} px; both points of --ruler-px {points} should lie in the image"
+        )
     ruler_px = math.dist(ends_px[:2], ends_px[2:])
     if not (0 < length_mm < math.inf and ruler_px > 20 * READING_PX):
         raise InputError(

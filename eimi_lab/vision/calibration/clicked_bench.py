@@ -36,7 +36,7 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """The points (px) that a person clicked on a photograph of the bench, and what the person told about them."""
+    """The points (px) that a person clicked on a photograph of the bench, and the person's answers about the bench."""
 
     clamp_px: Points = Field(min_length=1, max_length=2)
     """Middle of the line at which the beam leaves its clamp, or both ends of this line."""
