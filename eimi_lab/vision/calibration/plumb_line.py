@@ -97,7 +97,7 @@ def _thread(image: NDArray[Any]) -> Array:
     shown = eight_bit(image)
     side = min(shown.shape)
     if side < 100:
-        raise ValueError(f"the shorter side of the picture is {side} px long; a plumb line needs at least 100 px")
+        raise ValueError(f"the picture is too small: its shorter side is {side} px long and should be at least 100 px")
     widest = max(9, round(_WIDEST * side)) | 1
     darkness = cv2.morphologyEx(shown, cv2.MORPH_BLACKHAT, np.ones((widest, widest), np.uint8))
     level, mask = cv2.threshold(darkness, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)

@@ -51,7 +51,7 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of the working picture that shows the beam: k places from the clamp outward. Lengths are in pixels.
+    """The strip of the searched picture that shows the beam: k places from the clamp outward. Lengths are in px.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Strip:
 
     @property
     def length_px(self) -> float:
-        """Length of the strip in pixels of the working picture."""
+        """Length of the strip, px of the searched picture."""
         return self.step_px * (len(self.gain) - 1)
 
 
@@ -99,7 +99,9 @@ class _Stiffness:
 
 
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
-    """Find the strip with the highest score, and end it where the score is highest.
+    """Search for the strip of a picture that shows the beam, and return the strip with the highest score.
+
+    The strip begins at the clamp and ends where its score is highest.
 
     Parameters
     ----------

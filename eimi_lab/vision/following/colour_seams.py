@@ -1,4 +1,4 @@
-"""Find both edges of the unrolled picture, each in the colour projection in which its two sides differ most."""
+"""Find both edges in the picture sampled along the beam, each in a colour projection of its own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """Both edges (left, right) in the unrolled picture, at n stations along the beam.
+    """Both edges (left, right) in the picture sampled along the beam, at n stations.
 
     The unit of length is the nominal width of the beam.
 
@@ -44,14 +44,14 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both edges of the unrolled picture in several passes.
+    """Find both edges in the picture sampled along the beam, in several passes.
 
     Each pass computes the colour projections from the colours inside and outside the edges of the previous pass.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture along the strip.
+        The picture sampled along the beam.
     edge : ndarray, shape (2, n)
         Initial edges, in nominal widths of the beam.
     noise : float

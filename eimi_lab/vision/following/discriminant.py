@@ -30,7 +30,7 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge in the unrolled picture: n stations along the beam, m places across it.
+    """The colour projection of one edge in the picture sampled along the beam, at n stations and m places across.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def project(
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture along the strip.
+        The picture sampled along the beam.
     edge : ndarray, shape (n,)
         Place of the edge across the beam, in nominal widths.
     outward : float

@@ -75,9 +75,9 @@ def locate_edge(
     image : ndarray, shape (H, W, channels)
         Grey values on a scale from 0 to 255.
     unrolled : UnrolledPicture
-        The picture along the strip.
+        The picture sampled along the beam.
     sides : Sides
-        Both edges in the unrolled picture.
+        Both edges in the picture sampled along the beam.
     side : int
         0 for the left edge, 1 for the right edge.
     spacing_px : float

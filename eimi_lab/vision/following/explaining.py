@@ -32,10 +32,12 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     Returns
     -------
     dict of str to ndarray of uint8
-        ``"strip"``: the working picture with the strip, whose colour goes from red to green with the gain of each step.
+        ``"strip"``: the searched picture with the strip. The colour of the strip goes from red to green with the gain
+        of each step of the search.
 
-        ``"unrolled"``: three pictures side by side, with the clamp at the top: the unrolled picture, and the colour
-        projections of the left and of the right edge. Both edges are green where they are sure, and red elsewhere.
+        ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
+        the colour projections of the left and of the right edge. Both edges are green where they are sure, and red
+        elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -46,7 +48,7 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
-    """Draw the strip on the working picture."""
+    """Draw the strip on the searched picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -59,7 +61,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the unrolled picture and on its two colour projections."""
+    """Draw both edges on the picture sampled along the beam, and on its two colour projections."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]

@@ -43,9 +43,9 @@ class FollowedBeam:
     strip : Strip, optional
         The strip of the picture that shows the beam.
     unrolled : UnrolledPicture, optional
-        The picture along the strip.
+        The picture sampled along the beam.
     sides : Sides, optional
-        Both edges in the unrolled picture.
+        Both edges in the picture sampled along the beam.
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
@@ -143,7 +143,7 @@ def follow(
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
-    """Map places of the image to the working picture; return None for None."""
+    """Map places of the image to the searched picture; return None for None."""
     return None if places_px is None else picture.from_picture(places_px)
 
 

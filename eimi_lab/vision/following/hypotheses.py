@@ -34,7 +34,7 @@ _LEARNING = 0.12  # share by which the remembered colours change in a step: ligh
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips of the working picture that may show the beam, each described at its outer end. Lengths are in pixels.
+    """n strips of the searched picture that may show the beam, each described at its outer end. Lengths are in px.
 
     Attributes
     ----------

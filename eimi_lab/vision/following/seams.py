@@ -1,6 +1,6 @@
-"""Find an edge in the unrolled picture by dynamic programming, as the line at which the projected colour falls most.
+"""Find an edge of the beam by dynamic programming, as the line at which the projected colour falls most.
 
-Such a connected line, with one place at each station along the beam, is called a seam.
+The picture was sampled along the beam. A connected line with one place at each station along the beam is called a seam.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 
 
 def fall_across(share: Array, outward: float, across: Array, stations_in_width: float) -> Array:
-    """Return the fall of the projected colour in the outward direction, at each place of the unrolled picture.
+    """Return the fall of the projected colour in the outward direction, at each place of the sampled picture.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """Both edges (left, right) in the unrolled picture, at n stations along the beam.
+    """Both edges (left, right) in the picture sampled along the beam, at n stations.
 
     The unit of length is the nominal width of the beam.
 
@@ -68,12 +68,12 @@ class Sides:
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
-    """Find both edges in the unrolled picture, and the stations at which each edge is sure.
+    """Find both edges in the picture sampled along the beam, and the stations at which each edge is sure.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture along the strip.
+        The picture sampled along the beam.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     length : float

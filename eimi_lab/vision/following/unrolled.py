@@ -1,4 +1,4 @@
-"""Sample the image along the strip: in the resulting unrolled picture the middle of the beam is straight."""
+"""Sample the image along the strip that shows the beam. In the result, the middle of the beam is straight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BEYOND = 0.6  # widths beyond the end of the strip
 
 @dataclass(frozen=True)
 class ColourBins:
-    """The bins of a colour histogram, and the bin of each colour in an unrolled picture.
+    """The bins of a colour histogram, and the bin of each colour in a picture.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """The picture along the strip that shows the beam, at n stations along the beam and m places across it.
+    """The picture sampled along the beam, at n stations along the beam and m places across it.
 
     The nominal width of the beam is the unit of length, unless px are given.
 
