@@ -54,7 +54,7 @@ class Projection:
     def of(self, residuals: Sequence[Array | None]) -> Array:
         """Return the N coefficients in mm, shape (..., N), of the residuals of each experiment.
 
-        Residuals have the shape (..., K, G, m) for G groups of m points in K states. None stands for zero.
+        Residuals have the shape (..., K, G, m) for G groups of m points in K states. None stands for residuals of zero.
         """
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
@@ -67,7 +67,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance (N,) of N coefficients of smooth errors as large as C changes ``moves`` (C, N)."""
+        """Return the variance of each of N coefficients, (N,), for smooth errors as large as ``moves`` (C, N)."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])

@@ -213,7 +213,7 @@ def correction(
     compare : callable
         Takes experiments and returns the comparison of the candidate with these experiments.
     near : sequence of Correction
-        Corrections of similar candidates. The solver of a solid starts from their depth effects.
+        Corrections of similar candidates. The solver of a solid starts from the displacements in these corrections.
     options : SolidOptions, optional
         Options of the solver of a solid.
 
