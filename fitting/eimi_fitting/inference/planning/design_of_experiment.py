@@ -416,10 +416,12 @@ def _planar_model(specimen: Specimen) -> BeamModel:
 
 
 def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
-    """Return the indices of the states in which the beam has an equilibrium; raise ValueError if there is none."""
+    """Return the indices of the states with an equilibrium and a stable law; raise ValueError if there is none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
-        raise ValueError(f"no equilibrium was found in any of the {len(loads)} states: check loads, specimen and law")
+        raise ValueError(
+            f"no equilibrium with a stable law was found in any of the {len(loads)} states: check loads, specimen and law"
+        )
     return np.flatnonzero(converged)
 
 
