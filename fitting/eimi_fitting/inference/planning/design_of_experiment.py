@@ -420,7 +420,8 @@ def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
         raise ValueError(
-            f"no equilibrium with a stable law was found in any of the {len(loads)} states: check loads, specimen and law"
+            f"no equilibrium with a stable law was found in any of the {len(loads)} states: "
+            "check loads, specimen and law"
         )
     return np.flatnonzero(converged)
 
