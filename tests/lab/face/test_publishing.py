@@ -119,7 +119,7 @@ def test_what_a_reader_would_miss_is_said(results: Path, tmp_path: Path) -> None
         (("run.h5", "run.h5"), {}, "already"),
         (("run.h5",), {"licence": "my own"}, "SPDX identifier such as CC-BY-4.0"),
         (("run.h5",), {"people": "wrong.toml"}, "check digit"),
-        (("run.h5",), {"output": "study.txt"}, "ends in .eln"),
+        (("run.h5",), {"output": "study.txt"}, "should end in .eln"),
     ],
 )
 def test_wrong_input_is_one_line_and_leaves_nothing(
