@@ -160,5 +160,5 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=np.inf)
     with pytest.raises(InputError, match="--field-angle nan: should be a finite number of degrees"):
         simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
-    with pytest.raises(InputError, match="--coil-constant: leads to fields that are not finite"):
+    with pytest.raises(InputError, match="--coil-constant: the fields are not finite"):
         simulate(load_specimen("type1"), law, values, np.nan * field, 0.0)

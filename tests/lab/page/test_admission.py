@@ -220,7 +220,7 @@ def test_static_files_are_the_pages_own(served: Any) -> None:
     ("arguments", "words"),
     [
         (["--host", "192.0.2.1"], "--open-to-network"),
-        (["--host", "0.0.0.0", "--open-to-network"], "stands for all addresses of this machine"),
+        (["--host", "0.0.0.0", "--open-to-network"], "stands for all addresses of this computer"),
         (["--host", "192.0.2.1", "--open-to-network"], "the program cannot listen there"),
         (["nowhere"], "is not a folder"),
     ],
