@@ -1,15 +1,16 @@
-"""Identify the law of time of a soft beam from ring-downs, creep and its static states.
+"""Identify the viscoelastic (Prony) law of a soft beam from ring-downs, creep and its static states.
 
 measured        `Motion`, a recorded ring-down or creep
 channels        the signals of a motion, cleaned of gaps and outliers
 decay           frequencies and losses of a ring-down
+modal_fit       damped vibrations, fitted to the signals of a ring-down
 exposure        the amplitudes of a decay, corrected for the exposure of the frames
 ringing         the frequencies at which a specimen rings, for any modulus and relaxation
 slow_motion     the rotation of the tip after a step of the load
-loaded_creep    creep of a loaded beam for a given law of time
-terms           the unknowns of a law of time
+loaded_creep    creep of a loaded beam for a given viscoelastic law
+terms           the unknowns of a viscoelastic law: the modulus and the terms of the Prony series
 evidence        residuals of ring-downs, creep and static states
-law_of_time     search, polish, number of terms and draws
+law_of_time     fit to all evidence: search, least squares, number of terms, and draws from the posterior
 small_effects   air, eddy currents, coil, shutter and clamp
 result          `LawOfTime`, the result in the form of a file
 identification  the whole identification in order

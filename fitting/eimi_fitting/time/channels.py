@@ -1,12 +1,12 @@
 """The signals of a recorded motion: cleaned of gaps and outliers, and reduced to a few independent signals.
 
-Every coordinate of every point is a channel. A linear vibration has few degrees of freedom, so that the channels of one
-recording are sums of a few signals. Gaps are filled with these sums (Beckers and Rixen 2003, J. Atmos. Oceanic Technol.
-20:1839).
+Every coordinate of every point is a channel. A linear vibration has few degrees of freedom. The channels of one
+recording are therefore sums of a few signals. Gaps are filled with these sums (Beckers and Rixen 2003, J. Atmos.
+Oceanic Technol. 20:1839).
 
-A rolling shutter reads a point at a time that differs from that of the frame. A constant difference changes the phase
-of a channel, which the fit leaves free. The difference changes while a point moves over the rows; this change is
-corrected to first order.
+A rolling shutter reads the rows of a frame one after another. The time of a point then differs from the time of the
+frame. A constant difference only changes the phase of a channel, which is free in the fit. While a point moves over the
+rows, the difference changes. This change is corrected to first order.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class TooFewFrames(Exception):
 
 @dataclass(frozen=True)
 class Signals:
-    """The cleaned channels of a motion.
+    """The cleaned channels of a motion, with n frames, c channels and r independent signals.
 
     Attributes
     ----------
@@ -42,17 +42,17 @@ class Signals:
     channels_mm : ndarray, shape (n, c)
         Displacement of each channel from its median.
     sigma_mm : ndarray, shape (c,)
-        Noise of each channel.
+        Standard deviation of the noise of each channel.
     points : ndarray of int, shape (c,)
-        The point of each channel.
+        The number of the point of each channel.
     axis : ndarray of int, shape (c,)
-        0 for x, 1 for y.
+        The coordinate of each channel: 0 for x, 1 for y.
     reduced : ndarray, shape (n, r)
-        Independent signals with a noise of about 1.
+        Independent signals; the standard deviation of their noise is about 1.
     patterns : ndarray, shape (r, c)
-        The reduced signals times the patterns are the channels divided by their noise.
+        The matrix product of ``reduced`` and ``patterns`` gives the channels, divided by ``sigma_mm``.
     filled : float
-        Share of the values that were missing or outliers and were filled in.
+        Fraction of the values that were missing or outliers and were filled in.
     """
 
     time_s: Array
@@ -65,7 +65,7 @@ class Signals:
     filled: float
 
     def between(self, first_s: float, last_s: float) -> Signals:
-        """Return the signals in the frames between two times."""
+        """Return the signals of the frames between two times."""
         rows = (self.time_s >= first_s) & (self.time_s <= last_s)
         return Signals(
             self.time_s[rows], self.channels_mm[rows], self.sigma_mm, self.points, self.axis, self.reduced[rows],
@@ -73,23 +73,23 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert reduced signals (..., r) to channels (..., c) in mm."""
+        """Convert r reduced signals (..., r) to c channels (..., c) in mm."""
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 
 def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
-    """Return the signals of a motion.
+    """Return the signals of a recorded motion.
 
     Parameters
     ----------
     motion : Motion
     after_s : float
-        Frames before this time are left out.
+        Frames before this time are not used.
 
     Raises
     ------
     TooFewFrames
-        Fewer than 8 frames can be used, or no point is seen often enough.
+        Fewer than 8 frames can be used, or no point is visible in at least 40 % of the frames.
     """
     frame_s = _frame_times(motion)
     chosen = np.flatnonzero(np.isfinite(frame_s) & (frame_s >= after_s))
@@ -103,8 +103,8 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
         chosen, seen = chosen[rows], seen[rows]
     if not enough or len(chosen) < 8:
         raise TooFewFrames(
-            f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames show a point that is seen in "
-            f"{_LEAST_SEEN:.0%} of them; at least 8 are needed"
+            f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames show a point that is visible in "
+            f"at least {_LEAST_SEEN:.0%} of the frames, but at least 8 are needed"
         )
     time = frame_s[chosen]
     places = motion.points_mm[np.ix_(chosen, points)]
@@ -134,7 +134,10 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return one time for each frame (n,): the mean over its points, without the constant lag of each point."""
+    """Return one time for each of n frames, (n,): the mean over its points.
+
+    The constant lag of each point is subtracted before.
+    """
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -149,7 +152,10 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Replace gaps and outliers of values (n, c) by sums of a few signals; return the values and a mask of both."""
+    """Return values (n, c) in which gaps and outliers are replaced by sums of a few signals.
+
+    The second result, (n, c), tells which values were replaced.
+    """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()
@@ -184,7 +190,7 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Return independent signals (n, r) and their patterns (r, c)."""
+    """Return r independent signals (n, r) of c channels in n frames, and their patterns (r, c)."""
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)
     noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly

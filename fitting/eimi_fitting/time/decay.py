@@ -1,14 +1,8 @@
-"""Frequencies and losses of a ring-down: damped vibrations fitted to its signals.
+"""Frequencies and losses of a ring-down.
 
-The reduced signals of a ring-down (`time.channels`) are sums of damped vibrations and a slow baseline,
-
-    z(t) = sum_k Re(a_k exp(psi_k(t))) + slow(t),    psi_1(t) = (i omega - delta) t + (i kappa + kappa') omega E(t),
-
-where E(t) = (1 - exp(-2 delta t)) / (2 delta): kappa and kappa' let frequency and damping of the first mode change with
-the square of the amplitude, as geometric nonlinearity does (Nayfeh and Mook 1979, Nonlinear Oscillations, section 2.3).
-omega and delta are the values at small amplitudes. A nonlinear beam also moves at two and three times its frequency;
-these harmonics are fitted, too. The model is linear in amplitudes and baseline, which are therefore eliminated (Golub
-and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
+The first step is to find the part of a recording in which the beam vibrates freely at small amplitudes. Damped
+vibrations are then fitted to this part (`time.modal_fit`). Frequency and loss factor are also fitted in shorter time
+windows.
 """
 
 from __future__ import annotations
@@ -18,39 +12,34 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
 from eimi_fitting.time.channels import Signals, TooFewFrames
+from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, wave, with_more_modes
 
 Array = NDArray[np.float64]
 
 MOST_AMPLITUDE = 0.05
-"""Largest amplitude of the tip in the fitted part, as a share of the beam's length."""
-_LOSSES = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5)  # loss factors from which the fit starts
+"""Largest amplitude in the part of a ring-down that is fitted, divided by the beam's length."""
 _FEWEST_PERIODS = 5.0
-_KNOT_PERIODS = 4.0  # smallest mean number of periods between knots of the baseline
-_MOST_KNOTS = 12
-_SIGNIFICANT = 12.0  # an added term must lower chi-square by this many noise variances
-_PEAK = 60.0  # a peak is another mode if its power is this many times the median of the residuals
-_MOST_MODES = 3
-_END = 0.4  # amplitude over noise at which the decay counts as ended
+_FEWEST_FRAMES = 12
+_END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
 _MOST_WINDOWS = 8
 _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is over 3 times the usual one
 
 
 @dataclass(frozen=True)
 class RingMode:
-    """One damped vibration exp(s t), s = -delta + i omega.
+    """One damped vibration exp(s t) with the complex rate s = -delta + i omega.
 
     Attributes
     ----------
     frequency_Hz : float
-        omega / 2 pi.
+        omega / (2 pi).
     loss : float
         2 delta / omega, the loss factor of the decay.
     covariance : ndarray, shape (2, 2)
-        Covariance of ln(frequency) and of the loss.
+        Covariance of ln(frequency) and the loss factor.
     """
 
     frequency_Hz: float
@@ -66,17 +55,18 @@ class RingMode:
 
 @dataclass(frozen=True)
 class Window:
-    """Frequency and loss in one time window of a decay.
+    """Frequency and loss factor in one time window of a ring-down.
 
     Attributes
     ----------
     from_s, to_s : float
-        Begin and end of the window.
+        Start and end of the window.
     amplitude_mm : float
-        Amplitude of the channel that moves most, at the middle of the window.
+        Amplitude at the middle of the window, in the channel with the largest amplitude.
     frequency_Hz, loss : float
+        Frequency and loss factor.
     frequency_sigma_Hz, loss_sigma : float
-        Standard uncertainties from the noise.
+        Standard uncertainties due to noise.
     is_used : bool
         Whether the window is used to identify the material.
     """
@@ -98,23 +88,25 @@ class Decay:
     Attributes
     ----------
     label : str
+        Where the recording comes from, for messages.
     modes : tuple of RingMode
-        The modes at small amplitude, the dominant vibration first.
+        The modes at small amplitudes, the dominant vibration first.
     windows : tuple of Window
     from_s, to_s : float
-        The part of the recording that was fitted.
+        Start and end of the part of the recording that was fitted.
     amplitude_mm : float
-        Amplitude at the time ``from_s``, of the channel that moves most.
+        Amplitude at the time ``from_s``, in the channel with the largest amplitude.
     frequency_change, loss_change : float
-        Relative change of frequency, and change of loss, from small amplitude to ``amplitude_mm``; 0 if it is not
-        significant.
+        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``; 0 if
+        the changes are not significant.
     time_s, displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
-        The channel that moves most: displacement without the baseline, envelope, and fitted vibrations.
+        Times of the n frames of the fitted part. For the channel with the largest amplitude: displacement without the
+        baseline, envelope, and fitted vibrations.
     noise : float
-        Standard deviation of the residuals near the frequency, divided by the stated noise.
+        Standard deviation of the residuals near the frequency, divided by the standard uncertainty of the recording.
     doubts : tuple of str
     baseline_mm : ndarray, shape (n, c)
-        The channels without the fitted vibrations.
+        The displacements of all c channels without the fitted vibrations.
     """
 
     label: str
@@ -135,7 +127,7 @@ class Decay:
 
 
 class NoVibration(Exception):
-    """A recording shows no decaying vibration."""
+    """A recording shows no decaying vibration that can be used."""
 
 
 def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool, hangs: bool = False) -> Decay:
@@ -147,19 +139,17 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     label : str
         Where the recording comes from, for messages.
     length_mm : float
-        Length of the beam; it limits the amplitude that is fitted.
+        Length of the beam. Amplitudes above 5 % of the length are not used.
     is_stepped : bool
-        Whether a known step of the load begins the motion at the time 0. Otherwise it begins at the largest amplitude.
+        Whether the motion begins with a known step of the load at the time 0. Otherwise it begins at the largest
+        amplitude.
     hangs : bool
-        Whether a weight hangs from the beam. It can swing like a pendulum below the tip.
+        Whether a weight hangs from the beam. The weight can swing like a pendulum below the tip.
 
     Raises
     ------
     NoVibration
-        No vibration stands out from the noise, or the amplitude of the vibration is too large, or its duration too
-        short.
-    TooFewFrames
-        Fewer than 8 frames are left.
+        No vibration is larger than the noise, the vibration does not decay, or it is too large or too short.
     """
     if is_stepped:
         signals = signals.between(0.0, np.inf)
@@ -167,35 +157,39 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     frequency = _first_frequency(signals, label)
     first, last, doubts = _segment(signals, frequency, length_mm, label, is_stepped)
     part = signals.between(first, last)
-    if len(part.time_s) < 12 or (last - first) * frequency < _FEWEST_PERIODS:
+    if len(part.time_s) < _FEWEST_FRAMES or (last - first) * frequency < _FEWEST_PERIODS:
         raise NoVibration(
-            f"{label}: {(last - first) * frequency:.1f} periods have an amplitude below {MOST_AMPLITUDE:.0%} of the "
-            f"length; at least {_FEWEST_PERIODS:g} are needed"
+            f"{label}: {(last - first) * frequency:.1f} periods in {len(part.time_s)} frames have an amplitude below "
+            f"{MOST_AMPLITUDE:.0%} of the beam's length, but at least {_FEWEST_PERIODS:g} periods in {_FEWEST_FRAMES} "
+            "frames are needed"
         )
-    fitted = _Fitted.first_of(part, frequency)
+    fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
-    fitted = _Fitted.of(part, fitted.modes, False)
+    fitted = ModalFit.of(part, fitted.modes, False)
     windows = _windows(fitted)
     used = _material_windows(windows, hangs)
     if used < len(windows):
         end = windows[used - 1].to_s
         doubts.append(
             f"{label}: the loss rises from {windows[0].loss:.3g} to {max(w.loss for w in windows):.3g} while the "
-            f"amplitude falls, as it does when the hanging weight swings like a pendulum; only the first "
-            f"{end - first:.2g} s were used"
+            f"amplitude falls, as when the hanging weight swings like a pendulum; only the first {end - first:.2g} s "
+            "were used"
         )
         windows = tuple(replace(w, is_used=i < used) for i, w in enumerate(windows))
-        fitted = _Fitted.of(part.between(-np.inf, end), fitted.modes[:1], False)
+        fitted = ModalFit.of(part.between(-np.inf, end), fitted.modes[:1], False)
     else:
-        fitted = _with_more_modes(fitted)
-    bent = _Fitted.of(fitted.signals, fitted.modes, True)
-    if used == len(windows) and fitted.chi2 - bent.chi2 > _SIGNIFICANT * bent.noise**2 and len(windows) > 2:
+        fitted = with_more_modes(fitted)
+    bent = ModalFit.of(fitted.signals, fitted.modes, True)
+    if used == len(windows) and fitted.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2:
         fitted = bent
     return _result(fitted, windows, label, doubts, hangs)
 
 
 def _dense(signals: Signals) -> Signals:
-    """Return the frames before the first run of much longer gaps; in a record of creep the gaps grow with time."""
+    """Return the frames before the intervals between frames become much longer.
+
+    In a record of creep the intervals grow with time.
+    """
     gaps = np.diff(signals.time_s)
     if len(gaps) < 2 * _RUN:
         return signals
@@ -206,18 +200,24 @@ def _dense(signals: Signals) -> Signals:
 
 
 def _first_frequency(signals: Signals, label: str) -> float:
-    """Return the frequency in Hz of the largest peak in the spectrum."""
+    """Return the frequency in Hz of the largest peak in the spectrum.
+
+    Raises
+    ------
+    NoVibration
+        The recording is too short, or no peak stands out from the noise.
+    """
     uniform, values = _uniform(signals)
     step = uniform[1] - uniform[0]
     span = uniform[-1] - uniform[0]
     slow = np.polynomial.polynomial.polyfit(uniform, values, 3)
-    rest = values - np.polynomial.polynomial.polyval(uniform, slow).T
+    fast = values - np.polynomial.polynomial.polyval(uniform, slow).T
     size = 4 * len(uniform)
-    power = (np.abs(np.fft.rfft(rest * np.hanning(len(uniform))[:, None], size, axis=0)) ** 2).sum(axis=1)
+    power = (np.abs(np.fft.rfft(fast * np.hanning(len(uniform))[:, None], size, axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(size, step)
     allowed = frequency >= 2.5 / span
     if not allowed.any():
-        raise NoVibration(f"{label}: the recording is too short for a vibration ({span:.3g} s)")
+        raise NoVibration(f"{label}: the recording of {span:.3g} s is too short to show a vibration")
     background = float(np.median(power[allowed]))
     # The power of creep falls with the square of the frequency. Multiplied by this square, a vibration is a peak.
     weighted = np.where(allowed, np.maximum(power - 30 * background, 0.0) * frequency**2, 0.0)
@@ -226,12 +226,12 @@ def _first_frequency(signals: Signals, label: str) -> float:
     peak = float(frequency[best])
     around = (np.abs(frequency / max(peak, 1e-9) - 1) < 0.15) & allowed
     if not weighted.any() or power[around].max() < 8 * background:
-        raise NoVibration(f"{label}: no vibration stands out from the noise")
+        raise NoVibration(f"{label}: no vibration is clearly larger than the noise")
     return float(frequency[np.argmax(np.where(around, power, 0.0))])
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Return evenly spaced times and the reduced signals interpolated at them."""
+    """Return evenly spaced times (n,), and the reduced signals (n, r) interpolated at these times."""
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))
     values = np.stack([np.interp(uniform, time, z) for z in signals.reduced.T], axis=1)
@@ -239,7 +239,10 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times and the largest amplitude over the channels, in mm, in a band around a frequency."""
+    """Return times (n,), and the largest amplitude over all channels at these times in mm, (n,).
+
+    The amplitude is that of the signals in a band around the frequency in Hz.
+    """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T
     n = len(uniform)
@@ -255,7 +258,10 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return begin and end (s) of the free decay with amplitudes below the limit, and the doubts about it."""
+    """Return start and end (s) of the part that is fitted, and the doubts about this part.
+
+    In this part the beam decays freely, and its amplitude is below 5 % of the length.
+    """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
     start = 0 if is_stepped else int(np.argmax(size))
@@ -266,18 +272,20 @@ def _segment(
     stop = start + int(again[0]) - round(1.5 / frequency / (time[1] - time[0])) if len(again) else len(size)
     if len(again):
         doubts.append(
-            f"{label}: the beam is moved again at {time[min(stop, len(time) - 1)]:.3g} s; the later frames are left out"
+            f"{label}: something moves the beam again at {time[min(stop, len(time) - 1)]:.3g} s; later frames are not "
+            "used"
         )
     limit = MOST_AMPLITUDE * length_mm
     below = np.flatnonzero(size[start:stop] < limit)
     if not len(below):
         raise NoVibration(
-            f"{label}: the amplitude stays above {limit:.3g} mm, {MOST_AMPLITUDE:.0%} of the beam's length"
+            f"{label}: the amplitude stays above {limit:.3g} mm, which is {MOST_AMPLITUDE:.0%} of the beam's length: "
+            "record for a longer time, or start with a smaller amplitude"
         )
     if size[start] > limit:
         doubts.append(
-            f"{label}: the first amplitudes of up to {size[start:stop].max():.2g} mm are above {MOST_AMPLITUDE:.0%} of "
-            f"the length and are left out (the first {time[start + below[0]] - time[start]:.2g} s)"
+            f"{label}: in the first {time[start + below[0]] - time[start]:.2g} s the amplitude is up to "
+            f"{size[start:stop].max():.2g} mm, above {MOST_AMPLITUDE:.0%} of the length; these frames are not used"
         )
     first = start + int(below[0])
     if not is_stepped and first == start:
@@ -286,136 +294,11 @@ def _segment(
     return float(time[first]), float(time[min(stop, len(time)) - 1]), doubts
 
 
-def _baseline(time: Array, frequency: float) -> Array:
-    """Return the functions (n, b) of a slow baseline: a cubic spline with a knot every 4 periods or more."""
-    span = time[-1] - time[0]
-    inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
-    x = (time - time[0]) / span
-    # The material recovers fastest at the start, so the knots are denser there.
-    ends = np.linspace(0, 1, inner + 2) ** 1.5
-    degree = 3 if inner else 1
-    knots = np.concatenate([np.zeros(degree), ends, np.ones(degree)])
-    return np.asarray(BSpline.design_matrix(np.minimum(x, 1.0), knots, degree).toarray())
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    """A fit of modes to signals.
-
-    `modes` (m, 2) holds ln omega and the loss of each mode, `bend` (2,) the change of both with amplitude.
-    """
-
-    signals: Signals
-    modes: Array
-    bend: Array
-    has_bend: bool
-    chi2: float
-    noise: float
-    covariance: Array
-    residuals: Array
-    linear: Array
-
-    @staticmethod
-    def first_of(signals: Signals, frequency: float) -> _Fitted:
-        """Return the fit of one mode near a frequency, from several guesses of its loss."""
-        start = np.array([np.log(2 * np.pi * frequency), 0.0])
-        values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
-        start[1] = _LOSSES[int(np.argmin(values))]
-        return _Fitted.of(signals, start[None], False)
-
-    @staticmethod
-    def of(signals: Signals, modes: Array, has_bend: bool) -> _Fitted:
-        """Return the fit that starts from given modes; `has_bend` also fits the modes' change with amplitude."""
-        count = len(modes)
-
-        def residuals(x: Array) -> Array:
-            design = _design(signals.time_s, x[: 2 * count].reshape(-1, 2), x[2 * count :])
-            orthogonal, _ = np.linalg.qr(design)
-            return np.asarray((signals.reduced - orthogonal @ (orthogonal.T @ signals.reduced)).ravel())
-
-        start = np.concatenate([modes.ravel(), np.zeros(2 if has_bend else 0)])
-        scale = np.tile([1e-3, 1e-2], len(start) // 2)
-        solved = least_squares(residuals, start, method="lm", x_scale=scale, diff_step=1e-6, max_nfev=60 * len(start))
-        rest = solved.fun.reshape(signals.reduced.shape)
-        fitted = solved.x[: 2 * count].reshape(-1, 2)
-        freedom = max(rest.size - solved.x.size - rest.shape[1] * 20, 1)
-        white = float(np.sqrt((rest**2).sum() / freedom))
-        noise = max(_band_noise(signals, rest, np.exp(fitted[0, 0]) / (2 * np.pi)), white)
-        covariance = noise**2 * np.linalg.pinv(solved.jac.T @ solved.jac)
-        bend = solved.x[2 * count :] if has_bend else np.zeros(2)
-        design = _design(signals.time_s, fitted, bend)
-        linear = np.asarray(np.linalg.lstsq(design, signals.reduced, rcond=None)[0], float)
-        return _Fitted(signals, fitted, bend, has_bend, float((rest**2).sum()), noise, covariance, rest, linear)
-
-    @property
-    def frequency_Hz(self) -> float:
-        return float(np.exp(self.modes[0, 0]) / (2 * np.pi))
-
-    def vibration_mm(self, which: int | None = None) -> Array:
-        """Return the fitted vibrations of all modes, or of one, in all channels (n, c), in mm."""
-        design = _design(self.signals.time_s, self.modes, self.bend)
-        rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
-        return self.signals.in_mm(design[:, rows] @ self.linear[rows])
-
-    def amplitude_mm(self) -> Array:
-        """Return the amplitude (n,) of the first mode, at all times, in the channel where it is largest."""
-        complex_amplitude = self.signals.in_mm(self.linear[0]) - 1j * self.signals.in_mm(self.linear[1])
-        time = self.signals.time_s - self.signals.time_s[0]
-        return float(np.abs(complex_amplitude).max()) * np.exp(_exponent(time, self.modes[0], self.bend).real)
-
-
-def _exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the exponent psi (n,) of a mode; times are counted from the first frame."""
-    omega, loss = np.exp(mode[0]), mode[1]
-    delta = 0.5 * loss * omega
-    psi = (1j * omega - delta) * time
-    if len(bend) and np.any(bend):
-        shrunk = -np.expm1(-2 * delta * time) / (2 * delta) if abs(delta) > 1e-9 else time
-        psi = psi + (1j * bend[0] - bend[1]) * omega * shrunk
-    return np.asarray(psi)
-
-
-def _design(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time as columns: cosine and sine of each mode, harmonics of the first mode, baseline."""
-    t = time - time[0]
-    first = _exponent(t, modes[0], bend)
-    waves = [first, *(_exponent(t, mode, np.zeros(0)) for mode in modes[1:])]
-    harmonics = [2 * first, 3 * first]
-    columns = [part for psi in (*waves, *harmonics) for part in _wave(psi)]
-    columns.append(np.exp(2 * np.minimum(first.real, 30.0)))
-    frequency = float(np.exp(modes[0, 0]) / (2 * np.pi))
-    return np.column_stack([*columns, _baseline(time, frequency)])
-
-
-def _wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return the real and the imaginary part of exp(psi), where psi is the exponent of a mode."""
-    size = np.exp(np.minimum(psi.real, 30.0))
-    return size * np.cos(psi.imag), size * np.sin(psi.imag)
-
-
-def _misfit(signals: Signals, mode: Array) -> float:
-    """Return the sum of the squared residuals of a fit with one mode."""
-    orthogonal, _ = np.linalg.qr(_design(signals.time_s, mode[None], np.zeros(0)))
-    inner = orthogonal.T @ signals.reduced
-    return float((signals.reduced**2).sum() - (inner**2).sum())
-
-
-def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise whose power equals that of the residuals near a frequency."""
-    n = len(residuals)
-    step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
-    power = (np.abs(np.fft.rfft(residuals, axis=0)) ** 2).mean(axis=1) / n
-    f = np.fft.rfftfreq(n, step)
-    near = (f > 0.6 * frequency) & (f < 1.6 * frequency)
-    # The fit removes noise near the fitted frequency, too: about two lines of the spectrum for each mode.
-    return float(np.sqrt(power[near].mean() * near.sum() / max(near.sum() - 2, 1))) if near.sum() > 3 else 0.0
-
-
-def _without_end(signals: Signals, fitted: _Fitted) -> Signals:
-    """Leave out the frames at the end, where the amplitude is below the noise."""
+def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
+    """Return the signals without the frames at the end in which the amplitude is below the noise."""
     at_most = np.abs(fitted.linear[0]).max() + np.abs(fitted.linear[1]).max()
     time = signals.time_s - signals.time_s[0]
-    size = at_most * np.exp(_exponent(time, fitted.modes[0], fitted.bend).real)
+    size = at_most * np.exp(exponent(time, fitted.modes[0], fitted.bend).real)
     level = _END * np.sqrt((fitted.residuals**2).mean())
     over = np.flatnonzero(size < level)
     fewest = 3 * _FEWEST_PERIODS / fitted.frequency_Hz
@@ -423,42 +306,17 @@ def _without_end(signals: Signals, fitted: _Fitted) -> Signals:
     return signals.between(-np.inf, float(last))
 
 
-def _with_more_modes(fitted: _Fitted) -> _Fitted:
-    """Add modes while a peak stands out from the residuals' spectrum."""
-    while len(fitted.modes) < _MOST_MODES:
-        signals, n = fitted.signals, len(fitted.residuals)
-        step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
-        taper = np.exp(
-            -0.5 * 0.5 * fitted.modes[0, 1] * np.exp(fitted.modes[0, 0]) * (signals.time_s - signals.time_s[0])
-        )
-        power = (np.abs(np.fft.rfft(fitted.residuals * taper[:, None], 2 * n, axis=0)) ** 2).sum(axis=1)
-        f = np.fft.rfftfreq(2 * n, step)
-        others = np.exp(fitted.modes[:, 0]) / (2 * np.pi)
-        free = (f > 1.2 * others[0]) & (f < 0.45 / step)
-        for frequency in (*others, 2 * others[0], 3 * others[0]):
-            free &= np.abs(f / frequency - 1) > 0.12
-        if free.sum() < 10:
-            break
-        best = int(np.argmax(np.where(free, power, 0.0)))
-        if power[best] < _PEAK * np.median(power[free]):
-            break
-        mode = np.array([np.log(2 * np.pi * f[best]), max(fitted.modes[0, 1], 0.01)])
-        more = _Fitted.of(signals, np.concatenate([fitted.modes, mode[None]]), False)
-        frequencies = np.exp(more.modes[:, 0]) / (2 * np.pi)
-        is_sound = 0 < more.modes[-1, 1] < 1 and abs(frequencies[-1] / f[best] - 1) < 0.2
-        if not is_sound or fitted.chi2 - more.chi2 < 3 * _SIGNIFICANT * more.noise**2:
-            break
-        fitted = more
-    return fitted
+def _windows(fitted: ModalFit) -> tuple[Window, ...]:
+    """Return frequency and loss factor in time windows of equal duration.
 
-
-def _windows(fitted: _Fitted) -> tuple[Window, ...]:
-    """Fit frequency and loss in windows of equal duration; the amplitude about halves over each window."""
+    The amplitude falls to about a half from the start to the end of a window. Windows with an uncertain fit are left
+    out.
+    """
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
-    shares = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
+    halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
     longest = (time[-1] - time[0]) / (4 * period)
-    count = int(np.clip(min(max(round(shares), 2), longest), 1, _MOST_WINDOWS))
+    count = int(np.clip(min(max(round(halvings), 2), longest), 1, _MOST_WINDOWS))
     frames = len(time) / count
     if frames < 12:
         count = max(1, len(time) // 12)
@@ -473,8 +331,8 @@ def _windows(fitted: _Fitted) -> tuple[Window, ...]:
         slow = np.vander(t / max(float(t[-1]), 1e-9), 3)
 
         def residuals(x: Array, t: Array = t, z: Array = z, slow: Array = slow) -> Array:
-            psi = _exponent(t, x, np.zeros(0))
-            orthogonal, _ = np.linalg.qr(np.column_stack([*_wave(psi), *_wave(2 * psi), slow]))
+            psi = exponent(t, x, np.zeros(0))
+            orthogonal, _ = np.linalg.qr(np.column_stack([*wave(psi), *wave(2 * psi), slow]))
             return np.asarray((z - orthogonal @ (orthogonal.T @ z)).ravel())
 
         solved = least_squares(residuals, fitted.modes[0], method="lm", x_scale=[1e-3, 1e-2], diff_step=1e-6)
@@ -498,7 +356,10 @@ def _windows(fitted: _Fitted) -> tuple[Window, ...]:
 
 
 def _material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
-    """Return the number of first windows to use: those before the swing of a hanging weight raises the loss."""
+    """Return the number of windows that are used to identify the material, counted from the first.
+
+    If the swing of a hanging weight raises the loss, only the windows before the rise are used.
+    """
     if not hangs or len(windows) < 2:
         return len(windows)
     first = windows[0]
@@ -509,7 +370,7 @@ def _material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
     return len(windows)
 
 
-def _result(fitted: _Fitted, windows: tuple[Window, ...], label: str, doubts: list[str], hangs: bool) -> Decay:
+def _result(fitted: ModalFit, windows: tuple[Window, ...], label: str, doubts: list[str], hangs: bool) -> Decay:
     signals, count = fitted.signals, len(fitted.modes)
     covariance = fitted.covariance[: 2 * count, : 2 * count]
     modes = tuple(
@@ -524,20 +385,18 @@ def _result(fitted: _Fitted, windows: tuple[Window, ...], label: str, doubts: li
         raise NoVibration(f"{label}: the vibration at {modes[0].frequency_Hz:.3g} Hz does not decay")
     vibration = fitted.vibration_mm()
     main = int(np.argmax(np.abs(fitted.vibration_mm(0)).max(axis=0)))
-    design = _design(signals.time_s, fitted.modes, fitted.bend)
-    # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
-    slow = signals.in_mm(design[:, 2 * count + 4 :] @ fitted.linear[2 * count + 4 :])
-    level = signals.in_mm(signals.reduced) - slow
+    level = signals.in_mm(signals.reduced) - fitted.slow_mm()
     frequency_change = float(fitted.bend[0]) if fitted.has_bend else 0.0
     loss_change = float(2 * fitted.bend[1]) if fitted.has_bend else 0.0
     amplitude = fitted.amplitude_mm()
     if abs(frequency_change) > 0.01 or abs(loss_change) > 0.1 * modes[0].loss:
         doubts.append(
-            f"{label}: at {amplitude[0]:.2g} mm the frequency differs by {100 * frequency_change:+.2g} % and the loss "
-            f"by {loss_change:+.2g} from those of small amplitudes, which are reported"
+            f"{label}: at an amplitude of {amplitude[0]:.2g} mm the frequency differs by "
+            f"{100 * frequency_change:+.2g} % and the loss factor by {loss_change:+.2g} from the reported values, "
+            "which hold at small amplitudes"
         )
     if hangs and len(windows) < 2:
-        doubts.append(f"{label}: the recording is too short to see whether the hanging weight swings like a pendulum")
+        doubts.append(f"{label}: the recording is too short to show whether the hanging weight swings like a pendulum")
     return Decay(
         label,
         modes,

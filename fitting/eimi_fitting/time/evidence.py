@@ -1,7 +1,8 @@
-"""The evidence for a law of time: residuals of ring-downs, creep and static states.
+"""The evidence for a viscoelastic law: residuals of ring-downs, creep and static states.
 
-Each piece of evidence computes its residuals for a batch of candidates. A candidate is an instantaneous modulus, a
-Prony series, and the logarithm of a factor on the magnetic loads. Each residual is divided by its standard uncertainty.
+Each piece of evidence computes its residuals for P candidates. A candidate is an instantaneous shear modulus (Pa), a
+Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its standard
+uncertainty.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from eimi_fitting.time.ringing import RingingBeam, RingTable
 Array = NDArray[np.float64]
 
 AT_REST_S = 1e4
-"""Time since the last change of the load after which a beam counts as being at rest."""
+"""Time in s since the last change of the load, after which a beam counts as being at rest."""
 MESH_ERROR = 3e-4  # relative error of a frequency after its correction to that of the solid
 _LOSS_ERROR = 3e-3  # relative error of a loss
 _SAME_MODE = 0.12  # relative difference within which a measured frequency belongs to a computed mode
@@ -38,27 +39,31 @@ _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the 
 
 
 class Evidence(Protocol):
-    """One piece of evidence with k residuals."""
+    """One piece of evidence for a viscoelastic law, with k residuals."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals (P, k) of P candidates, divided by their standard uncertainties."""
+        """Return the k residuals of P candidates, divided by their standard uncertainties, (P, k)."""
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change (parts, k) of the residuals if a part of a source changes by its standard uncertainty."""
+        """Return the change of the k residuals if a source of uncertainty changes by its standard uncertainty.
+
+        sources: standard uncertainties by the keys of `SOURCES`. Each result has a row for each part of the source,
+        (parts, k).
+        """
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """The vibrations of one ring-down.
+    """The vibrations of one ring-down as evidence: frequency and loss factor of each mode.
 
     Attributes
     ----------
     table : RingTable
     decay : Decay
     modes : tuple of (int, RingMode)
-        The number of each mode, from 0, and its measurement.
+        The number of each mode, from 0, and its measured frequency and loss factor.
     inflation : float
-        Factor on the uncertainties, from the scatter of repeated ring-downs.
+        Factor on the uncertainties, computed from the scatter of repeated ring-downs.
     """
 
     table: RingTable
@@ -68,7 +73,7 @@ class RingEvidence:
 
     @staticmethod
     def of(table: RingTable, decay: Decay) -> RingEvidence:
-        """Return the evidence of a decay; vibrations that match no planar mode of the beam are left out."""
+        """Return the evidence of a ring-down. Vibrations that belong to no planar mode of the beam are left out."""
         computed = table.beam.undamped_Hz(table.middle_Pa) * table.solid_over_planar
         modes = [(0, decay.modes[0])]
         for mode in decay.modes[1:]:
@@ -81,7 +86,7 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """See `Evidence.residuals`."""
+        """Return the residuals of ln(frequency) and loss factor of each mode, see `Evidence.residuals`."""
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -102,12 +107,15 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, mode: RingMode, gaps: Array) -> Array:
-        """Divide deviations (..., 2) of ln(frequency) and loss by their uncertainty; the results are uncorrelated."""
+        """Return deviations (..., 2) of ln(frequency) and loss factor, divided by their uncertainties.
+
+        The results are uncorrelated.
+        """
         covariance = self.inflation**2 * mode.covariance + np.diag([MESH_ERROR**2, (_LOSS_ERROR * mode.loss) ** 2])
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """See `Evidence.effects`."""
+        """Return the change of the residuals due to each source, see `Evidence.effects`."""
         return {
             key: np.concatenate(
                 [
@@ -122,19 +130,30 @@ class RingEvidence:
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads of a beam over time, each represented by a curve of moment against rotation of the tip.
+    """The loads on a beam over time, each described by a curve of its moment as a function of the rotation of the tip.
 
     Attributes
     ----------
     steps : tuple of LoadStep
-        Each load with the time at which it begins.
+        Each load, with the time at which it begins.
     """
 
     steps: tuple[LoadStep, ...]
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the history of K loads that begin at the given times."""
+        """Return the history of K loads that begin at the given times.
+
+        Parameters
+        ----------
+        beam : RingingBeam
+        middle_Pa : float
+            The middle of the shear moduli for which the curves are computed.
+        loads : Loads
+            K states.
+        begins_s : sequence of float
+            K times.
+        """
         model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
         shapes = model.solve(beam.law, beam.parameters(moduli), loads)
         rotation = np.radians(model.tip_angle_deg(shapes))
@@ -152,21 +171,25 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the stiffness (Pa) of gravity against a rotation of the tip, from K_g / K_m of the lowest mode."""
+    """Return the stiffness of gravity against a rotation of the tip (Pa).
+
+    It is the shear modulus times K_g / K_m of the lowest mode, see `beam.vibration`.
+    """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load; a constant rotation is a free unknown.
+    """The slow motion of the tip after a step of the load, as evidence. A constant rotation is unknown.
 
     Attributes
     ----------
     history : LoadHistory
     time_s, rotation, sigma : ndarray, shape (k,)
-        Rotation of the tip in rad at times after the step, and its standard uncertainty.
+        Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
     label : str
+        Where the recording comes from.
     """
 
     history: LoadHistory
@@ -176,39 +199,39 @@ class CreepEvidence:
     label: str
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotations (P, k) of candidates."""
+        """Return the computed rotation of the tip at the k times for P candidates, (P, k) in rad."""
         return creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """See `Evidence.residuals`."""
+        """Return the residuals of the rotation without its weighted mean, see `Evidence.residuals`."""
         gap = self.predicted(instantaneous_Pa, series, load_log) - self.rotation
         sigma = np.hypot(self.sigma, _CREEP_ERROR * np.ptp(self.rotation))
         weight = 1 / sigma**2
         return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """See `Evidence.effects`."""
+        """Return zeros, because the effects of the sources on creep are not computed; see `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
 
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The modulus of the static states of a run, at the ages of these states.
+    """The shear modulus of the static states of a run, as evidence at the ages of these states.
 
     Attributes
     ----------
     beam : RingingBeam
     history : LoadHistory
     loads : Loads
-        The loads of the states in ``history``.
+        The loads of the K states in ``history``.
     seen_s : ndarray, shape (K,)
         Time at which the edges of each state were measured.
     modulus_Pa : float
         Initial shear modulus of a fit that treats all states as elastic.
     sigma : float
-        Relative standard uncertainty of the modulus from noise and mesh.
+        Relative standard uncertainty of the modulus due to noise and mesh.
     stated : dict of str to float
-        Relative effects on the modulus of sources that act only on the picture, by key.
+        Relative changes of the modulus due to sources of uncertainty that act on the picture only, by key.
     """
 
     beam: RingingBeam
@@ -221,12 +244,15 @@ class StaticEvidence:
 
     @property
     def age_s(self) -> float:
-        """The median time from the setting of a state to the measurement of its edges."""
+        """The median time in s between the setting of a load and the measurement of the edges."""
         begins = np.array([step.time_s for step in self.history.steps])
         return float(np.median(self.seen_s - begins))
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm (P,) of the modulus that an elastic fit to the predicted states would give."""
+        """Return the logarithm of the modulus that an elastic fit to the states computed for P candidates would give.
+
+        The shape is (P,).
+        """
         order = np.argsort(self.seen_s)
         theta = creep(instantaneous_Pa, series, self.history.steps, self.seen_s[order], np.exp(load_log))
         total, weights = np.zeros(len(theta)), np.zeros(len(theta))
@@ -242,12 +268,12 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """See `Evidence.residuals`."""
+        """Return the residual of ln(modulus), (P, 1), see `Evidence.residuals`."""
         gap = self.apparent_log(instantaneous_Pa, series, load_log) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """See `Evidence.effects`."""
+        """Return the change of the residual due to each source, see `Evidence.effects`."""
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -286,13 +312,14 @@ class StaticEvidence:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The modulus at which the computed sag of the beam at rest equals the measured sag.
+    """The shear modulus with which the computed sag of the beam at rest is the measured sag, as evidence.
 
     Attributes
     ----------
     modulus_Pa : float
+        The modulus, corrected to the solid.
     sigma : float
-        Relative standard uncertainty.
+        Relative standard uncertainty of the modulus.
     """
 
     modulus_Pa: float
@@ -300,10 +327,10 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence of a recorded ring-down.
+        """Return the evidence of the sag in a recorded ring-down.
 
-        The result is None if the weight hardly bends the beam, or if no modulus near the modulus of the ring-down gives
-        the measured sag.
+        None if the weight of the beam hardly bends it, or if no modulus near that of the ring-down gives the measured
+        sag.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -335,17 +362,20 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """See `Evidence.residuals`."""
+        """Return the residual of ln(modulus), (P, 1), see `Evidence.residuals`."""
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """See `Evidence.effects`; all are 0, because the sources add little to the uncertainty of this modulus."""
+        """Return zeros: the sources contribute little to the uncertainty of this modulus. See `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Increase the uncertainties of repeated ring-downs if their scatter is larger (Birge ratio)."""
+    """Return repeated ring-downs with larger uncertainties, if the ring-downs differ by more than their uncertainties.
+
+    The uncertainties are multiplied by the Birge ratio, the root of chi-square divided by the degrees of freedom.
+    """
     widened = []
     for ring in rings:
         alike = [other for other in rings if other.table is ring.table]

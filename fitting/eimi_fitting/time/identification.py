@@ -1,4 +1,4 @@
-"""Identify the law of time from the motions of a beam, and from its static states if there are any."""
+"""Identify the viscoelastic law from the motions of a beam, and from its static states if there are any."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 
 class NoRingDown(Exception):
-    """No recorded motion shows a decaying vibration, which alone gives the modulus without the magnetic moment."""
+    """No recorded motion shows a decaying vibration. Only a vibration gives the modulus without the magnetic moment."""
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """A motion with the loads under which it took place.
+    """A recorded motion with the loads on the beam.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class RecordedMotion:
     loads : Loads
         The loads after the step, one state.
     before : tuple of (float, Loads)
-        Earlier loads of one state each, with the time at which each load began, relative to the step.
+        Earlier loads, one state each, and the time at which each of them began, relative to the step.
     """
 
     motion: Motion
@@ -73,7 +73,7 @@ class RecordedMotion:
 
     @property
     def is_stepped(self) -> bool:
-        """Whether a known change of the load begins the motion."""
+        """Whether the motion begins with a known change of the load."""
         return bool(self.before) and not _same(self.before[-1][1], self.loads)
 
 
@@ -84,15 +84,15 @@ class StaticStates:
     Attributes
     ----------
     loads : Loads
-        The K states in the order in which they were set.
+        The loads of K states, in the order in which they were set.
     set_s, seen_s : ndarray, shape (K,)
-        The times at which each load was set and at which its edges were measured.
+        The times at which each load was set, and at which the edges of the state were measured.
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float
-        Relative standard uncertainty of the modulus from noise and mesh.
+        Relative standard uncertainty of the modulus due to noise and mesh.
     of_picture : mapping of str to float
-        Relative effects on the modulus of sources that act only on the picture, by key.
+        Relative changes of the modulus due to sources of uncertainty that act on the picture only, by key.
     """
 
     loads: Loads
@@ -115,16 +115,16 @@ def identify_time(
     free_times: bool = True,
     most_terms: int = _MOST_TERMS,
 ) -> LawOfTime:
-    """Identify a Prony series and the modulus from ring-downs, creep and static states.
+    """Identify a shear modulus and a Prony series from ring-downs, creep and static states.
 
     Parameters
     ----------
     law : Law
     shape : ndarray, shape (n,)
-        Parameters of the law; only their ratios are used.
+        The n parameters of the law. Only the ratios of the moduli are used.
     specimen : Specimen
     motions : sequence of RecordedMotion
-        The motions, at least one of them with a decaying vibration.
+        The motions. At least one of them must show a decaying vibration.
     stated : sequence of StatedSource
         Stated standard uncertainties of the inputs.
     static : StaticStates, optional
@@ -132,10 +132,10 @@ def identify_time(
     seed : int
         Seed of the random numbers.
     free_times : bool
-        Whether the relaxation times are fitted; otherwise they are spaced evenly in the logarithm over the range of the
+        Whether to fit the relaxation times. Otherwise they have equal distances in the logarithm over the range of the
         data.
     most_terms : int
-        Largest number of terms.
+        Largest number of terms of the Prony series.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def identify_time(
     # Ring-downs without a field come first: their modulus does not depend on the moment, and the result states it.
     ringing.sort(key=lambda one: bool(np.any(one[0].loads.field_T)))
     if not ringing:
-        raise NoRingDown("; ".join(doubts) or "there is no recorded motion")
+        raise NoRingDown("; ".join(doubts) or "no recorded motion is given, but at least one ring-down is needed")
     tables: list[RingTable] = []
     rings = []
     for recorded, decay in ringing:
@@ -195,7 +195,7 @@ def identify_time(
     omegas = 2 * np.pi * np.unique([mode.frequency_Hz for ring in rings for _, mode in ring.modes])
     if not best.converged:
         doubts.append(
-            "the final least-squares fit of the law of time did not converge; its values may not be the optimum"
+            "the final least-squares fit of the viscoelastic law did not converge; the values may not be the optimum"
         )
     return result_of(
         specimen=specimen,
@@ -224,7 +224,7 @@ def _same(one: Loads, other: Loads) -> bool:
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its decay or None, and the doubts about the recordings."""
+    """Return each motion with its decay (None if it shows no vibration), and the doubts about the recordings."""
     analysed: list[tuple[RecordedMotion, Decay | None]] = []
     doubts = []
     for recorded in motions:
@@ -250,7 +250,7 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the table of a beam under these loads from `tables`; add a missing table."""
+    """Return the table of the beam's frequencies under these loads. If ``tables`` has no such table, add it."""
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table
@@ -269,7 +269,10 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the creep after known steps of the load, from the records with the largest rotations."""
+    """Return the creep after known steps of the load as evidence.
+
+    At most 6 recordings are used, those with the largest change of the rotation.
+    """
     evidence = []
     for recorded, decay in analysed:
         if not recorded.is_stepped:
@@ -294,7 +297,10 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the evidence of the sag at rest from the first ring-down without a step; None without such a ring-down."""
+    """Return the sag at rest as evidence, from the first ring-down of a table that begins without a step of the load.
+
+    None if there is no such ring-down.
+    """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
             return RestEvidence.of(table, recorded.motion, ring.decay)
@@ -302,7 +308,7 @@ def _at_rest(
 
 
 def _stacked(parts: Sequence[Loads]) -> Loads:
-    """Join loads of one state each into loads of several states."""
+    """Return several loads with one state each as loads with several states."""
     return replace(
         parts[0],
         field_T=np.concatenate([part.field_T for part in parts]),
@@ -324,7 +330,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times that the evidence covers, extended by half a decade."""
+    """Return the range of times in s that the evidence covers, extended by half a decade at both ends."""
     shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     for creep in creeps:

@@ -1,15 +1,17 @@
-"""The law of time of a material, which is fitted to all evidence together.
+"""The viscoelastic (Prony) law of a material, fitted to all evidence together.
 
-CMA-ES searches the unknowns of `time.terms` and the factor on the magnetic loads; a least-squares fit starts from its
-best candidate. All errors and all priors are taken as normal. The maximum of the posterior then minimises
+CMA-ES searches the unknowns of `time.terms` and the logarithm of the factor on the magnetic loads. A least-squares fit
+starts at the best candidate of the search. All errors and priors are taken as normal. With the residuals r(x) of the
+unknowns x, the maximum of the posterior is the minimum of
 
-    |r(x)|² + sum ((x - mean) / sigma)².
+    chi² = |r(x)|² + sum ((x - mean) / sigma)²,
 
-The evidence for a number of terms is Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
+where mean and sigma describe the prior. The evidence Z for a number of terms is Laplace's approximation (MacKay 2003,
+Information Theory, chapter 27),
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
-The chosen number of terms is the smallest number whose evidence is near the largest.
+The chosen number of terms is the smallest number whose ln Z is within 1 of the largest.
 """
 
 from __future__ import annotations
@@ -41,12 +43,12 @@ _STEP = 1e-4  # step of the finite differences, in units of the unknowns
 _FAILED = 1e3  # residual of a candidate without an equilibrium
 _NEAR_EVIDENCE = 1.0  # the fewest terms are taken whose ln Z is within this of the largest
 FREE_LOAD = 0.3
-"""Prior standard deviation of the logarithm of the factor on magnetic loads if no file gives that of the moment."""
+"""Prior standard deviation of the logarithm of the factor on magnetic loads, if no file gives that of the moment."""
 EXACT_LOAD = 1e-4
-"""The smallest prior standard deviation of this logarithm."""
+"""Smallest prior standard deviation of the logarithm of the factor on magnetic loads."""
 _OF_MOMENT = ("moment", "remanence")
 LOAD_SOURCES = (*_OF_MOMENT, "coil")
-"""Keys of the sources that multiply all magnetic loads, so that the factor on these loads contains their errors."""
+"""Keys of the sources of uncertainty that multiply all magnetic loads; the factor on these loads contains their errors."""
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
@@ -62,14 +64,14 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The evidence for a law of time with a number of terms.
+    """The fit of a viscoelastic law with a given number of terms to the evidence.
 
     Attributes
     ----------
     terms : Terms
     evidence : tuple of Evidence
     load_sigma : float
-        Standard deviation of the prior of the load factor's logarithm.
+        Prior standard deviation of the logarithm of the factor on the magnetic loads.
     """
 
     terms: Terms
@@ -78,27 +80,30 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The means of the prior of all unknowns."""
+        """The means of the prior of all m unknowns, (m,)."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """The standard deviations of the prior of all unknowns."""
+        """The standard deviations of the prior of all m unknowns, (m,)."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the residuals (P, k) of the evidence for candidates (P, m)."""
+        """Return the k residuals of the evidence for P candidates with m unknowns (P, m), (P, k)."""
         instantaneous, series = self.terms.split(unknowns[:, :-1])
         with np.errstate(all="ignore"):
             rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the residuals (P, k + m) of evidence and priors for candidates (P, m)."""
+        """Return the residuals of P candidates (P, m), (P, k + m): k of the evidence, then m of the priors."""
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root (P,) of the sum of the squared residuals; infinite if a residual is not finite."""
+        """Return the root of the sum of the squared residuals for P candidates (P, m), (P,).
+
+        Infinity if a residual is not finite.
+        """
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
         return np.where(np.isfinite(total), total, np.inf)
@@ -106,7 +111,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The objective values of one generation, in the form for `search`."""
+    """The values of the objective for one generation, in the form that `search` expects."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -115,19 +120,23 @@ class _Values:
 
 @dataclass(frozen=True)
 class TimeOptimum:
-    """The optimum of one problem.
+    """The optimum of the fit of a viscoelastic law with a given number of terms.
 
     Attributes
     ----------
     problem : Problem
     unknowns : ndarray, shape (m,)
+        The m unknowns.
     jacobian : ndarray, shape (k + m, m)
         Derivatives of the residuals of evidence and priors by the unknowns.
     chi2 : float
-        Sum of squares of the evidence alone.
+        Sum of the squared residuals of the evidence, without the priors.
     log_evidence : float
+        ln Z, see the module `time.law_of_time`.
     evaluations : int
+        Number of candidates that were computed.
     converged : bool
+        Whether the least-squares fit converged.
     """
 
     problem: Problem
@@ -140,11 +149,15 @@ class TimeOptimum:
 
     @property
     def covariance(self) -> Array:
-        """The covariance (m, m) of the unknowns due to noise and priors."""
+        """The covariance of the m unknowns due to noise and priors, (m, m)."""
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the move (parts, m) of the optimum if a part of a source changes by its standard uncertainty."""
+        """Return the change of the m unknowns at the optimum if a source changes by its standard uncertainty, by key.
+
+        sources: standard uncertainties by the keys of `SOURCES`. Each result has a row for each part of the source,
+        (parts, m).
+        """
         gain = -self.covariance @ self.jacobian.T
         m = len(self.unknowns)
         effects = [one.effects(sources) for one in self.problem.evidence]
@@ -171,8 +184,8 @@ class TimeOptimum:
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
     """Return the optimum of a problem: the best result of least-squares fits from several starts.
 
-    The starts are the best candidate of CMA-ES, the middle of the prior, and the optimum with one term fewer, to which
-    a term is added at each of the middle times of the prior.
+    The starts are the best candidate of CMA-ES, the mean of the prior, and the optimum with one term fewer (``fewer``).
+    To this optimum a term is added, with each of the mean relaxation times of the prior in turn.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -208,7 +221,10 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Run Levenberg-Marquardt (MINPACK); return optimum, Jacobian, number of evaluations, and whether it converged."""
+    """Return the result of a least-squares fit by the method of Levenberg and Marquardt (MINPACK) from one start.
+
+    Returns the optimum (m,), the Jacobian (k + m, m), the number of evaluations, and whether the fit converged.
+    """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.diag(scale), -np.diag(scale)])
 
@@ -229,9 +245,10 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 
 
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
-    """Return all optima, and the optimum with the fewest terms whose evidence is near the largest.
+    """Return the optimum with the chosen number of terms, and all optima that were computed.
 
-    Terms are added as long as the evidence rises.
+    The problems have an increasing number of terms. Terms are added as long as ln Z increases by at least 1. The fewest
+    terms whose ln Z is within 1 of the largest are chosen.
     """
     optima: list[TimeOptimum] = []
     for problem in problems:
@@ -248,7 +265,11 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return quantities (P, f) in which the residuals are almost linear: logarithms of moduli, losses, load factor."""
+    """Return f quantities of P candidates in which the residuals are almost linear, (P, f).
+
+    They are logarithms of moduli, loss factors at the angular frequencies ``omegas``, and the logarithm of the load
+    factor.
+    """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)
@@ -264,11 +285,12 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 
 
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
-    """Return draws (D, m) of the unknowns from their posterior.
+    """Return D draws of the m unknowns from their posterior, (D, m).
 
-    Where the data do not determine the terms, the posterior is far from normal. It is sampled by walkers that stretch
-    toward each other (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The residuals are approximated as
-    linear in logarithms of moduli and in losses. The effects of the stated sources are then added to each draw.
+    The posterior is far from normal if the data do not determine the terms. It is sampled by a group of walkers, each
+    of which moves along the line to another walker (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The
+    residuals are approximated as linear in logarithms of moduli and in loss factors. Then the effects of the stated
+    sources of uncertainty are added to each draw.
 
     Parameters
     ----------
@@ -276,10 +298,11 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     steps : mapping of str to ndarray
         See `TimeOptimum.steps`.
     seed : int
+        Seed of the random numbers.
     omegas : ndarray
-        Angular frequencies of the ring-downs.
+        Angular frequencies of the ring-downs in rad/s.
     of_sources : bool
-        Whether the effects of the stated sources are added.
+        Whether to add the effects of the stated sources.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)

@@ -1,12 +1,13 @@
-"""Creep of a loaded beam: the rotation of its tip while its modulus relaxes.
+"""Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
 
-In a bent beam the moment of the material, the integral of mu(t - t') d theta(t'), balances the moment of the loads
-m(theta). The rotation theta of the tip stands for the curvature of the whole beam. The moment of the loads follows from
-static solutions with other moduli: with the modulus mu the tip turns by theta(mu) and m = mu theta. In zero field
-m = -rho mu theta, where rho is the stiffness of gravity divided by that of the material.
+The rotation theta of the tip represents the curvature of the whole beam. The moment of the material is the integral of
+mu(t - t') d theta(t'), with the relaxing shear modulus mu(t). It is in equilibrium with the moment m(theta) of the
+loads, in the same unit (Pa rad). The function m(theta) is computed from static solutions with other moduli: with the
+modulus mu the tip turns by theta(mu), and therefore m = mu theta(mu). Without a field m = -k theta, with the stiffness
+k of gravity in Pa (`LoadCurve.of_gravity`).
 
-The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. Its error is
-measured in `tests/fitting/time` against finite elements with internal variables.
+The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. The error of
+this assumption is measured in `tests/fitting/time` by comparison with finite elements with internal variables.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ _NEWTON_STEPS = 2
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """The moment of the loads of one state as a function of the rotation of the tip, as the product mu theta.
+    """The moment of the loads in one state, as a function of the rotation theta of the tip.
 
     Attributes
     ----------
     rotation : ndarray, shape (m,)
-        Rotations in rad, rising.
+        Rotations theta in rad, increasing.
     moment : ndarray, shape (m,)
-        m(theta) = mu theta in Pa rad.
+        Moments mu theta in Pa rad, with the modulus mu that has this rotation; see the module `time.loaded_creep`.
     """
 
     rotation: Array
@@ -44,12 +45,18 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the curve of a beam in zero field, with the stiffness of gravity in Pa."""
+        """Return the curve of a beam without a field: moment = -stiffness * rotation.
+
+        stiffness_Pa: stiffness of gravity against a rotation of the tip.
+        """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return moments and slopes (P,) at rotations (P,); the curve is straight beyond its ends."""
+        """Return the moments (Pa rad) and the slopes of the curve (Pa) at P rotations in rad, (P,) each.
+
+        Beyond its ends the curve continues as a straight line.
+        """
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
@@ -61,7 +68,13 @@ class LoadCurve:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """A load that begins at a time and lasts until the next load."""
+    """Loads that begin at a time and act until the next loads begin.
+
+    Attributes
+    ----------
+    time_s : float
+    curve : LoadCurve
+    """
 
     time_s: float
     curve: LoadCurve
@@ -74,18 +87,19 @@ def creep(
     times_s: Array,
     load_factor: Array,
 ) -> Array:
-    """Return the rotation of the tip of P candidates at given times.
+    """Return the rotation of the tip at m times for P candidates, (P, m) in rad.
 
-    Internal variables integrate the series exactly for rotations that change linearly within a step (Simo and Hughes
-    1998, Computational Inelasticity, section 10.3). Inertia is left out.
+    Internal variables integrate the Prony series exactly for rotations that change linearly within a time step (Simo
+    and Hughes 1998, Computational Inelasticity, section 10.3). Inertia is neglected.
 
     Parameters
     ----------
     instantaneous_Pa : ndarray, shape (P,)
+        Instantaneous shear modulus.
     series : Prony
-        With terms (P, n).
+        A Prony series with n terms for each candidate, (P, n).
     steps : tuple of LoadStep
-        The loads in order of time; the beam is at rest before the first load.
+        The loads in the order of time. The beam is at rest before the first loads.
     times_s : ndarray, shape (m,)
         Increasing times after the first step.
     load_factor : ndarray, shape (P,)
@@ -94,7 +108,6 @@ def creep(
     Returns
     -------
     ndarray, shape (P, m)
-        Rotations in rad.
     """
     p, n = series.g.shape
     terms, rates, ones = instantaneous_Pa[:, None] * series.g, 1 / series.tau_s, np.ones(n)
@@ -129,7 +142,10 @@ def creep(
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times of the integration steps: dense after a change of the load, and at every requested time."""
+    """Return the times at which the integration steps end: close together after a change of the load.
+
+    All requested times in ``wanted`` are among them.
+    """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
     regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)

@@ -1,4 +1,4 @@
-"""Measured motions: ring-downs and creep of points of a beam, each coordinate with its own time."""
+"""Measured motions: ring-downs and creep of points on a beam, with a time for each point in each frame."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ Kind = Literal["ring_down", "creep"]
 
 @dataclass(frozen=True)
 class Motion:
-    """A recorded ring-down or creep: places of points of the centre line, or of tracked markers.
+    """A recorded ring-down or creep: places of points on the centre line, or of tracked markers.
 
-    Times count from the step of the load: the moment at which the current was set or a weight was taken away. A beam
-    that was flicked by hand has no such step; its times may count from any moment.
+    Times are measured from the step of the load, the moment at which the current was changed or a weight was taken
+    away. A beam that was flicked by hand has no step of the load, and its times may be measured from any moment.
 
     Parameters
     ----------
     kind : {"ring_down", "creep"}
     points_mm : ndarray, shape (n, p, 2)
-        Measured places of p points in n frames, in the beam frame; NaN where a point was not seen.
+        Measured places of p points in n frames, in the beam frame; NaN where a point was not visible.
     rest_mm : ndarray, shape (p, 2)
         Places of the same material points in the undeformed beam.
     time_s : ndarray, shape (n, p)
-        Time of each point since the step. A rolling shutter reads each row at its own time.
+        Time of each point in each frame. With a rolling shutter the points of a frame have different times.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of the white noise of one coordinate.
+        Standard deviation of the white noise of one coordinate.
     exposure_s : float or None
         Exposure of a frame; None if it is not known.
     from_A, to_A : float
-        Current before and after the step; both 0 without a coil.
+        Current before and after the step; both are 0 without a coil.
     step_uncertainty_s : float
-        Standard uncertainty of the moment of the step.
+        Standard uncertainty of the time of the step.
     history : tuple of (float, float)
         Set-points before the step: time relative to the step (negative) in s, and current in A.
     lost_frames : int
-        Number of frames that the recording lost.
+        Number of frames that are missing in the recording.
     tip_force_N : float
         Load along gravity that was taken away from the tip at the step.
     hanging_N : float
-        Weight that hangs at the tip during the motion. Its mass moves with the tip.
+        Weight that hangs at the tip during the motion. The mass of this weight moves with the tip.
     label : str
         Where the motion comes from, for messages.
 
@@ -81,7 +81,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         if self.kind not in ("ring_down", "creep"):
-            raise ValueError(f"kind: {self.kind!r} is neither ring_down nor creep")
+            raise ValueError(f"kind: {self.kind!r} should be ring_down or creep")
         frames, points = np.shape(self.time_s) if np.ndim(self.time_s) == 2 else (-1, -1)
         for name, shape in (
             ("points_mm", (frames, points, 2)),
@@ -96,13 +96,13 @@ class Motion:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether each point was seen in each frame, (n, p)."""
+        """Whether each of p points was visible in each of n frames, (n, p)."""
         return np.asarray(
             np.isfinite(self.points_mm).all(axis=2) & np.isfinite(self.time_s) & np.isfinite(self.sigma_mm)
         )
 
     @property
     def duration_s(self) -> float:
-        """The time between the first and the last point that was seen."""
+        """The time between the first and the last visible point."""
         times = self.time_s[self.seen]
         return float(np.ptp(times)) if times.size else 0.0

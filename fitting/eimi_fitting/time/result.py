@@ -1,4 +1,4 @@
-"""The identified law of time, as a result file stores it."""
+"""The identified viscoelastic law, in the form in which a result file stores it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,15 @@ _CONTRADICTION = 3.0  # standard deviations
 
 @dataclass(frozen=True)
 class PronyTerm:
-    """A term of the Prony series: its share of the instantaneous modulus, and its relaxation time."""
+    """A term of the Prony series.
+
+    Attributes
+    ----------
+    g : float
+        Relative modulus: the fraction of the instantaneous modulus that the term loses.
+    tau_s : float
+        Relaxation time.
+    """
 
     g: float
     tau_s: float
@@ -46,23 +54,27 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """A ring-down: frequency and loss at small amplitude, windows of its decay, and the channel that moves most.
+    """A ring-down: frequency and loss factor at small amplitudes, time windows, and a curve for a figure.
 
     Attributes
     ----------
     label : str
+        Where the recording comes from.
     frequency_Hz, frequency_sigma_Hz : float
+        Frequency and its standard uncertainty.
     decay_loss, decay_loss_sigma : float
-        Loss factor of the decay, 2 delta / omega. Gravity and field store a part of the energy without loss, so that
-        it differs from the loss factor of the material.
+        Loss factor of the decay, 2 delta / omega with the decay rate delta and the angular frequency omega, and its
+        standard uncertainty. Gravity and field store a part of the energy without loss. This loss factor therefore
+        differs from the loss factor of the material.
     amplitude_mm : float
-        Amplitude at the start of the fitted part.
+        Amplitude at the start of the fitted part, in the channel with the largest amplitude.
     frequency_change, loss_change : float
-        Relative change of frequency, and change of loss, from small amplitude to ``amplitude_mm``.
+        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
     higher_Hz : tuple of float
-        Frequencies of higher modes that were used.
+        Frequencies of the higher modes that were used.
     windows : tuple of Window
     time_s, displacement_mm, envelope_mm : tuple of float
+        Times, displacement without the baseline, and envelope, in the channel with the largest amplitude.
     """
 
     label: str
@@ -82,7 +94,7 @@ class RingDown:
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """A record of creep: measured and fitted rotation of the tip in degrees, each minus its mean."""
+    """A recording of creep: measured and fitted rotation of the tip in degrees, each without its mean."""
 
     label: str
     time_s: tuple[float, ...]
@@ -93,7 +105,9 @@ class CreepCurve:
 
 @dataclass(frozen=True)
 class LawOfTime:
-    """The change of the modulus of a material with time after a sudden strain, see `docs/why/time.md`.
+    """The identified viscoelastic law: a shear modulus that depends on time, see `docs/why/time.md`.
+
+    mu*(s) is the complex modulus, and mu(t) the modulus at the time t after a sudden strain (`laws.prony`).
 
     Attributes
     ----------
@@ -103,15 +117,15 @@ class LawOfTime:
         Loss factor of the material at this frequency, Im mu* / Re mu*.
     loss_interval_95 : tuple of float
     dynamic_shear_modulus : Quantity
-        Storage modulus Re mu* at this frequency. It does not depend on the magnet's moment if the field was zero.
+        Storage modulus Re mu* at this frequency. If there was no field, it does not depend on the magnet's moment.
     prony : tuple of PronyTerm
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
     known_between_s : tuple of float
-        Times between which the data determine mu(t) to 5 %, without the stated sources.
+        Range of times in which the data determine mu(t) to 5 %, without the stated sources of uncertainty.
     moment : Quantity or None
-        Factor on the stated magnetic moment with which static and dynamic states agree.
+        Factor on the stated magnetic moment with which static states and motions agree; None if it was not fitted.
     static_age_s : float or None
-        Median age of the static states.
+        Median time between the setting of a static load and the measurement of the edges; None without static states.
     modulus_by_time : tuple of ModulusAt
     ring_downs : tuple of RingDown
     creep : tuple of CreepCurve
@@ -121,10 +135,12 @@ class LawOfTime:
     log_evidence : tuple of float
         Logarithm of the evidence for one, two, ... terms.
     chi2, rows : float, int
-        Sum of the squared residuals, each divided by its uncertainty, and their number.
+        Sum of the squared residuals, each divided by its uncertainty, and number of residuals.
     doubts : tuple of str
     evaluations : int
+        Number of candidates that were computed.
     wall_s : float
+        Time that the identification took.
     """
 
     frequency_Hz: float
@@ -151,7 +167,10 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage moduli (P,) in Pa of candidates (P, m) at an angular frequency."""
+    """Return the storage moduli of P candidates (P, m) at an angular frequency omega in rad/s, (P,) in Pa.
+
+    unknowns: the m unknowns of each candidate.
+    """
     instantaneous, series = terms.split(unknowns[:, :-1])
     return np.asarray(instantaneous * series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0].real)
 
@@ -180,7 +199,7 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Return the law of time of an optimum, with its intervals, its budget and its doubts."""
+    """Return the identified law at an optimum, with its intervals, its budget of uncertainties and its doubts."""
     terms, at = optimum.problem.terms, optimum.unknowns[None]
     frequency = rings[0].decay.modes[0].frequency_Hz
     omega = 2 * np.pi * frequency
@@ -211,14 +230,15 @@ def result_of(
         stated = NORMAL_95 * float(np.hypot.reduce([0.0, *load_sigmas.values()]))
         if abs(np.log(moment.value)) > np.hypot(half_width, stated):
             doubts_found.append(
-                f"static and dynamic states agree only with {moment.value:.3f} times the stated magnetic moment "
-                f"(95 % interval {moment.interval_95[0]:.3f} to {moment.interval_95[1]:.3f})"
+                f"static states and motions agree only if the magnetic moment is {moment.value:.3f} times the stated "
+                f"moment (95 % interval {moment.interval_95[0]:.3f} to {moment.interval_95[1]:.3f})"
             )
     rows = optimum.problem.rows(at).shape[1]
     if optimum.chi2 > rows + _CONTRADICTION * np.sqrt(2 * rows) + 4:
         doubts_found.append(
             f"ring-downs, creep and static states do not agree within their uncertainties "
-            f"(chi-square {optimum.chi2:.0f} of {rows} rows): the material may not be quasi-linear, or a load is wrong"
+            f"(chi-square {optimum.chi2:.0f} of {rows} residuals): the material may not be quasi-linear, or a load is "
+            "wrong"
         )
     order = np.argsort(series.tau_s[0])
     return LawOfTime(
@@ -266,7 +286,10 @@ def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the ratio of a change of ln(modulus) to the change of ln(frequency) that it causes."""
+    """Return the change of ln(modulus) divided by the change of ln(frequency) that it causes.
+
+    before_Hz, after_Hz: frequencies before and after an increase of the modulus by 5 %.
+    """
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 
@@ -275,19 +298,24 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return draws (D,) of the factor by which the small effects change the modulus."""
+    """Return D draws of the factor by which the small effects change the modulus, (D,)."""
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 
 
 def _interval(value: float, drawn: Array) -> tuple[float, float]:
-    """Return the 95 % interval of draws, widened to contain the value."""
+    """Return the 95 % interval of draws, extended so that it contains the value."""
     low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
     return float(min(low, value)), float(max(high, value))
 
 
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` in which draws (D, m) of mu(t) agree to 5 % and data exist."""
+    """Return the range of times around ``start_s`` in which the data determine the modulus.
+
+    In this range the 95 % half-width of ln mu(t) over the draws is at most 5 %, and there are data.
+
+    curves: mu(t) of D draws at m times, (D, m).
+    """
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
     first = last = here
@@ -343,7 +371,7 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each source, of the noise and of the small effects on the dynamic modulus."""
+    """Return the effect of each source, of the noise and of each small effect on the dynamic modulus."""
     entries = []
 
     def effect_percent(moves: Array) -> float:

@@ -1,9 +1,12 @@
 """The frequencies and losses of a specimen's vibrations, as functions of the modulus and its relaxation.
 
-The modes (`beam.vibration`) are computed for a few moduli of the equilibrium and interpolated in the logarithm of the
-modulus. At each of them, the eigenvalue lambda(r) of every mode is computed for a few real ratios r of the modulus of
-the vibration to that of the equilibrium. A polynomial in 1/r through lambda/r also gives lambda at complex r. The
-ratio of the solid's frequency to that of the planar model is computed once, at the middle modulus.
+The equilibrium modulus is the shear modulus with which the equilibrium is computed. The modes (`beam.vibration`) are
+computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus. In a vibration with the
+complex rate s, the modulus is the equilibrium modulus times the complex ratio r(s). For each equilibrium modulus, the
+eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
+lambda/r gives lambda for any complex r.
+
+The frequencies of the solid, divided by those of the planar model, are computed once, at the middle modulus.
 """
 
 from __future__ import annotations
@@ -48,23 +51,23 @@ _SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above tha
 
 
 class NoEquilibrium(Exception):
-    """The specimen has no stable equilibrium at a modulus, or no modulus gives the measured frequency."""
+    """The specimen has no stable equilibrium with a modulus, or no modulus gives the measured frequency."""
 
 
 @dataclass(frozen=True)
 class RingingBeam:
-    """A specimen under the loads during a ring-down.
+    """A specimen under the loads that act during a ring-down.
 
     Attributes
     ----------
     specimen : Specimen
     loads : Loads
-        The loads of one state.
+        The loads in one state.
     law : Law
     shape : ndarray, shape (n,)
-        Parameters of the law with an initial shear modulus of 1 Pa.
+        The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
     hanging_N : float
-        Weight that hangs at the tip; its mass moves with the tip, and its force is part of ``loads``.
+        Weight that hangs at the tip. Its mass moves with the tip, and its force is part of ``loads``.
     """
 
     specimen: Specimen
@@ -79,39 +82,48 @@ class RingingBeam:
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
-        """Return the vibration of a model of the specimen."""
+        """Return the small vibrations of a beam model of the specimen, including the weight that hangs at the tip."""
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY)
 
     def planar(self) -> BeamModel:
-        """Return the planar model whose modes are interpolated."""
+        """Return the planar model of the specimen, whose modes are interpolated."""
         return BeamModel(self.specimen, plane=self.specimen.planar_section)
 
     def parameters(self, modulus_Pa: Array) -> Array:
-        """Return the parameters (B, n) of candidates with initial shear moduli (B,)."""
+        """Return the parameters of the law for B initial shear moduli (B,) in Pa, (B, n)."""
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
         return np.where(is_modulus, np.asarray(modulus_Pa)[:, None] * self.shape, self.shape)
 
     def undamped_Hz(self, modulus_Pa: float, count: int = 3) -> Array:
-        """Return the frequencies (count,) of the planar model with one modulus."""
+        """Return the lowest ``count`` undamped frequencies of the planar model with one shear modulus, (count,).
+
+        Raises
+        ------
+        NoEquilibrium
+            The beam has no stable equilibrium with this modulus.
+        """
         motion, _ = self.vibration(self.planar()).about(self.law, self.parameters(np.array([modulus_Pa])), self.loads)
         if not motion.sound.all():
             raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {modulus_Pa:.3g} Pa")
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the specimen and the loads with deviations of their sources."""
+        """Return the same specimen and loads with deviations of their sources of uncertainty.
+
+        deviations: by the keys of `SOURCES`.
+        """
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
             self.hanging_N,
         )  # fmt: skip
 
     def modulus_at(self, frequency_Hz: float) -> float:
-        """Return the modulus (Pa) at which the lowest undamped frequency of the planar model equals ``frequency_Hz``.
+        """Return the shear modulus (Pa) at which the lowest undamped frequency of the planar model is ``frequency_Hz``.
 
         Raises
         ------
         NoEquilibrium
-            No modulus has this frequency.
+            No modulus gives this frequency.
         """
         vibration, target = self.vibration(self.planar()), np.log(frequency_Hz)
         # The search starts at a stiff beam and stays at moduli above the solution: without loads f² is proportional to
@@ -133,24 +145,26 @@ class RingingBeam:
             if not _SOFTEST_PA < np.exp(log_modulus) < 1e3 * _STIFF_PA:
                 break
         raise NoEquilibrium(
-            f"no shear modulus gives the beam a frequency of {frequency_Hz:.4g} Hz: check its dimensions and weights, "
-            "the direction of gravity and the rate of the frames"
+            f"no shear modulus gives the beam a frequency of {frequency_Hz:.4g} Hz: check the dimensions and weights "
+            "of the beam, the direction of gravity and the frame rate"
         )
 
 
 class RingTable:
-    """The complex frequencies of a specimen for any equilibrium modulus near `middle_Pa`, and for any relaxation.
+    """The complex frequencies of a specimen, for any equilibrium modulus near ``middle_Pa`` and for any relaxation.
+
+    The equilibrium modulus is the shear modulus with which the equilibrium is computed; see the module `time.ringing`.
 
     Parameters
     ----------
     beam : RingingBeam
     middle_Pa : float
-        The middle modulus.
+        The middle of the equilibrium moduli for which the modes are computed.
 
     Raises
     ------
     NoEquilibrium
-        The specimen has no stable equilibrium at `middle_Pa`, or at a larger modulus of the table.
+        The specimen has no stable equilibrium with ``middle_Pa``, or with a larger modulus of the table.
     """
 
     def __init__(self, beam: RingingBeam, middle_Pa: float) -> None:
@@ -180,15 +194,17 @@ class RingTable:
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
-        """Return the complex rates (P, count) of P candidates, with the correction of the solid.
+        """Return the complex rates s of the vibrations of P candidates, (P, count) in 1/s, corrected to the solid.
 
         Parameters
         ----------
         log_modulus : ndarray, shape (P,)
-            Logarithm of the modulus of the equilibrium in Pa.
+            Logarithm of the equilibrium modulus in Pa.
         ratio : callable
-            Takes rates (P, count) and returns mu*(s) divided by the modulus of the equilibrium.
+            The function r(s): takes rates s (P, count), and returns the complex modulus divided by the equilibrium
+            modulus.
         count : int
+            Number of modes, at most 3.
         load_log : ndarray, shape (P,), optional
             Logarithm of a factor on the magnetic loads.
         """
@@ -205,12 +221,15 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """Frequencies (3,) of the solid divided by the planar model's; in a planar section, those of a finer mesh."""
+        """The three lowest frequencies of the solid, divided by those of the planar model, (3,).
+
+        For a specimen with a planar section, the frequencies on a finer mesh take the place of those of the solid.
+        """
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The modulus at which the planar model bends as far as the solid with `middle_Pa`, divided by `middle_Pa`."""
+        """The modulus with which the planar model bends like the solid with ``middle_Pa``, divided by ``middle_Pa``."""
         return self._better[1]
 
     @cached_property
@@ -237,7 +256,7 @@ class RingTable:
         return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of ln(frequency) of each mode for one standard uncertainty of each source.
+        """Return the change of ln(frequency) of each mode if a source changes by its standard uncertainty.
 
         Parameters
         ----------
@@ -247,7 +266,8 @@ class RingTable:
         Returns
         -------
         dict of ndarray, shape (parts, 3)
-            A row for each part of the source; zero for a source that does not act on the specimen or its loads.
+            For each source a row for each of its parts, with the three modes. Zero for a source that does not change
+            the specimen or its loads.
         """
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
@@ -278,7 +298,7 @@ class RingTable:
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:
-    """Return the values (P, F) at P places of the polynomials that are 1 at one of F nodes and 0 at the others."""
+    """Return Lagrange's polynomials at P places, (P, F): each is 1 at one of F nodes and 0 at the other nodes."""
     values = np.ones((len(at), len(nodes)))
     for k, node in enumerate(nodes):
         for other in np.delete(nodes, k):
@@ -291,7 +311,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the ratios r at places between -1 and 1."""
+    """Return the ratios r that belong to places x from -1 to 1; 1/r is a linear function of x."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

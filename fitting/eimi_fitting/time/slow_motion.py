@@ -1,7 +1,8 @@
 """The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
 
-The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. Displacements are
-converted to rotations with the displacement of each point for one rad of rotation, from two static solutions.
+The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. Each point has a
+displacement for a rotation of the tip by one rad, which is computed from two static solutions. With these values the
+displacements are converted to rotations.
 """
 
 from __future__ import annotations
@@ -24,10 +25,22 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 
 
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
-    """Return the displacement (p, 2) in mm of points for a rotation of the tip by one rad.
+    """Return the displacement of p points for a rotation of the tip by one rad, (p, 2) in mm.
 
-    If the shape depends on the modulus, the shapes at two moduli are compared. If it does not, as for a hanging beam in
-    zero field, the shapes with and without a small part of the earlier load are compared.
+    The displacement is the difference between two computed shapes, divided by the difference of their rotations. If the
+    shape depends on the modulus, the two shapes have different moduli. Otherwise, for example for a hanging beam
+    without a field, one shape has the loads after the step. The loads of the other shape are changed by a tenth of the
+    step toward the loads before.
+
+    Parameters
+    ----------
+    beam : RingingBeam
+    modulus_Pa : float
+        Initial shear modulus.
+    loads, before : Loads
+        The loads after and before the step, one state each.
+    rest_mm : ndarray, shape (p, 2)
+        Places of the points at rest.
     """
     model = beam.planar()
     inside = np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf])
@@ -58,7 +71,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
 ) -> tuple[Array, Array, Array] | None:
-    """Return times after the step, rotations up to a constant, and their standard uncertainties.
+    """Return times after the step in s, rotations of the tip in rad up to a constant, and their standard uncertainties.
 
     Parameters
     ----------
@@ -66,9 +79,9 @@ def slow_rotations(
     signals : Signals
         All frames after the step.
     decay : Decay or None
-        The vibrations in the recording; None if the recording shows no vibration.
+        The vibrations in the recording; None if no vibration was found in it.
     per_rad_mm : ndarray, shape (p, 2)
-        See `displacement_per_rad`.
+        Displacements of the p points, see `displacement_per_rad`.
 
     Returns
     -------

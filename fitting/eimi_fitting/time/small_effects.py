@@ -1,6 +1,6 @@
 """Small effects on a ring-down that are estimated but not corrected: air, eddy currents, coil, shutter, clamp.
 
-Each estimate is the change of the dynamic modulus, or of the loss, that the effect causes.
+Each estimate is the change of the dynamic modulus, or of the loss factor, that the effect causes.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ def small_effects(
 ) -> tuple[SmallEffect, ...]:
     """Return the estimates of all small effects on one ring-down.
 
-    The air acts as on an oscillating plate of the beam's depth (Blevins 2016, Formulas for Dynamics, table 6.2; its
-    viscous part after Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
-    when it rotates in the field; the voltage that the magnet induces in the coil loses energy in the coil's resistance.
-    The motion during an exposure lowers all amplitudes by the same factor. In a clamp much stiffer than silicone no
-    energy is lost.
+    The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
+    6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
+    when it rotates in the field. The magnet also induces a voltage in the coil, and energy is lost in the resistance of
+    the coil. The motion during an exposure reduces all amplitudes by the same factor. A clamp that is much stiffer than
+    the silicone loses no energy.
 
     Parameters
     ----------
@@ -57,9 +57,11 @@ def small_effects(
     loads : Loads
         The loads during the ring-down.
     frequency_Hz, loss : float
+        Frequency and loss factor of the ring-down.
     gain : float
-        Change of ln(modulus) for a change of ln(frequency).
+        Change of ln(modulus) divided by the change of ln(frequency) that it causes.
     exposure_s : float or None
+        Exposure of a frame; None if it is not known.
     """
     omega = 2 * np.pi * frequency_Hz
     width, depth, length = (1e-3 * v for v in (specimen.width_mm, specimen.depth_mm, specimen.length_mm))
@@ -92,5 +94,5 @@ def small_effects(
         SmallEffect("eddy-currents", "eddy currents in the magnet", 0.0, float(eddy)),
         SmallEffect("back-emf", "back-EMF of the coil", 0.0, float(back)),
         SmallEffect("exposure", f"motion during the exposure (amplitudes lower by {100 * blur:.2g} %)", 0.0, 0.0),
-        SmallEffect("clamp-loss", "loss in the clamp, much stiffer than the silicone", 0.0, 0.0),
+        SmallEffect("clamp-loss", "loss in the clamp, which is much stiffer than the silicone", 0.0, 0.0),
     )

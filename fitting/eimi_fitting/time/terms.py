@@ -1,8 +1,10 @@
-"""The unknowns of a law of time: the modulus, and the terms of its Prony series.
+"""The unknowns of a viscoelastic law: the modulus and the terms of the Prony series.
 
-A candidate has the unknowns (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n) with mu_i = h_i mu_inf. The prior of
-the times is centred on times that divide the range of the data evenly in the logarithm, and extends to the neighbouring
-times. A fixed time has practically no uncertainty. The prior of h_i covers losses from 0.2 % to 400 % of the modulus.
+With n terms, a candidate has the unknowns (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n): the long-term shear
+modulus mu_inf, the modulus mu_i = h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal in the
+logarithms. The prior of h_i has the median 0.1 and the standard deviation 1.5 of ln h_i. The medians of tau_i divide
+the range of the data into n equal intervals of ln tau. The standard deviation is half of such an interval, or almost
+zero if the times are fixed.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ MODULUS_SIGMA = 3.0
 
 @dataclass(frozen=True)
 class Terms:
-    """The unknowns of a law of time with n terms.
+    """The unknowns of a viscoelastic law with n terms, and their prior; symbols as in the module `time.terms`.
 
     Attributes
     ----------
@@ -34,9 +36,9 @@ class Terms:
     range_s : tuple of float
         Range of the relaxation times.
     modulus_Pa : float
-        Middle of the prior of the modulus.
+        Median of the prior of the long-term shear modulus.
     free_times : bool
-        Whether the relaxation times are unknown.
+        Whether the relaxation times are unknown; otherwise they are fixed.
     """
 
     count: int
@@ -46,20 +48,20 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The means of the prior, (1 + 2 n,)."""
+        """The means of the prior of the unknowns, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
         return np.concatenate([[np.log(self.modulus_Pa)], np.full(self.count, np.log(_SHARE)), middle])
 
     @property
     def sigma(self) -> Array:
-        """The standard deviations of the prior, (1 + 2 n,)."""
+        """The standard deviations of the prior of the unknowns, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
-        """Return the instantaneous moduli (P,) in Pa and the Prony series of candidates (P, 1 + 2 n)."""
+        """Return the instantaneous shear moduli (P,) in Pa and the Prony series of P candidates, (P, 1 + 2 n)."""
         n = self.count
         long_term = np.exp(unknowns[:, 0])
         h = np.exp(np.clip(unknowns[:, 1 : 1 + n], -30, 10))

@@ -1,0 +1,250 @@
+"""Modal fit: damped vibrations, fitted to the signals of a ring-down.
+
+The reduced signals of a ring-down (`time.channels`) are sums of damped vibrations and a slow baseline,
+
+    z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
+
+with the time t since the first frame and the complex amplitude a_k of mode k. With the angular frequency omega and the
+decay rate delta of the mode at small amplitudes, the exponent of the first mode is
+
+    psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
+
+Its frequency and damping change with the square of the amplitude, as geometric nonlinearity causes (Nayfeh and Mook
+1979, Nonlinear Oscillations, section 2.3). At the first frame the frequency is higher by the fraction kappa_1, and the
+loss factor 2 delta / omega is larger by 2 kappa_2. The other modes have kappa_1 = kappa_2 = 0. A nonlinear beam also
+moves at two and three times its frequency. These harmonics are fitted too.
+
+The signals are linear in amplitudes and baseline, which are therefore eliminated (Golub and Pereyra 1973, SIAM J.
+Numer. Anal. 10:413).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.optimize import least_squares
+
+from eimi_fitting.time.channels import Signals
+
+Array = NDArray[np.float64]
+
+_LOSSES = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5)  # loss factors from which the fit starts
+_KNOT_PERIODS = 4.0  # smallest mean number of periods between knots of the baseline
+_MOST_KNOTS = 12
+SIGNIFICANT = 12.0  # an added term must lower chi-square by this many noise variances
+_PEAK = 60.0  # a peak is another mode if its power is this many times the median of the residuals
+_MOST_MODES = 3
+
+
+@dataclass(frozen=True)
+class ModalFit:
+    """A fit of m modes to signals; symbols as in the module `time.modal_fit`.
+
+    Attributes
+    ----------
+    signals : Signals
+        The signals, with n frames, r reduced signals and c channels.
+    modes : ndarray, shape (m, 2)
+        ln omega (in rad/s) and the loss factor 2 delta / omega of each mode.
+    bend : ndarray, shape (2,)
+        kappa_1 and kappa_2 of the first mode.
+    has_bend : bool
+        Whether kappa_1 and kappa_2 were fitted; otherwise they are 0.
+    chi2 : float
+        Sum of the squared residuals.
+    noise : float
+        Standard deviation of the residuals.
+    covariance : ndarray
+        Covariance of the fitted values of ``modes`` and ``bend``.
+    residuals : ndarray, shape (n, r)
+    linear : ndarray
+        Coefficients of the columns of `design_matrix` for each reduced signal.
+    """
+
+    signals: Signals
+    modes: Array
+    bend: Array
+    has_bend: bool
+    chi2: float
+    noise: float
+    covariance: Array
+    residuals: Array
+    linear: Array
+
+    @staticmethod
+    def first_of(signals: Signals, frequency: float) -> ModalFit:
+        """Return the fit of one mode near a frequency in Hz. The fit starts from the best of several loss factors."""
+        start = np.array([np.log(2 * np.pi * frequency), 0.0])
+        values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
+        start[1] = _LOSSES[int(np.argmin(values))]
+        return ModalFit.of(signals, start[None], False)
+
+    @staticmethod
+    def of(signals: Signals, modes: Array, has_bend: bool) -> ModalFit:
+        """Return the fit that starts from given modes.
+
+        Parameters
+        ----------
+        signals : Signals
+        modes : ndarray, shape (m, 2)
+            See the attribute ``modes``.
+        has_bend : bool
+            Whether to fit kappa_1 and kappa_2 too.
+        """
+        count = len(modes)
+
+        def residuals(x: Array) -> Array:
+            design = design_matrix(signals.time_s, x[: 2 * count].reshape(-1, 2), x[2 * count :])
+            orthogonal, _ = np.linalg.qr(design)
+            return np.asarray((signals.reduced - orthogonal @ (orthogonal.T @ signals.reduced)).ravel())
+
+        start = np.concatenate([modes.ravel(), np.zeros(2 if has_bend else 0)])
+        scale = np.tile([1e-3, 1e-2], len(start) // 2)
+        solved = least_squares(residuals, start, method="lm", x_scale=scale, diff_step=1e-6, max_nfev=60 * len(start))
+        residual = solved.fun.reshape(signals.reduced.shape)
+        fitted = solved.x[: 2 * count].reshape(-1, 2)
+        freedom = max(residual.size - solved.x.size - residual.shape[1] * 20, 1)
+        white = float(np.sqrt((residual**2).sum() / freedom))
+        noise = max(_band_noise(signals, residual, np.exp(fitted[0, 0]) / (2 * np.pi)), white)
+        covariance = noise**2 * np.linalg.pinv(solved.jac.T @ solved.jac)
+        bend = solved.x[2 * count :] if has_bend else np.zeros(2)
+        design = design_matrix(signals.time_s, fitted, bend)
+        linear = np.asarray(np.linalg.lstsq(design, signals.reduced, rcond=None)[0], float)
+        chi2 = float((residual**2).sum())
+        return ModalFit(signals, fitted, bend, has_bend, chi2, noise, covariance, residual, linear)
+
+    @property
+    def frequency_Hz(self) -> float:
+        """Frequency of the first mode at small amplitudes."""
+        return float(np.exp(self.modes[0, 0]) / (2 * np.pi))
+
+    def vibration_mm(self, which: int | None = None) -> Array:
+        """Return the fitted vibrations in all c channels and n frames, (n, c) in mm.
+
+        which: number of the mode, from 0; None: the sum of all modes and of the harmonics.
+        """
+        design = design_matrix(self.signals.time_s, self.modes, self.bend)
+        rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
+        return self.signals.in_mm(design[:, rows] @ self.linear[rows])
+
+    def slow_mm(self) -> Array:
+        """Return the fitted baseline in all c channels and n frames, (n, c) in mm.
+
+        The baseline includes the shift in proportion to the square of the amplitude.
+        """
+        # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
+        first = 2 * len(self.modes) + 4
+        design = design_matrix(self.signals.time_s, self.modes, self.bend)
+        return self.signals.in_mm(design[:, first:] @ self.linear[first:])
+
+    def amplitude_mm(self) -> Array:
+        """Return the amplitude of the first mode in n frames, (n,), in the channel with the largest amplitude."""
+        complex_amplitude = self.signals.in_mm(self.linear[0]) - 1j * self.signals.in_mm(self.linear[1])
+        time = self.signals.time_s - self.signals.time_s[0]
+        return float(np.abs(complex_amplitude).max()) * np.exp(exponent(time, self.modes[0], self.bend).real)
+
+
+def with_more_modes(fitted: ModalFit) -> ModalFit:
+    """Return a fit to which modes are added as long as a peak stands out from the spectrum of the residuals."""
+    while len(fitted.modes) < _MOST_MODES:
+        signals, n = fitted.signals, len(fitted.residuals)
+        step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
+        taper = np.exp(
+            -0.5 * 0.5 * fitted.modes[0, 1] * np.exp(fitted.modes[0, 0]) * (signals.time_s - signals.time_s[0])
+        )
+        power = (np.abs(np.fft.rfft(fitted.residuals * taper[:, None], 2 * n, axis=0)) ** 2).sum(axis=1)
+        f = np.fft.rfftfreq(2 * n, step)
+        others = np.exp(fitted.modes[:, 0]) / (2 * np.pi)
+        free = (f > 1.2 * others[0]) & (f < 0.45 / step)
+        for frequency in (*others, 2 * others[0], 3 * others[0]):
+            free &= np.abs(f / frequency - 1) > 0.12
+        if free.sum() < 10:
+            break
+        best = int(np.argmax(np.where(free, power, 0.0)))
+        if power[best] < _PEAK * np.median(power[free]):
+            break
+        mode = np.array([np.log(2 * np.pi * f[best]), max(fitted.modes[0, 1], 0.01)])
+        more = ModalFit.of(signals, np.concatenate([fitted.modes, mode[None]]), False)
+        frequencies = np.exp(more.modes[:, 0]) / (2 * np.pi)
+        is_sound = 0 < more.modes[-1, 1] < 1 and abs(frequencies[-1] / f[best] - 1) < 0.2
+        if not is_sound or fitted.chi2 - more.chi2 < 3 * SIGNIFICANT * more.noise**2:
+            break
+        fitted = more
+    return fitted
+
+
+def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
+    """Return the exponent psi of a mode at n times, complex, (n,); symbols as in the module `time.modal_fit`.
+
+    time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2, or empty for 0.
+    """
+    omega, loss = np.exp(mode[0]), mode[1]
+    delta = 0.5 * loss * omega
+    psi = (1j * omega - delta) * time
+    if len(bend) and np.any(bend):
+        shrunk = -np.expm1(-2 * delta * time) / (2 * delta) if abs(delta) > 1e-9 else time
+        psi = psi + (1j * bend[0] - bend[1]) * omega * shrunk
+    return np.asarray(psi)
+
+
+def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
+    """Return the functions of time whose sum is fitted, as columns (n, columns) at n times.
+
+    The columns are cosine and sine of each mode with its decay, cosine and sine of the two harmonics of the first mode,
+    the shift in proportion to the square of the first mode's amplitude, and the functions of the baseline. The
+    arguments are as for `exponent`, with a row of ``modes`` for each mode.
+    """
+    t = time - time[0]
+    first = exponent(t, modes[0], bend)
+    waves = [first, *(exponent(t, mode, np.zeros(0)) for mode in modes[1:])]
+    harmonics = [2 * first, 3 * first]
+    columns = [part for psi in (*waves, *harmonics) for part in wave(psi)]
+    columns.append(np.exp(2 * np.minimum(first.real, 30.0)))
+    frequency = float(np.exp(modes[0, 0]) / (2 * np.pi))
+    return np.column_stack([*columns, _baseline(time, frequency)])
+
+
+def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
+    """Return the real and the imaginary part of exp(psi), (n,) each, for the exponent psi of a mode at n times."""
+    size = np.exp(np.minimum(psi.real, 30.0))
+    return size * np.cos(psi.imag), size * np.sin(psi.imag)
+
+
+def _baseline(time: Array, frequency: float) -> Array:
+    """Return functions of time whose sums are a slow baseline, (n, functions) at n times.
+
+    The sums are cubic splines whose knots are at least 4 periods apart on average. For a recording of less than about 8
+    periods they are straight lines.
+    """
+    span = time[-1] - time[0]
+    inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
+    x = (time - time[0]) / span
+    # The material recovers fastest at the start, so the knots are denser there.
+    ends = np.linspace(0, 1, inner + 2) ** 1.5
+    degree = 3 if inner else 1
+    knots = np.concatenate([np.zeros(degree), ends, np.ones(degree)])
+    return np.asarray(BSpline.design_matrix(np.minimum(x, 1.0), knots, degree).toarray())
+
+
+def _misfit(signals: Signals, mode: Array) -> float:
+    """Return the sum of the squared residuals of a fit with one mode whose frequency and loss are given."""
+    orthogonal, _ = np.linalg.qr(design_matrix(signals.time_s, mode[None], np.zeros(0)))
+    inner = orthogonal.T @ signals.reduced
+    return float((signals.reduced**2).sum() - (inner**2).sum())
+
+
+def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
+    """Return the standard deviation of white noise that has the same power near a frequency as the residuals.
+
+    residuals: (n, r) in n frames; frequency: in Hz.
+    """
+    n = len(residuals)
+    step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
+    power = (np.abs(np.fft.rfft(residuals, axis=0)) ** 2).mean(axis=1) / n
+    f = np.fft.rfftfreq(n, step)
+    near = (f > 0.6 * frequency) & (f < 1.6 * frequency)
+    # The fit removes noise near the fitted frequency, too: about two lines of the spectrum for each mode.
+    return float(np.sqrt(power[near].mean() * near.sum() / max(near.sum() - 2, 1))) if near.sum() > 3 else 0.0
