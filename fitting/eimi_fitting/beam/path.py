@@ -298,19 +298,10 @@ def _advance(
 
     More steps are taken for a candidate whose step fails, or that may have left its equilibrium path. If a candidate
     buckles on its path in steps of two sizes, the path loses stability before the load is reached. No smaller steps are
-    then tried.
+    then tried. The configurations ``now`` of candidates that reach the load are overwritten. The first attempt begins
+    at ``near``, a configuration under a load close to the new load.
 
-    Parameters
-    ----------
-    now : Configuration
-        The configuration of all candidates, which is overwritten for candidates that reach the new load.
-    near : Configuration or None
-        A configuration under a load close to the new load, at which the first attempt begins.
-
-    Returns
-    -------
-    status, iterations : ndarray
-        For each of ``rows``.
+    Returns the status and the number of iterations of each of ``rows``.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
@@ -348,25 +339,14 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Move the candidates ``rows`` from the end of the path to a load in equal steps.
+    """Move the candidates ``rows`` from the end of the path to a load in ``cuts`` equal steps.
 
     If Newton's method does not converge in a few iterations, it may end at an equilibrium on another path (Deuflhard
     2011, Newton Methods for Nonlinear Problems, section 5.1). A candidate is certain to be on its path if it needs few
     iterations in each step.
 
-    Parameters
-    ----------
-    cuts : int
-        Number of steps.
-    only_try : bool
-        See `Solid.equilibrium`.
-
-    Returns
-    -------
-    reached, status, iterations
-        As from `Solid.equilibrium`, for each of ``rows``.
-    sure : ndarray of bool
-        Whether each of ``rows`` is certain to be on its path.
+    Returns configuration, status and iterations as `Solid.equilibrium` does, and whether each of ``rows`` is certain to
+    be on its path. only_try: see `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps

@@ -65,10 +65,7 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest ``count`` undamped frequencies of B candidates, (B, count) in Hz.
-
-        The stiffness is that of the modulus with which the equilibrium was computed, r = 1.
-        """
+        """Return the lowest undamped frequencies of B candidates with the modulus of the equilibrium, (B, count)."""
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
@@ -89,18 +86,17 @@ def complex_roots(
 ) -> ComplexArray:
     """Return the complex rates s of damped vibrations: det(r(s) K_m + K_g + s² M) = 0.
 
-    The symbols are those of the module `beam.vibration`. Only rates with a positive imaginary part (frequency) are
-    returned.
+    Only rates with a positive imaginary part (frequency) are returned.
 
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, r, r)
-        K_m, K_g and M of B candidates, reduced to r shapes.
+        K_m, K_g and M of B candidates, reduced to r shapes; see the module `beam.vibration`.
     ratio : callable
-        The function r(s): it takes rates (B, count) in 1/s and returns the complex modulus divided by the modulus of
-        the equilibrium, (B, count).
+        The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
+        equilibrium, (B, count).
     count : int
-        Number of modes. If it is larger than the number of shapes, all shapes are used.
+        Number of modes; at most the number of shapes is returned.
 
     Returns
     -------
@@ -123,10 +119,9 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration.
+    """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration with Aitken's acceleration.
 
-    The iteration is accelerated by Aitken's formula. lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the
-    mass M; the other symbols are those of the module `beam.vibration`.
+    lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M, see the module `beam.vibration`.
 
     Parameters
     ----------
@@ -161,20 +156,10 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest eigenvalues of the stiffness r K_m + K_g and the mass M, in 1/s², for q values of r.
+    """Return the lowest eigenvalues (B, q, count) of the stiffness r K_m + K_g and the mass M, in 1/s².
 
-    Parameters
-    ----------
-    material, rest, mass : ndarray, shape (B, r, r)
-        K_m, K_g and M of B candidates, reduced to r shapes; see the module `beam.vibration`.
-    stiffening : ndarray, shape (q,)
-        Real values of r(s).
-    count : int
-        Number of eigenvalues.
-
-    Returns
-    -------
-    ndarray, shape (B, q, count)
+    material, rest, mass: K_m, K_g and M of B candidates, (B, r, r); see the module `beam.vibration`. stiffening: q real
+    values of the ratio r.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -250,14 +235,9 @@ class Vibration:
         shapes : int
             Number of modes for each of ``stiffenings``, if ``basis`` is None.
         stiffenings : sequence of float
-            Ratios r of the modulus in a vibration to the modulus of the equilibrium. The undamped modes of the
-            stiffness r K_m + K_g (see the module) for all these ratios together are the shapes. A material is stiffer
-            in a vibration than at rest, and under large loads its modes then have other shapes.
-
-        Returns
-        -------
-        reduced : ReducedMotion
-        equilibria : Configuration
+            Ratios r of the modulus in a vibration to the modulus of the equilibrium. The undamped modes for all these
+            ratios together are the shapes. A material is stiffer in a vibration than at rest, and under large loads its
+            modes then have other shapes.
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
@@ -347,11 +327,7 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the unknowns of the elements, (m, E, B, u), in m shapes of B candidates.
-
-        free: unknowns of the nodes (m, B, n); rigid: motion of the body (m, B, 3). There are E elements with u unknowns
-        each.
-        """
+        """Return the unknowns (m, E, B, u) of E elements in m shapes: ``free`` of the nodes, ``rigid`` of the body."""
         solid = self._solid
         m, b = free.shape[:2]
         flat = np.zeros((m * b, solid.mesh.nodes.size))
@@ -377,7 +353,7 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices (B, m, m) of m shapes of B candidates. The arguments are as in `_local`."""
+        """Return the mass matrices (B, m, m) of m shapes of B candidates; for the arguments see `_local`."""
         m, e, b, u = local.shape
         d = self._solid.dimensions
         by_direction = local.reshape(m, e, b, d, u // d)
@@ -413,11 +389,10 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues (B, m) and the eigenvectors (B, m, m) of stiffness and mass; the modes have unit mass.
+    """Return eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m); the modes have unit mass.
 
-    stiffness, mass: symmetric matrices (B, m, m) of B candidates. The mass matrix must have ones on its diagonal. A
-    multiple of the rounding error is added to its diagonal, so that it is positive definite even if shapes are linearly
-    dependent.
+    The mass matrix must have ones on its diagonal. A multiple of the rounding error is added to its diagonal, so that
+    it is positive definite even if shapes are linearly dependent.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -427,10 +402,7 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the matrices (B, m, m) of m shapes, reduced from element matrices (E, B, u, u).
-
-    local: unknowns (m, E, B, u) of the E elements in the shapes of B candidates.
-    """
+    """Return the matrices (B, m, m) of m shapes (m, E, B, u), reduced from element matrices (E, B, u, u)."""
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
 
@@ -438,16 +410,10 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the tangent stiffness about an equilibrium in parts.
+    """Return the tangent stiffness about an equilibrium in parts, and the tie of the rigid body.
 
-    Returns
-    -------
-    material, rest : ndarray, shape (E, B, u, u)
-        The parts K_m and K_g of the stiffness of each of E elements with u unknowns, for B candidates; see the module.
-    tie : ndarray or None
-        Derivatives of the elements' unknowns by those of the rigid body, see `RigidBody.matrix`; None without a body.
-    body_rest : ndarray, shape (B, 3, 3)
-        The part of K_g that belongs to the body.
+    Returns K_m and K_g of each of E elements with u unknowns for B candidates, (E, B, u, u) each (see the module), then
+    the result of `RigidBody.matrix` or None without a body, and the part of K_g that belongs to the body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)
