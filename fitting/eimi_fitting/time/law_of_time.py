@@ -48,11 +48,14 @@ EXACT_LOAD = 1e-4
 """Smallest prior standard deviation of the logarithm of the factor on magnetic loads."""
 _OF_MOMENT = ("moment", "remanence")
 LOAD_SOURCES = (*_OF_MOMENT, "coil")
-"""Keys of the sources of uncertainty that multiply all magnetic loads; the factor on these loads contains their errors."""
+"""Keys of the sources of uncertainty that act as a factor on all magnetic loads."""
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainties of the magnetic loads by source; None if the moment has none."""
+    """Return the relative standard uncertainties of the factor on the magnetic loads, by the keys of `LOAD_SOURCES`.
+
+    None if the magnetic moment has no stated uncertainty.
+    """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
         return None
@@ -168,11 +171,17 @@ class TimeOptimum:
         return moves
 
     def load_step(self, sigma: float) -> Array:
-        """Return the move (m,) of the optimum if the mean of the prior of the load factor moves by ``sigma``."""
+        """Return the change of the m unknowns at the optimum if the prior of the load factor changes, (m,).
+
+        sigma: the change of the prior's mean, in the logarithm of the factor.
+        """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum near this one in which the moment has no stated uncertainty, only its wide prior."""
+        """Return the optimum if the magnetic moment is unknown: the prior of the load factor has the width `FREE_LOAD`.
+
+        The least-squares fit starts at this optimum.
+        """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
         chi2 = float((problem.rows(unknowns[None]) ** 2).sum())

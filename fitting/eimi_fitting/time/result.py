@@ -274,7 +274,10 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
-    """Return the factor on the stated moment with which static and dynamic states agree, if the moment is free."""
+    """Return the factor on the stated magnetic moment with which static states and motions agree.
+
+    free: the optimum with an unknown moment, see `TimeOptimum.with_free_load`.
+    """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(sources).values())
 
