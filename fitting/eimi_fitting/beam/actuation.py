@@ -65,7 +65,10 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """The members of `Grid` and `SolidGrid` that loads need."""
+    """The members of `Grid` and `SolidGrid` that loads need.
+
+    A mesh is built in a straight strip, which is mapped to the rest shape of the specimen (`beam.strip`).
+    """
 
     specimen: Specimen
     strip: Strip

@@ -1,7 +1,7 @@
 """Band matrices of all candidates of a batch: assembly, and factorisation of all candidates together by LAPACK.
 
-The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. LAPACK
-therefore factorises all blocks in one call, without a loop over the candidates.
+The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. If all
+matrices are positive definite, LAPACK therefore factorises all blocks in one call.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return the parts in which `matrix` expects element matrices (E, B, d, d), for E elements and B candidates."""
+        """Return element matrices (E, B, d, d), divided into the parts that `matrix` expects."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:

@@ -28,7 +28,8 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 class BentBeam:
     """The bent shapes of one candidate, or of P candidates, in K states.
 
-    If only one candidate was given, as parameters of shape (n,), the results have no axis of length P.
+    A candidate is one set of parameters of a law. If only one candidate was given, as parameters of shape (n,), the
+    results have no axis of length P.
 
     Attributes
     ----------

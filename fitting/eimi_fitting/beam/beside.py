@@ -41,6 +41,8 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 class SolidOptions:
     """Options for solving a solid model with the help of its planar model, and results of earlier solutions.
 
+    The depth effect is the difference between the shape of the solid and the planar shape (`beam.depth_effect`).
+
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
@@ -334,9 +336,10 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the similar depth effect whose largest place is nearest to the largest of the given places.
+    """Return the similar depth effect whose largest absolute place s is nearest to that of the given places.
 
-    Only depth effects that are valid at all given places are considered; None if no depth effect is valid.
+    `beam.depth_effect` defines s. Only depth effects that are valid at all given places are considered. None if there
+    is no such depth effect.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -344,7 +347,7 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return where the loads of K states lie on a line through the first load, shape (K,); None if they lie on no line.
+    """Return where the loads of K states lie on a line through the first load, (K,); None if they lie on no line.
 
     The values are distances from the first load, divided by the distance of the load that is farthest from the first.
     """

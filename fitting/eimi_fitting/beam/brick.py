@@ -78,7 +78,8 @@ def operators(mesh: Bricks) -> Operators:
     jacobian = np.einsum("eai,qar->eqir", x, local)
     det = np.linalg.det(jacobian)
     if np.any(det <= 0):
-        raise ValueError(f"element {int(np.argmax((det <= 0).any(axis=1)))} of the mesh is folded")
+        first = int(np.argmax((det <= 0).any(axis=1)))
+        raise ValueError(f"element {first} of the mesh is folded: check the rest shape of the specimen")
     weights = det * np.einsum("i,j,k->ijk", *(r[1] for r in rules)).ravel()
     slope = np.einsum("qar,eqrI->eqaI", local, np.linalg.inv(jacobian), optimize=True)  # dN_a/dX_I
     n = len(x)

@@ -161,8 +161,8 @@ class DepthEffect:
     def thinned(self, most: int) -> DepthEffect:
         """Return this depth effect with at most ``most`` solved states, which are chosen far apart from each other.
 
-        A polynomial through many places at equal distances is inaccurate between them. The depth effect must have no
-        base.
+        A polynomial through many places at equal distances is inaccurate between the places. The depth effect must have
+        no base.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)

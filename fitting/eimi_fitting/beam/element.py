@@ -89,7 +89,8 @@ def operators(mesh: Mesh) -> Operators:
     jacobian = np.einsum("eai,qar->eqir", x, slopes)
     det = np.linalg.det(jacobian)
     if np.any(det <= 0):
-        raise ValueError(f"element {int(np.argmax((det <= 0).any(axis=1)))} of the mesh is folded")
+        first = int(np.argmax((det <= 0).any(axis=1)))
+        raise ValueError(f"element {first} of the mesh is folded: check the rest shape of the specimen")
     weights = det * np.outer(weights_along, weights_across).ravel()
     if mesh.thickness is not None:
         weights = weights * (mesh.thickness[mesh.elements] @ values.T)
@@ -195,7 +196,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """B candidates that are solved together.
+    """B candidates that are solved together. A candidate is one set of parameters of a law.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the lines across silicone, magnet and silicone in mm, and the number of elements on each side.
+    """Return the lines across silicone, magnet and silicone in mm, and a number of elements.
 
     The number is that of the elements in the silicone on one side of the magnet.
     """
@@ -147,8 +147,8 @@ class Grid:
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return, for points (n, 2) of the straight strip in mm, whether each moves with the magnet, shape (n,).
 
-        If no silicone lies beyond a face of the magnet, points outside the specimen beyond this face move with the
-        magnet.
+        A face of the magnet may have no silicone beyond it. Points outside the specimen beyond such a face move with
+        the magnet.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm

@@ -37,7 +37,7 @@ class InvariantLaw(Protocol):
     """A law that gives the derivatives of its strain energy by the invariants."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W and its derivatives W_x, W_y and W_xx at x = I1 - 3 and y = I2 - 3."""
+        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def _direction(angle_deg: ArrayLike) -> Array:
-    """Return the unit vector (2,) of one angle, or the unit vectors (2, K) of K angles."""
+    """Return the unit vector (2,) of one angle in degrees, or the unit vectors (2, K) of K angles."""
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 

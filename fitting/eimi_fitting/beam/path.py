@@ -100,11 +100,12 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates with their parameters in MPa.
+    """P candidates. A candidate is one set of parameters of a law.
 
     Attributes
     ----------
     batch : Batch
+        The candidates with their parameters in MPa.
     field_factor : ndarray, shape (P,), or None
         Factor on the magnetic loads of each candidate; None: 1 for all candidates.
     sound : ndarray of bool, shape (P,)

@@ -91,7 +91,7 @@ class Strip:
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle of the centre line in rad at arc lengths (n,) in mm, (n,). It is constant along a magnet."""
+        """Return the angle (n,) of the centre line in rad at arc lengths (n,) in mm. It is constant along a magnet."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -166,14 +166,14 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth at rest of points of the straight strip, (n,) in mm.
+        """Return the distances (n,) from mid-depth at rest, in mm, for points of the straight strip.
 
         s: arc lengths (n,); z: distances from mid-depth in the strip (n,).
         """
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth in the straight strip of points of the beam at rest, (n,) in mm.
+        """Return the distances (n,) from mid-depth in the straight strip, in mm, for points of the beam at rest.
 
         s: arc lengths (n,); z: distances from mid-depth at rest (n,). This is the inverse of `z_at_rest_mm`.
         """
@@ -185,7 +185,7 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth at arc lengths (n,), divided by the depth of the straight strip, (n,).
+        """Return the depth divided by the depth of the straight strip, (n,), at arc lengths s (n,) in mm.
 
         None if the depth is the same everywhere.
         """

@@ -327,7 +327,10 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the unknowns (m, E, B, u) of E elements in m shapes: ``free`` of the nodes, ``rigid`` of the body."""
+        """Return the values of all unknowns of E elements in m shapes, (m, E, B, u), for B candidates.
+
+        free: unknowns of the nodes in the shapes; rigid: motion of the body; u: number of unknowns of an element.
+        """
         solid = self._solid
         m, b = free.shape[:2]
         flat = np.zeros((m * b, solid.mesh.nodes.size))

@@ -70,7 +70,7 @@ class Material:
 
     @property
     def long_term(self) -> Material:
-        """The same material with long-term moduli, which are reached after a long time."""
+        """The same material with long-term moduli. Without a Prony series, the moduli are the same."""
         if self.relaxation is None:
             return self
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])

@@ -68,8 +68,10 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
 
     With nu = alpha/2 and c = a/(2 J) = cosh(ln(lambda1/lambda2)), lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c).
     At equal stretches, c = 1, the closed forms of the derivatives are 0/0. For c near 1, g is therefore computed by the
-    series of the Chebyshev function T_nu in powers of c - 1. The ratio of successive coefficients is (nu^2 - k^2) /
-    ((2k + 1)(k + 1)) (Abramowitz and Stegun, 15.4.3).
+    series of the Chebyshev function T_nu in powers of c - 1 (Abramowitz and Stegun, 15.4.3). The coefficients b_k of
+    the series satisfy
+
+        b_(k+1) / b_k = (nu^2 - k^2) / ((2k + 1)(k + 1)).
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu

@@ -61,7 +61,7 @@ class SearchSpace:
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa at P points (P, m) of the unit cube; None if it is not a coordinate."""
+        """Return the bulk moduli (P,) in Pa at P points (P, m) of the unit cube; None if K is not a coordinate."""
         if not self.has_bulk:
             return None
         x = self.physical(unit)
@@ -75,7 +75,7 @@ class SearchSpace:
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Convert P points (P, m) of the unit cube into physical coordinates (P, m)."""
+        """Return the physical coordinates (P, m) of P points (P, m) of the unit cube."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -83,7 +83,7 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Convert P points (P, m) of the unit cube into n parameters of the law, (P, n)."""
+        """Return the n parameters of the law, (P, n), at P points (P, m) of the unit cube."""
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
         return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))

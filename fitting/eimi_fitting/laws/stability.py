@@ -123,7 +123,8 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
     """Return, for each of P candidates, whether all scanned deformations at one level are stable, (P,).
 
-    largest: logarithm of the largest principal stretch at this level, (P,).
+    A level is a value of the largest principal stretch. largest: the logarithm of this stretch for each candidate,
+    (P,).
     """
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))

@@ -35,8 +35,9 @@ def _stiffness() -> Array:
     """Return the coefficients of the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, (10, 3).
 
     The rows are the powers of s = q - 1, with the square q of the two equal stretches. The columns are the parameters
-    C10, C20 and C30, in which the polynomial is linear. In equibiaxial tension I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 +
-    1, I2 = (q^3 + 2)/q, and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
+    C10, C20 and C30, in which the polynomial is linear. In equibiaxial tension
+
+        I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """
     q = Polynomial([1.0, 1.0])
     x = 2 * q**3 - 3 * q**2 + 1
@@ -67,7 +68,10 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters (P, 3) of P candidates from the coordinates 2 C10, C20/C10 and C30/C10, (P, 3)."""
+        """Return the parameters (P, 3) of P candidates from the coordinates of the search, (P, 3).
+
+        The coordinates are 2 C10, C20/C10 and C30/C10.
+        """
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:

@@ -261,6 +261,8 @@ def _segment(
     """Return start and end (s) of the part that is fitted, and the doubts about this part.
 
     In this part the beam decays freely, and its amplitude is below 5 % of the length.
+
+    frequency: in Hz; length_mm: length of the beam; is_stepped: see `decay_of`.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []

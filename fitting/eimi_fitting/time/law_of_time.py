@@ -92,20 +92,26 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the evidence for P candidates with m unknowns (P, m), (P, k)."""
+        """Return the k residuals of the evidence for P candidates, (P, k).
+
+        unknowns: the m unknowns of each candidate, (P, m).
+        """
         instantaneous, series = self.terms.split(unknowns[:, :-1])
         with np.errstate(all="ignore"):
             rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the residuals of P candidates (P, m), (P, k + m): k of the evidence, then m of the priors."""
+        """Return the k residuals of the evidence, then the m residuals of the priors, for P candidates, (P, k + m).
+
+        unknowns: the m unknowns of each candidate, (P, m).
+        """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidates (P, m), (P,).
+        """Return the root of the sum of the squared residuals for P candidates, (P,); infinity if one is not finite.
 
-        Infinity if a residual is not finite.
+        unknowns: the m unknowns of each candidate, (P, m).
         """
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))

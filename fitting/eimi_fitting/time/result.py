@@ -167,9 +167,9 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage moduli of P candidates (P, m) at an angular frequency omega in rad/s, (P,) in Pa.
+    """Return the storage moduli of P candidates at an angular frequency, (P,) in Pa.
 
-    unknowns: the m unknowns of each candidate.
+    unknowns: the m unknowns of each candidate, (P, m); omega: angular frequency in rad/s.
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     return np.asarray(instantaneous * series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0].real)

@@ -90,7 +90,7 @@ class RingingBeam:
         return BeamModel(self.specimen, plane=self.specimen.planar_section)
 
     def parameters(self, modulus_Pa: Array) -> Array:
-        """Return the parameters of the law for B initial shear moduli (B,) in Pa, (B, n)."""
+        """Return the n parameters of the law, (B, n), for B initial shear moduli (B,) in Pa."""
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
         return np.where(is_modulus, np.asarray(modulus_Pa)[:, None] * self.shape, self.shape)
 
@@ -298,7 +298,10 @@ class RingTable:
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:
-    """Return Lagrange's polynomials at P places, (P, F): each is 1 at one of F nodes and 0 at the other nodes."""
+    """Return the values of F Lagrange polynomials at P places, (P, F).
+
+    Each polynomial is 1 at one of F nodes and 0 at the other nodes.
+    """
     values = np.ones((len(at), len(nodes)))
     for k, node in enumerate(nodes):
         for other in np.delete(nodes, k):

@@ -61,7 +61,10 @@ class Terms:
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
-        """Return the instantaneous shear moduli (P,) in Pa and the Prony series of P candidates, (P, 1 + 2 n)."""
+        """Return the instantaneous shear moduli (P,) in Pa and the Prony series of P candidates.
+
+        unknowns: the 1 + 2 n unknowns of each candidate, (P, 1 + 2 n).
+        """
         n = self.count
         long_term = np.exp(unknowns[:, 0])
         h = np.exp(np.clip(unknowns[:, 1 : 1 + n], -30, 10))
