@@ -129,6 +129,10 @@ class Calibration(Document):
             raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
         if self.camera_tilt_deg is not None and self.stand_off_mm is None:
             raise ValueError("stand_off_mm is missing: camera_tilt_deg has an effect only at a stated distance")
+        if "camera_tilt_deg" in (self.uncertainty or {}) and self.stand_off_mm is None:
+            raise ValueError(
+                "stand_off_mm is missing: [uncertainty] camera_tilt_deg has an effect only at a stated distance"
+            )
         if self.camera_tilt_deg is not None and max(map(abs, self.camera_tilt_deg)) > LARGEST_CAMERA_TILT_DEG:
             raise ValueError(
                 f"camera_tilt_deg = {list(self.camera_tilt_deg)} should be two angles "

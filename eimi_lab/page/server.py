@@ -225,9 +225,9 @@ def _listen(host: str, port: int) -> socket.socket:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family)  # now: the address is printed before the server runs
     except OSError as error:
+        reason = str(error.strerror).partition(" (while")[0]  # Python adds the address, which the line states already
         raise InputError(
-            f"--host {host} --port {port}: the program cannot listen there ({error.strerror}); "
-            "give another address or port"
+            f"--host {host} --port {port}: the program cannot listen there ({reason}); give another address or port"
         ) from error
 
 

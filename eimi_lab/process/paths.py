@@ -52,6 +52,8 @@ def with_prefix(absolute: str, short: str) -> str:
         prefix keeps it. In such a path, ``..`` is resolved here, because behind the prefix Windows takes ``..`` for the
         name of a folder.
     """
+    if absolute.startswith(_UNC_PREFIX):  # `..` cannot lead above the shared folder
+        return _UNC_PREFIX + ntpath.normpath("\\\\" + absolute.removeprefix(_UNC_PREFIX))[2:]
     if absolute.startswith(_PREFIX):
         return _PREFIX + ntpath.normpath(absolute.removeprefix(_PREFIX))
     drive = ntpath.splitdrive(absolute)[0]

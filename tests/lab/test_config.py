@@ -214,6 +214,8 @@ def test_a_bad_protocol_is_refused_in_one_line(old: str, new: str, expected: str
         ("distortion = [0.0, 0.0, 0.0, 0.0]", "camera_matrix and distortion belong together"),
         ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px should have more values than 1"),
         ("telecentric = true\nstand_off_mm = 300.0", "stand_off_mm = 300 has no meaning beside telecentric"),
+        ("camera_tilt_deg = [1.0, 0.0]", "stand_off_mm is missing: camera_tilt_deg has an effect only"),
+        ("[uncertainty]\ncamera_tilt_deg = 1.0", "stand_off_mm is missing: [uncertainty] camera_tilt_deg has"),
     ],
 )
 def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expected: str) -> None:

@@ -19,6 +19,7 @@ DEEP = "\\folder" * 40
         (f"\\\\?\\C:{DEEP}\\run.h5", f"\\\\?\\C:{DEEP}\\run.h5"),
         (f"\\\\?\\C:{DEEP}\\runs\\..\\frames/a.png", f"\\\\?\\C:{DEEP}\\frames\\a.png"),
         (f"\\\\?\\UNC\\server\\share{DEEP}\\..\\x", f"\\\\?\\UNC\\server\\share{DEEP[:-7]}\\x"),
+        (f"\\\\?\\UNC\\server\\share\\..\\..{DEEP}", f"\\\\?\\UNC\\server\\share{DEEP}"),
         ("\\\\.\\COM10", "run.h5"),
         ("C:\\" + "x" * (LONGEST_PLAIN - 3), "run.h5"),
     ],

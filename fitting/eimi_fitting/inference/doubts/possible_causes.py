@@ -332,6 +332,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         (1.0, 1.0),
         _by_picture(_pitched),
         "a calibration board in the plane of the beam",
+        "tilt",
     ),
     _of_source("rest_shape", "rest-shape", (0.5, 0.3, 0.3), _REST_PICTURE),
     _of_source("taper", "taper", (0.06,), "the width at both ends of the beam"),
