@@ -82,7 +82,7 @@ def test_the_chosen_states_distinguish_two_laws() -> None:
 def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
     with pytest.raises(KeyError):
         candidates(NEO_HOOKEAN, BEAM, Loads.along([1.0, 2.0]), (), NOISE, "C10")
-    with pytest.raises(ValueError, match="3 states of 2"):
+    with pytest.raises(ValueError, match="choose 3 states: only 2 states"):
         exchange(of_fields(2), 3)
 
 
