@@ -2,7 +2,7 @@
 
 interfaces    what a supply, a camera and a sensor must offer, and the errors that they raise
 contract      check a driver against the interfaces
-installed     find drivers by name: built in, announced by another package, or added by a program
+installed     find a driver by its name: a driver of this package, of another package, or added by a program
 supplies      drivers of power supplies; `open_supply` opens one by name
 cameras       drivers of cameras; `open_camera` opens one by name
 sensors       drivers of gaussmeters and other sensors; `open_sensor` opens one by name
@@ -13,7 +13,7 @@ lan_instruments  list the instruments that announce themselves on the network
 discovery     list the instruments that are attached
 clock         the time on a bench and on the virtual rig
 
-This package knows currents, voltages and pixels. It imports neither `eimi_lab` nor `eimi_fitting`.
+This package handles currents, voltages and pixels only. It imports neither `eimi_lab` nor `eimi_fitting`.
 """
 
 import logging

@@ -6,28 +6,28 @@ import time
 
 
 class WallClock:
-    """Count real seconds with the monotonic clock of the operating system."""
+    """Clock of a bench, which follows the monotonic clock of the operating system."""
 
     def now(self) -> float:
-        """Return the seconds since an arbitrary zero."""
+        """Return the time since an arbitrary zero, s."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait for this number of real seconds; return at once if it is not positive."""
+        """Wait for `seconds` (s) of real time; return at once if `seconds` is not positive."""
         if seconds > 0:
             time.sleep(seconds)
 
 
 class SimulatedClock:
-    """Count simulated seconds, which pass only during `sleep`; a simulated hour takes no real time."""
+    """Clock of the virtual rig, whose time advances only by calls of `sleep`, without any real wait."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now = start_s
 
     def now(self) -> float:
-        """Return the simulated seconds since the start."""
+        """Return the simulated time, s."""
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Advance the simulated time without waiting."""
+        """Advance the simulated time by `seconds` (s) without waiting."""
         self._now += max(seconds, 0.0)

@@ -1,4 +1,7 @@
-"""Check that drivers and instruments have the members that `interfaces` defines; report all faults in one line."""
+"""Check that drivers and instruments have the members that `eimi_drivers.interfaces` requires.
+
+All faults of a driver are reported together in one line.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +21,13 @@ from eimi_drivers.interfaces import (
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not follow `SupplyDriver` or is a class that lacks a supply member."""
+    """Raise UnusableDriver if the call of a driver differs from `SupplyDriver`, or a class lacks a supply member."""
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not follow `CameraDriver` or is a class that lacks a camera member."""
+    """Raise UnusableDriver if the call of a driver differs from `CameraDriver`, or a class lacks a camera member."""
     _raise(
         "camera",
         name,
@@ -34,23 +37,23 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_sensor_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver does not follow `SensorDriver` or is a class that lacks a sensor member."""
+    """Raise UnusableDriver if the call of a driver differs from `SensorDriver`, or a class lacks a sensor member."""
     faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
     _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])
 
 
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
-    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `PowerSupply`."""
+    """Check an open supply. If a member of `PowerSupply` is missing, close the supply and raise UnusableDriver."""
     _check_opened("supply", name, driver, supply, PowerSupply)
 
 
 def check_camera(name: str, driver: object, camera: Camera) -> None:
-    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `Camera`."""
+    """Check an open camera. If a member of `Camera` is missing, close the camera and raise UnusableDriver."""
     _check_opened("camera", name, driver, camera, Camera)
 
 
 def check_sensor(name: str, driver: object, sensor: Sensor) -> None:
-    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `Sensor`."""
+    """Check an open sensor. If a member of `Sensor` is missing, close the sensor and raise UnusableDriver."""
     _check_opened("sensor", name, driver, sensor, Sensor)
 
 
@@ -81,7 +84,7 @@ def _name(driver: object) -> str:
 
 
 def _class_faults(driver: object, protocol: type) -> Iterator[str]:
-    """Yield the faults that a class shows before it is called; a function shows none before it is called."""
+    """Yield the missing and wrong members of a driver that is a class; yield nothing for a function."""
     if not inspect.isclass(driver):
         return
     for name in sorted(getattr(driver, "__abstractmethods__", ())):
@@ -92,7 +95,7 @@ def _class_faults(driver: object, protocol: type) -> Iterator[str]:
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """Yield the name of each missing or wrong member of a protocol, with one line of text."""
+    """Yield, for each member of a protocol that `subject` lacks or that is wrong, its name and the fault in words."""
     for name, kind in protocol.__annotations__.items():
         if not hasattr(subject, name):
             yield name, f"{name} is missing, which should be its {kind}"
@@ -107,7 +110,7 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a line of text if `subject` cannot be called like `member`, the corresponding member of the protocol."""
+    """Yield a line of text if `subject` does not accept the arguments of `member`, its counterpart in the protocol."""
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):
         yield f"{name} is {subject!r}, but should be {_called(name, member)}"
@@ -119,7 +122,7 @@ def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: 
 
 
 def _takes(subject: Callable[..., Any], count: int) -> bool:
-    """Return whether a callable accepts `count` positional arguments; True if its signature is not available."""
+    """Return whether a callable accepts `count` positional arguments, or has no signature that can be inspected."""
     try:
         inspect.signature(subject).bind(*range(count))
     except TypeError:
@@ -134,6 +137,6 @@ def _called(name: str, member: Callable[..., Any]) -> str:
 
 
 def _shown(signature: inspect.Signature) -> str:
-    """Return the text of a signature without ``self``, as its caller writes it."""
+    """Return a signature as text without ``self``, quotation marks and the ``/`` of positional arguments."""
     parameters = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
     return str(signature.replace(parameters=parameters)).replace("'", "").replace(", /", "")

@@ -1,4 +1,7 @@
-"""List the attached instruments and the driver for each. No supply is opened, because it may be in use."""
+"""List the attached instruments and the driver for each instrument.
+
+The search opens no supply, because another program may be using the supply.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +26,16 @@ from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
 
 KORAD_USB_IDS = frozenset({(0x0416, 0x5011)})
-"""USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies; some printers have it too."""
+"""USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies, and in some printers."""
 
 SENSOR_USB_IDS = {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
-"""USB vendor and product numbers of gaussmeters (Linux, drivers/usb/serial/cp210x.c)."""
+"""The driver for each gaussmeter, by USB vendor and product number (source: Linux, drivers/usb/serial/cp210x.c)."""
 
 BOARD_USB_VENDORS = {
     **{0x2341: "Arduino", 0x2A03: "Arduino", 0x239A: "Adafruit", 0x1B4F: "SparkFun"},
     **{0x2E8A: "Raspberry Pi", 0x303A: "Espressif", 0x16C0: "Teensy"},
 }
-"""USB vendor numbers of microcontroller boards, which may be sensors that answer in lines of text."""
+"""Makers of microcontroller boards by USB vendor number. A board may be a sensor that answers in lines of text."""
 
 SERIAL_DRIVERS = "korad, genesys, aim-tti, one of the SCPI drivers, or of a sensor"
 SCPI_DRIVERS = "scpi or the family's own"
@@ -40,18 +43,18 @@ SCPI_DRIVERS = "scpi or the family's own"
 
 @dataclass(frozen=True)
 class Found:
-    """Describe an attached instrument that a rig file can name.
+    """An attached instrument, with the values that a rig file needs for it.
 
     Parameters
     ----------
     kind : "supply", "camera" or "sensor"
         The kind of instrument.
     driver : str
-        The name of the driver. If the port does not identify the instrument, the possible drivers joined by "or".
+        The name of the driver. If the port does not identify the instrument, the possible drivers in words.
     address : str
-        The value for the rig file: `address` of a supply, `source` of a camera.
+        The value for the rig file: `address` of a supply or a sensor, `source` of a camera.
     text : str
-        The operating system's description of the instrument.
+        The description of the instrument by the operating system, or by the library that lists the instrument.
     """
 
     kind: Literal["supply", "camera", "sensor"]
@@ -62,15 +65,15 @@ class Found:
 
 @dataclass(frozen=True)
 class Discovery:
-    """Hold the result of a search for instruments.
+    """The result of a search for instruments.
 
     Parameters
     ----------
     found : tuple of Found
         The attached instruments.
     notes : tuple of str
-        Sentences for the user about searches that failed, ports that cannot be opened and instruments that are
-        missing, each with a remedy.
+        Sentences for the user: searches that failed, ports without permission, missing kinds of instruments, and
+        drivers that other packages or this program add.
     """
 
     found: tuple[Found, ...]
@@ -78,9 +81,10 @@ class Discovery:
 
 
 def discover() -> Discovery:
-    """List serial ports, instruments of the network, VISA resources and cameras.
+    """Return the attached instruments: serial ports, instruments on the network, VISA resources and cameras.
 
-    The searches of the network wait some seconds for answers. They run at the same time.
+    The searches on the network wait some seconds for answers. The search by mDNS therefore runs in parallel with the
+    other searches.
     """
     with ThreadPoolExecutor(max_workers=1) as network:
         announced = network.submit(_search, "instruments of the network (mDNS)", list_network)
@@ -107,7 +111,7 @@ def discover() -> Discovery:
 
 
 def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Return the instruments that a search found, and a note if the library of the search raised an error."""
+    """Call `search`; return the instruments, and a note for the user if `search` raised an error."""
     try:
         return search(), ()
     except Exception as error:  # these libraries belong to others and can raise anything
@@ -130,7 +134,10 @@ def _forbidden(port: str) -> bool:
 
 
 def _no_permission(port: str) -> str:
-    return f"{port}: no permission to open this port; on Linux, join its group (dialout or uucp), then log in again"
+    return (
+        f"{port}: no permission to open this port; on Linux, add your user to the group of the port (dialout or uucp) "
+        "and log in again"
+    )
 
 
 def _drivers_from_elsewhere() -> tuple[str, ...]:
@@ -143,10 +150,9 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """List the serial ports with pyserial.
+    """Return the serial ports, with the driver of the instrument if its USB numbers identify it.
 
-    A gaussmeter or a board is recognised by its USB numbers. Nothing is sent: an instrument behind an adapter may be in
-    the middle of a run, and may take any message for a command.
+    Nothing is sent to a port. The instrument at the port may be in use, and may take any message for a command.
     """
     ports = sorted(attached_ports(), key=lambda port: str(port.device))
     return tuple(_serial_instrument(port) for port in ports)
@@ -163,32 +169,35 @@ def _serial_instrument(port: Any) -> Found:
 
 
 def list_network() -> tuple[Found, ...]:
-    """List the instruments that announce themselves on the network, without connecting to them."""
+    """Return the instruments that announce themselves on the network. No connection to an instrument is opened."""
     return tuple(
         Found(
             kind="supply",
             driver=instrument.recognised.driver if instrument.recognised else SCPI_DRIVERS,
             address=instrument.address or f"TCPIP::{instrument.host}::5025::SOCKET",
-            text=instrument.text if instrument.address else f"{instrument.text}; the port is a guess, see its manual",
+            text=instrument.text if instrument.address else f"{instrument.text}; port 5025 is assumed, see its manual",
         )
         for instrument in list_lan_instruments()
     )
 
 
 def _host(address: str) -> str:
-    """Return the host in a VISA resource of the network; for any other resource, the whole address."""
+    """Return the host in the address of a VISA resource on the network; for any other resource, the whole address."""
     parts = address.split("::")
     return parts[1] if parts[0].upper().startswith("TCPIP") and len(parts) > 2 else address
 
 
 def _described(description: str | None, serial_number: str | None) -> str:
-    """Describe a port as the operating system does; the serial number distinguishes two adapters of one type."""
+    """Return the operating system's description of a port, with the serial number of its USB adapter if there is one.
+
+    The serial number distinguishes two adapters of the same type.
+    """
     text = description if description not in (None, "n/a") else "serial port"
     return f"{text}, serial number {serial_number}" if serial_number else f"{text}"
 
 
 def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Return the VISA resources except serial ports, and notes about buses that could not be searched."""
+    """Return the VISA resources other than serial ports, and notes about buses that could not be searched."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -208,7 +217,7 @@ VIDEO_DEVICES = Path("/sys/class/video4linux")
 
 
 def list_cameras(devices: Path = VIDEO_DEVICES) -> tuple[Found, ...]:
-    """List the cameras that Linux knows, without the additional device nodes that contain only metadata."""
+    """Return the cameras that Linux lists, without the device nodes that deliver metadata instead of images."""
     if not devices.is_dir():
         return ()
     cameras = []
@@ -220,7 +229,7 @@ def list_cameras(devices: Path = VIDEO_DEVICES) -> tuple[Found, ...]:
 
 
 def list_basler_cameras() -> tuple[Found, ...]:
-    """List the Basler cameras with their serial numbers; return an empty tuple if pypylon is not installed."""
+    """Return the Basler cameras with their serial numbers; an empty tuple if pypylon is not installed."""
     try:
         from pypylon import pylon
     except ImportError:
@@ -230,7 +239,7 @@ def list_basler_cameras() -> tuple[Found, ...]:
 
 
 def list_genicam_cameras() -> tuple[Found, ...]:
-    """List the GigE Vision and USB3 Vision cameras with their serial numbers; return nothing without Aravis."""
+    """Return the GigE Vision and USB3 Vision cameras with serial numbers; an empty tuple if Aravis is not installed."""
     if not aravis_is_installed():
         return ()
     return tuple(
@@ -245,7 +254,10 @@ def list_genicam_cameras() -> tuple[Found, ...]:
 
 
 def list_gentl_cameras() -> tuple[Found, ...]:
-    """List the cameras of the GenTL producers with their serial numbers; return nothing without harvesters."""
+    """Return the cameras that the installed GenTL producers list, with their serial numbers.
+
+    The tuple is empty if no producer or no package ``harvesters`` is installed.
+    """
     if not producer_files():
         return ()
     try:

@@ -1,6 +1,7 @@
 """Look up drivers by name.
 
-A driver belongs to this package, is announced by another installed package, or was added by a program.
+A driver comes from one of three places: this package, another installed package that announces it, or a program that
+adds it.
 """
 
 from __future__ import annotations
@@ -16,28 +17,28 @@ Driver = TypeVar("Driver")
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return a suggestion such as "; did you mean 'korad'?", or an empty text if no name is similar to `name`."""
+    """Return a suggestion such as "; did you mean 'korad'?"; empty if none of `names` is similar to `name`."""
     nearest = get_close_matches(name, list(names), n=1)
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
 class Drivers(MutableMapping[str, Driver], Generic[Driver]):
-    """Map names to the drivers of one kind. A program adds a driver with ``SUPPLIES["mine"] = driver``.
+    """Mapping from names to the drivers of one kind of instrument.
 
-    If a program adds a driver under a name that an installed package also announces, the driver of the program is used.
-    A name that this package uses cannot be given to another driver.
+    A program adds a driver with ``SUPPLIES["mine"] = driver``. If an installed package announces a driver with the same
+    name, the driver of the program is used. The name of a driver of this package cannot be used for another driver.
 
     Parameters
     ----------
     kind : str
-        "supply" or "camera"; used in messages.
+        The kind of instrument for messages: "supply", "camera" or "sensor".
     group : str
         The group of entry points (`importlib.metadata`) in which other packages announce their drivers. A driver is
-        imported when it is requested.
+        imported only when it is requested.
     own : Mapping
-        The drivers of this package.
+        The drivers of this package by name.
     reserved : Collection of str
-        Further names that cannot be given to a driver.
+        Further names that no driver can have.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:
@@ -53,7 +54,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         Raises
         ------
         UnknownDriver
-            No driver has this name; the message suggests a similar name. UnknownDriver is also a KeyError.
+            No driver has this name. The message suggests a similar name. UnknownDriver is also a KeyError.
         UnusableDriver
             A package announces the driver, but the driver cannot be imported.
         """
@@ -74,12 +75,12 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
             ) from error
 
     def __setitem__(self, name: str, driver: Driver) -> None:
-        """Add a driver until this process ends.
+        """Add a driver to the mapping until this process ends.
 
         Raises
         ------
         ValueError
-            The name is used by this package.
+            The name belongs to a driver of this package or is reserved.
         TypeError
             The name is not a text, or the driver is not callable.
         """
@@ -97,7 +98,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         Raises
         ------
         ValueError
-            The driver belongs to this package, or another package announces it.
+            The driver comes from this package or from another package.
         UnknownDriver
             No driver has this name.
         """
@@ -129,6 +130,6 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
 
     def _unknown(self, name: str) -> UnknownDriver:
         return UnknownDriver(
-            f"there is no {self._kind} driver {name!r}; those that exist: {', '.join(sorted(self))}"
+            f"there is no {self._kind} driver {name!r}; the names are: {', '.join(sorted(self))}"
             f"{did_you_mean(str(name), self)}"
         )

@@ -2,13 +2,15 @@
 
 The suite uses an instrument only through these interfaces. A supply is any object with the members of `PowerSupply`. A
 camera is any object with the members of `Camera`, and a sensor is any object with the members of `Sensor`. Inheritance
-is not needed. A driver is the class of such an object, or a function that returns one; `SupplyDriver`, `CameraDriver`
-and `SensorDriver` define how it is called. The members listed in a protocol are required. The protocol's docstring
-lists the optional members, and the value that the suite assumes if one is absent.
+is not needed. A driver is a class or a function that opens an instrument and returns the object for it. The arguments
+of a driver are defined by `SupplyDriver`, `CameraDriver` and `SensorDriver`.
 
-`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have these members, and report
-missing ones in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing` check the
-behaviour of a driver.
+The members listed in a protocol are required. The protocol's docstring lists the optional members. For each optional
+member it gives the value that the suite assumes if the member is absent.
+
+`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members. They
+report all missing members in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing`
+check the behaviour of a driver.
 """
 
 from __future__ import annotations
@@ -32,37 +34,37 @@ class InstrumentDisconnected(InstrumentError):
 
 
 class EndOfPlayback(InstrumentDisconnected):
-    """Report that a recording, which replaces a camera, has no more frames."""
+    """Report that a recording, which is played back in place of a camera, has no more frames."""
 
 
 class ReplyNotUnderstood(InstrumentError):
-    """Report an answer that does not follow the instrument's protocol."""
+    """Report an answer whose form the instrument's protocol does not allow."""
 
 
 class SetPointRefused(InstrumentError):
-    """Report that a requested set-point is outside the limits; it was not sent."""
+    """Report that a requested set-point is outside the limits and was not sent to the instrument."""
 
 
 class SetPointNotTaken(InstrumentError):
-    """Report that the set-point read back differs from the one that was sent."""
+    """Report that a setting in the instrument differs from the setting that the driver sent."""
 
 
 class ProtectionTripped(InstrumentError):
-    """Report that over-current, over-voltage or over-temperature protection switched the output off."""
+    """Report that the output is off without a command: a protection tripped, or a person switched the output off."""
 
 
 class SwitchOffFailed(InstrumentError):
-    """Report that the supply could not be confirmed to be off.
-
-    The message lists every stage of switching off with its outcome, or gives the measured current.
+    """Report that the driver could not confirm that the supply is off.
 
     Parameters
     ----------
     message : str
-        The stages that failed, or the current that still flows.
-    current_A, limit_A : float, optional
-        The measured current (A), and the current (A) below which the supply counts as off. None if no current was
-        measured.
+        The outcome of every stage of switching off, or the current that still flows, or the doubt about the identity of
+        the supply.
+    current_A : float, optional
+        The measured current, A. None if no current was measured.
+    limit_A : float, optional
+        The largest current with which the supply counts as off, A. None if no current was measured.
     """
 
     def __init__(self, message: str, current_A: float | None = None, limit_A: float | None = None) -> None:
@@ -72,33 +74,33 @@ class SwitchOffFailed(InstrumentError):
 
 
 class AnotherSupply(InstrumentError):
-    """Report that a different instrument answers at the supply's address after the line was reopened."""
+    """Report that the instrument at the supply's address is not the instrument that was identified there before."""
 
 
 class AnotherSensor(InstrumentError):
-    """Report that a different instrument answers at the sensor's address after the line was reopened."""
+    """Report that the instrument at the sensor's address is not the instrument that was identified there before."""
 
 
 def raised(error: BaseException) -> str:
-    """Return the type and the words of an error on one line, for the message of an InstrumentError."""
+    """Return the type and the message of an error as one line, which becomes part of an InstrumentError's message."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 class UnusableDriver(InstrumentError):
-    """Report that a driver cannot be imported or lacks a required member; the instrument is not at fault."""
+    """Report that a driver cannot be imported or lacks a member that is needed. The instrument is not at fault."""
 
 
 class UnknownDriver(UnusableDriver, KeyError):
     """Report that no driver has the requested name."""
 
     def __str__(self) -> str:
-        """Return the message without the quotation marks that a KeyError adds."""
+        """Return the message without the quotation marks that `KeyError` puts around a message."""
         return str(self.args[0])
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Identify the instrument that answered.
+    """The identity of an instrument that has answered.
 
     Parameters
     ----------
@@ -109,8 +111,8 @@ class Identity:
     address : str
         The address at which the instrument answered.
     serial_number : str
-        The serial number of the instrument or of its USB port; empty if neither has one. Without a serial number two
-        instruments of the same model cannot be distinguished.
+        The serial number that the instrument sent, or else the serial number of its USB port. Empty if neither exists:
+        two instruments of the same model then cannot be distinguished.
     """
 
     driver: str
@@ -121,18 +123,18 @@ class Identity:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bound the set-points of a supply.
+    """The limits of the set-points of a supply.
 
     Parameters
     ----------
     current_A : float
-        The largest permitted current, A; positive. A bipolar supply may also be set to currents down to
-        ``-current_A``.
+        The largest permitted current, A; positive. The smallest permitted current is 0, or ``-current_A`` if the supply
+        is bipolar.
     voltage_V : float
         The largest permitted voltage, V; positive.
     off_below_A : float, optional
-        The supply counts as off if the measured current (A) is below this value. None selects the value of the
-        supply's family, see `eimi_drivers.supplies.off.off_limit_A`.
+        The largest measured current with which the supply counts as off, A. None selects the value of the supply's
+        family, see `eimi_drivers.supplies.off.off_limit_A`.
     """
 
     current_A: float
@@ -142,7 +144,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Reading:
-    """Hold the measured output current (A) and voltage (V)."""
+    """The output current (A) and the output voltage (V) that a supply measured."""
 
     current_A: float
     voltage_V: float
@@ -150,16 +152,16 @@ class Reading:
 
 @dataclass(frozen=True)
 class Off:
-    """Record that a supply was switched off and that its current was measured afterwards.
+    """The measurement that confirms that a supply is off.
 
     Parameters
     ----------
     current_A : float
-        The last measured current, A.
+        The last measured current, A. Its magnitude is at most `limit_A`.
     limit_A : float
-        The current below which the supply counts as off, A; `current_A` is below it.
+        The largest current with which the supply counts as off, A.
     found_off : bool
-        True if the line to the supply had to be reopened and the output was already off then.
+        True if the driver had to reopen the line to the supply and the output was already off after the reopening.
     """
 
     current_A: float
@@ -169,16 +171,16 @@ class Off:
 
 @dataclass(frozen=True)
 class Frame:
-    """Hold one camera image.
+    """One image of a camera, with its number and its time.
 
     Parameters
     ----------
     image : ndarray, shape (height, width) or (height, width, 3), uint8 or uint16
         Grey values, or colours in the order blue, green, red.
     number : int
-        The frame number that the device counts. A gap in the numbers means that frames were dropped.
+        The number that the camera gives to the frame. Missing numbers between two frames mean that frames were dropped.
     timestamp_s : float
-        The device's time stamp, s. Its zero is arbitrary.
+        The camera's time stamp of the frame, s. The zero of the time is arbitrary.
     """
 
     image: NDArray[Any]
@@ -188,83 +190,93 @@ class Frame:
 
 @runtime_checkable
 class PowerSupply(Protocol):
-    """Define the members of a supply that drives a coil with a set current.
+    """The members of a power supply that feeds a coil with a constant current.
 
     Every call ends within 5 s, either with an answer or with InstrumentTimeout. Every error is an InstrumentError.
 
     Optional members:
 
     without_contact: str
-        See `SupplyDriver`. The text of the open instrument is stored with the dataset.
+        A text that describes what the output does if the cable is pulled or the computer fails. The suite stores this
+        text in the dataset. Absent: the suite stores that this behaviour is not known.
     reads_zero_within_A: float
-        The largest current (A) that `measure` of a healthy unit returns when no current flows. Absent: 0.
+        The largest current (A) that `measure` of a healthy supply returns when no current flows. Absent: 0.
     measures_current: bool
         True if `measure` returns a measured current, not a set-point. Absent: True.
     """
 
     limits: Limits
-    """The limits with which the supply was opened; a set-point outside them is never sent."""
+    """The limits with which the supply was opened. A set-point outside the limits is never sent."""
 
     def identify(self) -> Identity:
-        """Ask the instrument for its identity."""
+        """Return the identity that the supply reports."""
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
 
     def set_current(self, current_A: float) -> None:
-        """Set the current and read the set-point back. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
 
     def set_output(self, on: bool) -> None:
-        """Switch the output and verify it."""
+        """Switch the output on or off, and verify that it has switched."""
 
     def output_on(self) -> bool:
-        """Ask the instrument whether its output is on."""
+        """Return whether the supply reports that its output is on."""
 
     def measure(self) -> Reading:
-        """Measure the output."""
+        """Return the measured output current (A) and output voltage (V)."""
 
     def check(self) -> None:
-        """Raise ProtectionTripped or InstrumentError if the instrument reports a fault."""
+        """Raise ProtectionTripped or InstrumentError if the supply reports a fault."""
 
     def safe_off(self) -> Off | None:
-        """Set zero current, switch the output off, verify both, and measure the current.
+        """Set the current to zero, switch the output off, verify both settings, and measure the current.
 
-        Every step is attempted even if an earlier step fails. Raises SwitchOffFailed.
+        Every step is tried even if an earlier step fails.
 
-        Returns the measured current with its limit. A driver that does not measure here returns None; the suite then
-        calls `measure`.
+        Returns
+        -------
+        Off or None
+            The measured current and its limit. None if the driver does not measure the current in this call. The suite
+            then calls `measure`.
+
+        Raises
+        ------
+        SwitchOffFailed
+            The driver could not confirm that the supply is off.
         """
 
     def close(self) -> None:
-        """Release the port and leave the output as it is; `safe_off` switches it off. Closing twice is allowed."""
+        """Release the port and leave the output as it is. Closing twice is allowed. `safe_off` switches off."""
 
 
 class SupplyDriver(Protocol):
-    """Define how a class or a function that opens a supply is called.
+    """The arguments of a supply driver, which is a class or a function that opens a supply.
 
-    Opening a supply sends no message, so that an output that is on stays on.
+    The driver sends no message when it opens a supply. An output that is on therefore stays on.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the instrument. The driver is then called with the line instead of the address. The suite can
-        record every message (`eimi acquire --transcript`), and a second stop signal (Ctrl-C) takes effect between two
-        messages. Absent: the driver is called with the address, and no call of the supply is ever interrupted.
+        Opens the line to the supply. The driver is then called with the line instead of the address. With `connect` the
+        suite can record every message (`eimi acquire --transcript`), and a second stop signal (Ctrl-C) takes effect
+        between two messages. Absent: the driver is called with the address, and no call of the supply is interrupted.
     bipolar: bool
         True if negative currents can be set. Absent: False.
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. Absent: not known.
+        A text that describes what the output does if the cable is pulled or the computer fails. Absent: the suite
+        reports that this behaviour is not known.
     channels: tuple[int, int]
         The lowest and the highest channel number that an address may have after `#`. Absent: (1, 1).
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
-        """Open the supply at `link`: the line that `connect` returned, or the address as text."""
+        """Open a supply and return it. `link` is the line that `connect` returned, or the address as text."""
 
 
 @runtime_checkable
 class Camera(Protocol):
-    """Define the members of a camera, or of an object that replaces one.
+    """The members of a camera, or of an object that takes the place of a camera.
 
     `eimi_drivers.cameras.timed` makes all calls from one thread and sets a deadline for each call. Every error is an
     InstrumentError.
@@ -272,47 +284,47 @@ class Camera(Protocol):
     Optional members:
 
     settings: CameraSettings
-        The settings that the camera read back when it was opened. Absent: the camera has no settings, and the suite
-        refuses to open it with one.
+        The settings that were read back from the camera when it was opened. Absent: the camera has no settings, and the
+        suite refuses to open the camera if a setting is requested.
     lost_frames: Mapping[str, int]
-        How many of the frames that were exposed for a `grab` did not arrive completely since the camera was opened, by
-        the reason. Absent: not known; gaps in the numbers of the frames count them.
+        For each reason, the number of frames that were exposed for a `grab` but did not arrive completely. The count
+        begins when the camera is opened. Absent: the suite counts the missing frame numbers instead.
     """
 
     def identify(self) -> Identity:
-        """Ask the camera for its identity."""
+        """Return the identity of the camera."""
 
     def flush(self) -> None:
         """Discard the frames that were exposed before this call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame. Raises InstrumentTimeout, InstrumentDisconnected."""
+        """Return the next frame within `timeout_s` (s). Raises InstrumentTimeout, InstrumentDisconnected."""
 
     def close(self) -> None:
-        """Release the device. Closing twice is allowed."""
+        """Release the camera. Closing twice is allowed."""
 
 
 class CameraDriver(Protocol):
-    """Define how a class or a function that opens a camera and applies its settings is called."""
+    """The arguments of a camera driver, which is a class or a function that opens a camera."""
 
     def __call__(self, source: str | int, settings: Any, /) -> Camera:
-        """Open the camera at `source` (device number or path, as in the rig file) and apply the `CameraSettings`."""
+        """Open a camera, apply the `CameraSettings` and return it. `source` is a device number or a path."""
 
 
 @dataclass(frozen=True)
 class SensorReading:
-    """Hold one value of a sensor.
+    """One value of a sensor, with its unit and its time.
 
     Parameters
     ----------
     value : float
-        The value, in `unit`; finite.
+        The value in `unit`; finite.
     unit : str
-        The unit: "mT" for a field, "degC" for a temperature, and otherwise the sensor's own.
+        "mT" for a field, "degC" for a temperature, and for any other quantity the unit that the sensor uses.
     time_s : float
-        The time at which the value came, s on the clock with which the sensor was opened.
+        The time at which the value arrived, s, on the clock with which the sensor was opened.
     standard_uncertainty : float or None
-        The standard uncertainty of the value in `unit`, as the sensor states it; None if it states none.
+        The standard uncertainty of the value in `unit`, as the sensor reports it. None if the sensor reports none.
     """
 
     value: float
@@ -323,47 +335,47 @@ class SensorReading:
 
 @runtime_checkable
 class Sensor(Protocol):
-    """Define the members of a sensor: a gaussmeter, a thermometer, or another source of one number.
+    """The members of a sensor: a gaussmeter, a thermometer, or another instrument that measures one number.
 
-    Every call ends within 4 s, and within 2 s on a line on which nothing answers. Every error is an InstrumentError. No
-    call changes a setting of the instrument.
+    Every call ends within 4 s, or within 2 s if no instrument answers on the line. Every error is an InstrumentError.
+    No call changes a setting of the sensor.
     """
 
     name: str
     """The name of the driver."""
 
     timeout_s: float
-    """The longest time until an answer, s."""
+    """The longest time that the driver waits for an answer, s."""
 
     def identify(self) -> Identity:
-        """Ask the instrument for its identity."""
+        """Return the identity that the sensor reports."""
 
     def read(self) -> SensorReading:
-        """Ask for a new value. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
+        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
 
     def close(self) -> None:
         """Release the port. Closing twice is allowed."""
 
 
 class SensorDriver(Protocol):
-    """Define how a class or a function that opens a sensor is called.
+    """The arguments of a sensor driver, which is a class or a function that opens a sensor.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the instrument. The driver is then called with the line instead of the address. Absent: the
+        Opens the line to the sensor. The driver is then called with the line instead of the address. Absent: the
         driver is called with the address.
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:
-        """Open the sensor at `link`: the line that `connect` returned, or the address as text."""
+        """Open a sensor and return it. `link` is the line that `connect` returned, or the address as text."""
 
 
 class Clock(Protocol):
-    """Define the clock of a rig: real time on a bench, simulated time on the virtual rig."""
+    """The clock of a rig: real time on a bench, simulated time on the virtual rig."""
 
     def now(self) -> float:
-        """Return the seconds since an arbitrary zero; the value never decreases."""
+        """Return the time since an arbitrary zero, s. The time never decreases."""
 
     def sleep(self, seconds: float) -> None:
-        """Wait for this number of seconds of the clock's time."""
+        """Wait until the time of this clock has advanced by `seconds` (s)."""

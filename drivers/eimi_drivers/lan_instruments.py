@@ -1,8 +1,8 @@
 """List the instruments that announce themselves on the local network (multicast DNS).
 
-An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number, and its interfaces as
-``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). No connection to an
-instrument is opened, because it may be in use.
+An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number. It announces its
+interfaces as ``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). The
+search opens no connection to an instrument, because the instrument may be in use.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from zeroconf import InterfaceChoice, IPVersion, ServiceBrowser, ServiceInfo, Se
 from eimi_drivers.supplies.recognised import Recognised, recognise
 
 SEARCH_S = 2.5
-"""Time (s) that the instruments in the network have to answer."""
+"""Time (s) for which the search waits for the answers of the instruments on the network."""
 
 RAW, HISLIP, VXI_11, LXI = "_scpi-raw._tcp.local.", "_hislip._tcp.local.", "_vxi-11._tcp.local.", "_lxi._tcp.local."
 
 
 @dataclass(frozen=True)
 class LanInstrument:
-    """Describe an instrument that announced itself.
+    """An instrument that announced itself on the local network.
 
     Parameters
     ----------
     host : str
-        Its IPv4 address.
+        The IPv4 address of the instrument.
     address : str
-        The VISA resource of its best interface; empty if it announced only its web page and the port of its
+        The VISA resource of the instrument. Empty if the instrument announced only its web page and the TCP port for
         commands is unknown.
     text : str
-        Maker, model and serial number, as far as they were announced.
+        Maker, model and serial number, as far as the instrument announced them.
     recognised : Recognised or None
-        The driver for this maker and model; None if there is none.
+        The driver for this maker and model; None if no driver fits.
     """
 
     host: str
@@ -46,7 +46,7 @@ class LanInstrument:
 
 @dataclass
 class _Announced:
-    """Collect the announcements of one host: the port of each kind of service, and the fields of their TXT records."""
+    """The announcements of one host: the port of each kind of service, and the fields of the TXT records."""
 
     ports: dict[str, int] = field(default_factory=dict)
     fields: dict[str, str] = field(default_factory=dict)
@@ -56,19 +56,20 @@ class _Announced:
 def list_lan_instruments(
     search_s: float = SEARCH_S, interfaces: Sequence[str] | InterfaceChoice = InterfaceChoice.Default
 ) -> tuple[LanInstrument, ...]:
-    """Ask the network for instruments and wait for answers.
+    """Return the instruments that announce themselves on the network within `search_s`.
 
     Parameters
     ----------
     search_s : float
         The duration of the search, s.
     interfaces : sequence of str or InterfaceChoice
-        The addresses of the network interfaces; the default is the interface of the default route.
+        The addresses of this computer's network interfaces that are searched. The default is the interface of the
+        default route.
 
     Returns
     -------
     tuple of LanInstrument
-        The instruments, ordered by their addresses.
+        The instruments, sorted by `host`.
 
     Raises
     ------
@@ -113,7 +114,11 @@ def _instrument(host: str, announced: _Announced) -> LanInstrument:
 
 
 def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
-    """Return the VISA resource: a socket if its port is announced or known, else HiSLIP, else VXI-11; empty if none."""
+    """Return the VISA resource through which the instrument at `host` can be opened.
+
+    A socket if the TCP port is announced in `ports` or known from `recognised`; otherwise HiSLIP, otherwise VXI-11.
+    Empty if the instrument offers none of the three.
+    """
     if port := ports.get(RAW) or (recognised.port if recognised else 0):
         return f"TCPIP::{host}::{port}::SOCKET"
     if HISLIP in ports:

@@ -1,4 +1,4 @@
-"""The serial ports of this computer, as pyserial lists them."""
+"""List the serial ports of this computer with pyserial."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def attached_ports() -> Iterable[Any]:
-    """Return the attached serial ports, each a `ListPortInfo` of pyserial.
+    """Return the serial ports of this computer, each as a `ListPortInfo` of pyserial.
 
     Raises
     ------

@@ -322,7 +322,7 @@ def test_drivers_are_added_and_removed_as_laws_are(drivers: Any, own: str) -> No
 def test_a_wrong_name_is_answered_with_the_nearest(act: Callable[[str], object]) -> None:
     with pytest.raises(UnknownDriver, match=r"^there is no supply driver 'korat'; those .*did you mean 'korad'\?$"):
         act("korat")
-    with pytest.raises(KeyError, match=r"those that exist: [^?]*$"):
+    with pytest.raises(KeyError, match=r"the names are: [^?]*$"):
         act("polaroid")
 
 

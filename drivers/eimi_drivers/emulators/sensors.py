@@ -199,7 +199,7 @@ def emulate_sensor(driver: str, quantity: EmulatedQuantity) -> Responder:
     """Return an emulated sensor with the dialect of a driver. Raises InstrumentError if no dialect has this name."""
     if driver not in SENSOR_DIALECTS:
         raise InstrumentError(
-            f"there is no emulated sensor {driver!r}; those that exist: {', '.join(SENSOR_DIALECTS)}"
+            f"there is no emulated sensor {driver!r}; the names are: {', '.join(SENSOR_DIALECTS)}"
             f"{did_you_mean(driver, SENSOR_DIALECTS)}"
         )
     return SENSOR_DIALECTS[driver](quantity)

@@ -93,7 +93,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     """
     if dialect not in DIALECTS:
         raise InstrumentError(
-            f"there is no emulated supply {dialect!r}; those that exist: {', '.join(DIALECTS)}"
+            f"there is no emulated supply {dialect!r}; the names are: {', '.join(DIALECTS)}"
             f"{did_you_mean(dialect, DIALECTS)}"
         )
     first, last = getattr(supply_driver(dialect), "channels", (1, 1))
