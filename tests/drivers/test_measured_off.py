@@ -81,7 +81,7 @@ def test_the_limit_of_the_rig_replaces_that_of_the_family(coil):
     supply = energised("genesys", coil, Limits(1.0, 12.0, off_below_A=0.03))
     assert off_limit_A(supply) == 0.03
     coil.offset_A = 0.05
-    with pytest.raises(SwitchOffFailed, match=r"at most 0\.03 A counts as off"):
+    with pytest.raises(SwitchOffFailed, match=r"must be at most 0\.03 A"):
         supply.safe_off()
     assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # the unit is a GEN30-50
 

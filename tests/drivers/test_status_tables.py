@@ -331,7 +331,7 @@ def test_a_set_point_outside_the_range_of_a_ql_names_the_range() -> None:
     with tti("QL") as bench:
         bench.line.receive(b"RANGE1 2\n")
         bench.supply.set_current(0.5)
-        with pytest.raises(InstrumentError, match=r"error 120: .* \(RANGE1\? is answered R1 2\)"):
+        with pytest.raises(InstrumentError, match=r"error 120: .* \(the answer to RANGE1\? is R1 2\)"):
             bench.supply.set_current(0.7)
         assert bench.coil.state.set_current_A == 0.5
 

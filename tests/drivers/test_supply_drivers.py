@@ -72,7 +72,7 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
 def test_a_lost_off_command_is_found_by_the_read_back(staged_bench):
     staged_bench.energise()
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.supply.name]["off"]))
-    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*says that it is on"):
+    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*reports that the output is on"):
         staged_bench.supply.safe_off()
     assert staged_bench.coil.state.set_current_A == 0.0
     staged_bench.line.inject(None)
@@ -107,7 +107,7 @@ def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
     with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
         staged_bench.supply.set_output(True)
     if staged_bench.supply.name != "genesys":  # a Genesys that obeys answers OK, so that the lost message is a timeout
-        assert "switched on but the instrument says that it is off" in str(caught.value)
+        assert "switched on, but the supply reports that the output is off" in str(caught.value)
 
 
 @given(current_A=st.floats(0.0, 0.7))

@@ -32,7 +32,7 @@ def test_the_watchdog_switches_off_after_messages_have_stopped(bench_of: Any) ->
 def test_the_output_stays_off_if_the_watchdog_does_not_start(bench_of: Any) -> None:
     bench = bench_of(N6700)
     bench.line.inject(Fault.SILENCE, lambda message: message == b"OUTP:PROT:WDOG 1\n")
-    with pytest.raises(SetPointNotTaken, match=r"watchdog of 10 s was not set: OUTP:PROT:WDOG\? is answered 0"):
+    with pytest.raises(SetPointNotTaken, match=r"was not set to 10 s: the answer to OUTP:PROT:WDOG\? is 0"):
         bench.energise()
     assert not bench.coil.state.output
 

@@ -104,7 +104,10 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
 
 
 def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSupply:
-    """Open the ordinary driver with this name on an emulated supply, in the time of the supply's clock."""
+    """Connect the driver with this name to an emulated supply in the same process, and return the open supply.
+
+    All waits use the clock of the emulated supply.
+    """
     link = InProcessTransport(emulate(driver, supply), supply.clock, address=f"emulated {driver}")
     return supply_driver(driver)(link, limits, supply.clock)
 

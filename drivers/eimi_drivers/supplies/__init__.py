@@ -1,10 +1,10 @@
-"""Drivers of power supplies, and `open_supply`, which opens one by name.
+"""Drivers of power supplies, and `open_supply`, which opens a supply by the name of its driver.
 
 supply_names    the drivers by name
-base            what every driver shares: limits, read-back, protection, switching off in stages
-values          set-points as text, and the numbers and lines in answers
-recognised      the driver that fits an identification
-identity        the serial number in an identification
+base            the functions of every driver: limits, read-back, protection, switching off in stages
+values          convert set-points to text, and answers to numbers or lines of text
+recognised      find the driver of a supply from its identification text
+identity        find the serial number in an identification text
 off             measure the current until the coil is off
 korad           Korad supplies and their relabelled versions
 genesys         TDK-Lambda Genesys over a serial line
@@ -16,10 +16,10 @@ owon            Owon SPE supplies
 profile         the commands and queries of a SCPI family
 scpi_profiles   the command strings of each SCPI family
 transport       bytes over a serial line, over VISA or to an emulator in the same process
-interruptible   a line that can be left between two messages
-foreign         the errors of other packages' drivers in one line
-logged          a line whose messages go into the log
-transcript      a line whose messages are written to a file, or read from one
+interruptible   a line on which the exchange of messages can be interrupted between two messages
+foreign         report every error of another package's driver in one line
+logged          a line whose messages are written to the log
+transcript      a line whose messages are recorded in a file or played back from a file
 """
 
 from eimi_drivers.supplies.supply_names import SUPPLIES, open_supply

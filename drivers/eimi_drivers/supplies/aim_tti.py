@@ -1,12 +1,12 @@
 """Drive Aim-TTi supplies of the QL (Series II), MX, QPX and CPX series over TCP, USB or RS-232.
 
-The commands contain the number of the output: ``V1 12.00``, ``OP1 1``. On the LAN the supply answers on TCP port 9221.
+The commands contain the number of the output: ``V1 12.00``, ``OP1 1``. On the LAN the supply accepts commands on TCP
+port 9221. It also answers VXI-11, but only so that programs can find it on the network.
 
-Sources: MX180T/TP instruction manual, page 35 (commands and responses); QPX600D/DP instruction manual, page 30 (limit
-event status register); manual of the Sorensen XDL series II, which is a QL, pages 33 (the same register) and 38 (lock,
-trips, modes). The register of the CPX series and the numbers of the errors are as drivers of other projects quote them
-from the manuals (msl-equipment for MX, python-dvg-devices for QL); those pages were not at hand. On the LAN the supply
-answers VXI-11 only so that it can be discovered; commands need the socket.
+Sources: MX180T/TP instruction manual, page 35 (commands and responses). QPX600D/DP instruction manual, page 30 (limit
+event status register). Manual of the Sorensen XDL series II, which is the same as the QL series, pages 33 (limit event
+status register) and 38 (lock, trips, modes). The register of the CPX series and the error numbers come from drivers of
+other projects (msl-equipment for MX, python-dvg-devices for QL), because these pages of the manuals were not available.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from dataclasses import dataclass, field
 
 from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading
 from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
-from eimi_drivers.supplies.scpi_profiles import OVER_BOTH
+from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, TOO_HOT
 from eimi_drivers.supplies.transport import Transport, open_visa
 from eimi_drivers.supplies.values import number_in
 
 LONGEST_LINE = 256
 
 LAST_HARDWARE_ERROR = 99
-"""Numbers of errors from 1 to this one report a fault of the hardware."""
+"""The largest error number that means a hardware fault; the smallest is 1."""
 
 OUT_OF_RANGE = frozenset({100, 120})
-"""Errors that a set-point outside the present range causes."""
+"""Numbers of the errors that a set-point outside the present range causes."""
 
 ERRORS: Mapping[int, str] = {
     100: "the number is outside the permitted range",
@@ -50,32 +50,35 @@ ERRORS_OF_QL: Mapping[int, str] = {
 """The meaning of each number that ``EER?`` answers on the QL series."""
 
 EVENTS: Mapping[int, str] = {
-    0x20: "it did not understand a message",
+    0x20: "the supply did not understand a message",
     0x08: "the output did not reach a value within 5 s",
     0x04: "an answer was not read, or was read without a query",
 }
-"""Bits of ``*ESR?`` that report an error without a number. Bit 0x10 reports an error whose number ``EER?`` answers."""
+"""The meaning of each bit of ``*ESR?`` that reports an error without a number.
+
+Bit 0x10 reports an error with a number; the answer to ``EER?`` is this number.
+"""
 
 NUMBERED_ERROR = 0x10
 
 
 @dataclass(frozen=True)
 class Series:
-    """Describe how one series differs from the others.
+    """The properties in which one series of Aim-TTi supplies differs from the others.
 
     Parameters
     ----------
     trips : mapping of int to str
-        Bits of the limit event status register (``LSR1?``) that report a trip, with their meaning. Its other bits
-        report constant voltage, constant current, and the limit of the power.
+        The bits of the limit event status register (``LSR1?``) that report a tripped protection, with their meaning.
+        The other bits of the register report constant voltage, constant current, and the limit of the power.
     errors : mapping of int to str
-        The meaning of the numbers that ``EER?`` answers.
+        The meaning of each number that ``EER?`` answers.
     current_step_A : str
-        The step of the current set-points.
+        The step of the current set-points (A) as decimal text.
     range : str
-        The query for the range of an output; empty if the series has one range.
+        The query for the range of an output. Empty if the series has only one range.
     switches_protections : bool
-        True if a protection also has to be switched on (``OVP1 ON``).
+        True if a protection must be switched on (``OVP1 ON``) in addition to setting its level.
     """
 
     trips: Mapping[int, str]
@@ -86,11 +89,12 @@ class Series:
 
 
 _OVP, _OCP = "over-voltage protection tripped", "over-current protection tripped"
-_SENSE, _FATAL = "the sense terminals tripped it", "a fault tripped it that only switching off the mains clears"
+_SENSE = "a fault at the sense terminals switched the output off"
+_FATAL = "a fault switched the output off; it is cleared only by switching the mains of the supply off"
 
 SERIES: Mapping[str, Series] = {
     "QL": Series(
-        {0x04: _OVP, 0x08: _OCP, 0x10: "it is too hot", 0x20: _SENSE, 0x80: "the auxiliary output tripped"},
+        {0x04: _OVP, 0x08: _OCP, 0x10: TOO_HOT, 0x20: _SENSE, 0x80: "the auxiliary output tripped"},
         ERRORS_OF_QL,
         "0.001",
         "RANGE{channel}?",
@@ -105,15 +109,15 @@ _MODEL = re.compile(r"[^,]*,\s*(QL|MX|QPX|CPX)")
 
 
 class AimTtiSupply(SupplyBase):
-    """Drive one output of an Aim-TTi supply; the channel in its address, such as ``#2``, is the number of the output.
+    """Driver of one output of an Aim-TTi supply. The channel in the address, such as ``#2``, is the output's number.
 
-    Before the first set-point the driver clears the registers of old errors and requests the exclusive control of the
-    supply (``IFLOCK``), so that no other interface can change it. The driver releases the control after it has switched
-    the output off. The messages that switch off are sent even if another interface holds the lock.
+    Before the first set-point the driver clears the error registers of the supply and requests exclusive control
+    (``IFLOCK``). While the driver has control, no other interface can change the supply. The driver releases control
+    after it has switched the output off. It sends the messages that switch off even if another interface has control.
 
-    The driver never changes a range. A set-point outside the present range is reported with that range. The
-    set-points of the current have steps of 1 mA on the QL and MX series and of 10 mA on the others. Until the supply is
-    identified, the driver uses steps of 10 mA.
+    The driver never changes the range of an output. If a set-point is outside the present range, the error message
+    contains the range. The current set-points have steps of 1 mA for the QL and MX series and of 10 mA for the other
+    series. Until the supply is identified, the driver uses steps of 10 mA.
     """
 
     name = "aim-tti"
@@ -130,24 +134,32 @@ class AimTtiSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource or the serial line."""
+        """Open the VISA resource or the serial line at the address and return the line."""
         return open_visa(address)
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``. Raises AnotherSupply if the identity has changed, InstrumentError if the series is unknown."""
+        """Return the identity from the answer to ``*IDN?``.
+
+        Raises
+        ------
+        AnotherSupply
+            The identity has changed.
+        InstrumentError
+            The supply belongs to none of the series in `SERIES`.
+        """
         identity = self._identity(self._ask("*IDN?"))
         match = _MODEL.match(identity.text)
         if match is None:
             raise InstrumentError(
-                f"{self._link.address}: {identity.text!r} is of none of the series {', '.join(SERIES)}, whose status "
-                "registers the driver aim-tti knows"
+                f"{self._link.address}: {identity.text!r} belongs to none of the series that the driver aim-tti "
+                f"supports: {', '.join(SERIES)}"
             )
         self._identified_series = SERIES[match[1]]
         self.current_step_A = self._identified_series.current_step_A
         return identity
 
     def output_on(self) -> bool:
-        """Ask the instrument whether its output is on."""
+        """Return whether the supply reports that its output is on."""
         question = self._fill("OP{channel}?")
         reply = self._ask(question)
         if reply.strip() not in {b"0", b"1"}:
@@ -155,7 +167,7 @@ class AimTtiSupply(SupplyBase):
         return reply.strip() == b"1"
 
     def measure(self) -> Reading:
-        """Measure the output current and voltage."""
+        """Return the measured output current (A) and output voltage (V)."""
         return Reading(
             current_A=self._value("I{channel}O?", unit="A"),
             voltage_V=self._value("V{channel}O?", unit="V"),
@@ -197,21 +209,27 @@ class AimTtiSupply(SupplyBase):
         return int(reply)
 
     def _take_control(self) -> None:
-        """Clear old errors and request the exclusive control, once. Raises InstrumentError if it is refused."""
+        """Clear old errors and request exclusive control, unless this driver already has control.
+
+        Raises
+        ------
+        InstrumentError
+            The supply refuses the control.
+        """
         if self._in_control:
             return
         self._send("*CLS")
         reply = self._ask("IFLOCK")
         if reply.strip() != b"1":
             raise InstrumentError(
-                f"{self._link.address}: it does not give its control to this program (IFLOCK is answered "
-                f"{reply.strip().decode('latin-1')!r}): another interface holds the lock, or its web page forbids this "
-                "interface to set anything. Close the other program, or press LOCAL at the front panel"
+                f"{self._link.address}: the supply refuses control by this program (the answer to IFLOCK is "
+                f"{reply.strip().decode('latin-1')!r}): another interface holds the lock, or the supply's web page "
+                "forbids settings through this interface. Close the other program, or press LOCAL at the front panel"
             )
         self._in_control = True
 
     def _disarm_watchdog(self) -> None:
-        """Release the control after switching off, if this interface has it."""
+        """Release the exclusive control of the supply after switching off, if this interface has it."""
         self._in_control = False
         if self._ask("IFLOCK?").strip() == b"1":
             self._ask("IFUNLOCK")
@@ -222,16 +240,16 @@ class AimTtiSupply(SupplyBase):
         if events & NUMBERED_ERROR:
             reported.append(self._error_in_words(self._register("EER?")))
         if reported:
-            raise InstrumentError(f"{self._link.address}: the instrument reports: {'; '.join(reported)}")
+            raise InstrumentError(f"{self._link.address}: the supply reports: {'; '.join(reported)}")
 
     def _error_in_words(self, number: int) -> str:
         series = self._series
         if 1 <= number <= LAST_HARDWARE_ERROR:
-            return f"error {number}: a fault of its hardware"
-        words = f"error {number}: {series.errors.get(number, 'a number that its manual does not list')}"
+            return f"error {number}: a fault of the supply's hardware"
+        words = f"error {number}: {series.errors.get(number, 'the manual of the supply does not list this number')}"
         if number in OUT_OF_RANGE and series.range:
             question = self._fill(series.range)
-            words += f" ({question} is answered {self._line(question, self._ask(question))})"
+            words += f" (the answer to {question} is {self._line(question, self._ask(question))})"
         return words
 
     def _trip(self) -> str:

@@ -1,4 +1,7 @@
-"""Implement what all supply drivers share: limits, read-back, protection, and switching off with a measurement."""
+"""Implement the functions of all supply drivers: limits, read-back, protections, and switching off.
+
+Switching off ends with a measurement of the current.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +33,16 @@ from eimi_drivers.supplies.values import line_in, number_in, set_point_text
 
 REPLY_TIMEOUT_S = 1.0
 READ_BACK_WITHIN_S = 0.6
-"""Time (s) within which a new set-point must read back; some Korad firmware needs 0.45 s."""
+"""Time (s) within which a supply must report a new set-point; some Korad firmware needs 0.45 s."""
 
 LATE_ANSWER_S = 1.0
 """Time (s) after an unanswered query in which no other query is sent; a late answer to the first query is discarded."""
 
 PROTECTION_MARGIN = 1.1
-"""Ratio of the level of the instrument's own protection to the limit. The protection is for a failed regulator."""
+"""Level of the protection inside the supply, divided by the limit of the driver.
+
+The level is above the limit, because this protection acts only if the regulator of the supply fails.
+"""
 
 MEASURING_ATTEMPTS = 2
 """Number of attempts to measure the current after the output was switched off."""
@@ -46,7 +52,7 @@ STAYS_ON = "nothing switches the output off, it stays as it was set"
 
 
 def armed_in_words(protections: str) -> str:
-    """Return the end of `without_contact` that names the armed protections; empty if there are none."""
+    """Return a text that names the armed protections, for the end of `without_contact`; empty without protections."""
     return f"; armed in the supply: {protections}" if protections else ""
 
 
@@ -54,16 +60,17 @@ _Value = TypeVar("_Value")
 
 
 class SupplyBase(ABC):
-    """Drive a supply within limits, read every set-point back, and switch off in stages.
+    """Base class of supply drivers, which keeps set-points within limits and verifies every set-point.
 
-    The current may be set from 0 to the limit, and from minus the limit if the supply is bipolar. A driver names its
-    steps and implements the methods that send set-points and ask for values; `korad` and `genesys` are examples.
-    Set-points are rounded toward zero to the step, so that rounding never exceeds the limit.
+    The current can be set from 0 to the limit, or from minus the limit to the limit if the supply is bipolar. A
+    subclass gives the steps of the set-points and implements the methods that exchange messages with the supply.
+    `korad` and `genesys` are examples. Set-points are rounded toward zero to a multiple of the step. A rounded
+    set-point is therefore never outside the limits.
 
     Parameters
     ----------
     link : Transport
-        The line to the instrument. Nothing is sent when the supply is opened.
+        The line to the supply. The constructor sends nothing.
     limits : Limits
         The largest permitted set-points.
     clock : Clock
@@ -72,26 +79,27 @@ class SupplyBase(ABC):
     Raises
     ------
     InstrumentError
-        The address names a channel that the family does not have.
+        The address contains a channel number that supplies of this family do not have.
 
     Attributes
     ----------
     name : str
-        The name in a rig file.
+        The name of the driver in a rig file.
     current_step_A, voltage_step_V : str
-        The steps of the set-points as decimal text.
+        The steps of the set-points (A, V) as decimal text.
     bipolar : bool
         True if negative currents can be set.
     channels : tuple of int
-        The lowest and the highest channel that an address may name after ``#``.
+        The lowest and the highest channel number that an address may contain after ``#``.
     default_channel : int
-        The channel that is used if the address names none.
+        The channel that is used if the address contains no channel number.
     read_backs : int
-        The number of consecutive correct answers after which a read-back is accepted.
+        The number of consecutive correct answers after which a set-point counts as verified.
     protections : str
-        The limits inside the supply that `set_output` arms and reads back, in words; empty if there are none.
+        A description of the protections inside the supply that `set_output` arms and reads back. Empty if the driver
+        arms no protection.
     without_contact : str
-        What the output does if the cable is pulled or the computer fails, in words.
+        A text that describes what the output does if the cable is pulled or the computer fails.
     """
 
     name: ClassVar[str]
@@ -106,9 +114,9 @@ class SupplyBase(ABC):
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return the largest current (A) that a healthy unit of the family shows when no current flows.
+        """Return the largest current (A) that a healthy supply of the family measures when no current flows.
 
-        The value 0 means that this current is below `off.LEAST_OFF_A`, or that it is not known.
+        The value 0 means that this current is below `off.LEAST_OFF_A` or not known.
         """
         return 0.0
 
@@ -132,19 +140,19 @@ class SupplyBase(ABC):
     @classmethod
     @abstractmethod
     def connect(cls, address: str) -> Transport:
-        """Open the line to the instrument at this address."""
+        """Open the line to the supply at this address and return the line."""
 
     @abstractmethod
     def identify(self) -> Identity:
-        """Ask the instrument for its identity. Raises AnotherSupply if the identity has changed."""
+        """Return the identity that the supply reports. Raises AnotherSupply if the identity has changed."""
 
     @abstractmethod
     def output_on(self) -> bool:
-        """Ask the instrument whether its output is on."""
+        """Return whether the supply reports that its output is on."""
 
     @abstractmethod
     def measure(self) -> Reading:
-        """Measure the output current and voltage."""
+        """Return the measured output current (A) and output voltage (V)."""
 
     @abstractmethod
     def _send_voltage(self, text: str) -> None: ...
@@ -162,41 +170,52 @@ class SupplyBase(ABC):
     def _current_set(self) -> float: ...
 
     def _raise_reported_errors(self) -> None:  # noqa: B027  an instrument without an error queue has none
-        """Raise InstrumentError with the errors in the instrument's error queue."""
+        """Read the error queue of the supply, and raise InstrumentError if the queue contains errors."""
 
     def _enabled(self) -> bool:
-        """Return whether the output is switched on. It differs from `output_on` if a current of zero counts as off."""
+        """Return whether the output is switched on, even if the driver counts a set-point of zero as off.
+
+        For most supplies the result is equal to `output_on`.
+        """
         return self.output_on()
 
     def _trip(self) -> str:
-        """Return the protection that the instrument reports as tripped, in words; empty if there is none."""
+        """Return a text that names the tripped protections of the supply; empty if no protection has tripped."""
         return ""
 
     def _protect(self) -> None:  # noqa: B027  not every instrument has protections to set
-        """Set the instrument's own protections and read them back; called before the output is switched on."""
+        """Arm the protections inside the supply and read them back, before the output is switched on."""
 
     def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
-        """Start the instrument's own watchdog; called before the output is switched on."""
+        """Start the watchdog inside the supply, before the output is switched on."""
 
     def _disarm_watchdog(self) -> None:  # noqa: B027
-        """Stop the instrument's own watchdog; called after the output was switched off."""
+        """Stop the watchdog inside the supply, after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
         self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
         sent = set_point_text(voltage_V, self.voltage_step_V)
         self._send_voltage(sent)
         self._verify("voltage", sent, self.voltage_step_V, "V", self._voltage_set)
 
     def set_current(self, current_A: float) -> None:
-        """Set the current and read the set-point back. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
         lowest = -self.limits.current_A if self.bipolar else 0.0
         self._refuse_outside("current", current_A, lowest, self.limits.current_A, "A")
         self._send_current(set_point_text(current_A, self.current_step_A))
         self._verify_current(current_A)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output and verify it; arm the protections before it is switched on. Raises SetPointNotTaken."""
+        """Switch the output on or off and verify that it has switched.
+
+        The protections and the watchdog inside the supply are armed before the output is switched on.
+
+        Raises
+        ------
+        SetPointNotTaken
+            The output has not switched, or a protection or the watchdog reads back wrong.
+        """
         if on:
             self._protect()
             self._arm_watchdog()
@@ -208,34 +227,43 @@ class SupplyBase(ABC):
         self._switched_on = on
 
     def check(self) -> None:
-        """Raise InstrumentError for reported errors, ProtectionTripped if a protection or a person switched off."""
+        """Raise an error if the supply reports a fault, or if its output is off without a command.
+
+        Raises
+        ------
+        ProtectionTripped
+            A protection has tripped, or a person has switched the output off.
+        InstrumentError
+            The supply reports an error.
+        """
         self._raise_reported_errors()
         if cause := self._trip():
             raise ProtectionTripped(f"{self._link.address}: {cause}")
         if self._switched_on and not self._enabled():
             raise ProtectionTripped(
-                f"{self._link.address}: the output is off and this run did not switch it off: a protection that it "
-                "does not report, or a person at its front panel"
+                f"{self._link.address}: the output is off, but this run did not switch it off. The cause is a person "
+                "at the front panel, or a protection that the supply does not report"
             )
 
     def safe_off(self) -> Off:
-        """Set zero current, switch off, read both back, and measure until no current flows.
+        """Set the current to zero, switch the output off, verify both settings, and measure until no current flows.
 
-        Every stage is tried even if an earlier one fails. The output is switched off before zero is read back, because
-        on a slow line this query takes longer than all other messages. If a stage fails, the line is reopened and all
-        stages are tried once more.
+        The stages are: set zero, switch off, verify zero, verify that the output is off. Every stage is tried even if
+        an earlier stage fails. If a stage fails, the line is reopened and all stages are tried once more. Zero is
+        verified after the output is switched off, because the query takes long on a slow line.
 
         Returns
         -------
         Off
-            The measured current and the limit below which it lies, see `eimi_drivers.supplies.off`.
+            The measured current and the limit that it does not exceed, see `eimi_drivers.supplies.off`.
 
         Raises
         ------
         SwitchOffFailed
-            A stage failed twice; the message lists the outcome of every stage. Or a current above the limit still
-            flows. Or another supply answers on the reopened line. Or a supply without a serial number is off already
-            when the line is reopened.
+            - A stage failed twice. The message lists the outcome of every stage.
+            - The current is still above the limit, or cannot be measured.
+            - Another supply answers on the reopened line.
+            - The supply on the reopened line has no serial number and may be another supply.
         """
         found_off = self._unconfirmed and self._compare()
         failed = self._try_to_switch_off()
@@ -253,9 +281,9 @@ class SupplyBase(ABC):
         return off
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the line and compare the supply, see `_compare`.
+        """Reopen the line, check the supply with `_compare`, and return whether its output is off already.
 
-        A line that cannot be reopened leads to the same supply.
+        The check is left out, and False is returned, if the line cannot be reopened or no supply was identified before.
         """
         try:
             if not self._link.reopen() or self._bound is None:
@@ -266,10 +294,19 @@ class SupplyBase(ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Identify the supply and return whether its output is off already; False if it does not answer.
+        """Check after a reopening that the same supply answers, and return whether its output is off already.
 
-        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Raises SwitchOffFailed
-        if another supply answers, or may have answered.
+        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply.
+
+        Returns
+        -------
+        bool
+            True if the output is off already; False if it is on or the supply does not answer.
+
+        Raises
+        ------
+        SwitchOffFailed
+            Another supply answers, or the output is off and the supply has no serial number.
         """
         assert self._bound is not None
         try:
@@ -281,13 +318,19 @@ class SupplyBase(ABC):
             return False
         if found_off and not self._bound.serial_number:
             raise SwitchOffFailed(
-                f"{self._link.address}: after the line was lost and opened anew the supply there is off, but "
-                f"{self._bound.text!r} has no serial number: it may be another supply than the coil's"
+                f"{self._link.address}: the line was lost and reopened. The supply there is off, but "
+                f"{self._bound.text!r} has no serial number: it may be another supply, not the supply of the coil"
             )
         return found_off
 
     def _confirm_identity(self) -> None:
-        """Identify the supply that was switched off on a reopened line. Raises SwitchOffFailed if in doubt."""
+        """Check the identity of a supply that was switched off on a reopened line.
+
+        Raises
+        ------
+        SwitchOffFailed
+            The supply does not answer, has no serial number, or is another supply.
+        """
         try:
             identity = self.identify()
         except InstrumentError as error:
@@ -295,8 +338,8 @@ class SupplyBase(ABC):
         if not identity.serial_number:
             self._unconfirmed = True
             raise SwitchOffFailed(
-                f"{self._link.address}: after the line was lost and opened anew {identity.text!r} was switched off, "
-                "but it has no serial number: it may be another supply than the coil's"
+                f"{self._link.address}: the line was lost and reopened. {identity.text!r} was then switched off, but "
+                "has no serial number: it may be another supply, not the supply of the coil"
             )
 
     def _measured_off(self, found_off: bool) -> Off:
@@ -339,13 +382,14 @@ class SupplyBase(ABC):
         return failed
 
     def close(self) -> None:
-        """Release the line and leave the output as it is; `safe_off` switches it off."""
+        """Release the line and leave the output as it is. `safe_off` switches the output off."""
         self._link.close()
 
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
-        """Send a query, wait `pause_s` (s), and read the answer as `Transport.read` does.
+        """Send a query, wait `pause_s` (s), and return the answer.
 
-        If the previous query had no answer, the function first waits, so that a late answer is not used for this query.
+        `size` and `end` are passed to `Transport.read`. If the previous query had no answer, the method waits before it
+        sends the query. A late answer to the previous query is then not taken for the answer to this query.
         """
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
             self._clock.sleep(remaining_s)
@@ -364,8 +408,8 @@ class SupplyBase(ABC):
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
         if not lowest <= value <= limit:  # in this form the condition also refuses "not a number"
             raise SetPointRefused(
-                f"{self._link.address}: {quantity} {value:g} {unit} was refused, nothing was sent: "
-                f"it must be from {lowest:g} to {limit:g} {unit}"
+                f"{self._link.address}: {quantity} {value:g} {unit} was refused and not sent; "
+                f"the {quantity} must be from {lowest:g} to {limit:g} {unit}"
             )
 
     def _verify_current(self, current_A: float) -> None:
@@ -374,7 +418,28 @@ class SupplyBase(ABC):
         )
 
     def _verify(self, quantity: str, sent: str, step: str, unit: str, ask: Callable[[], float]) -> None:
-        """Compare the text that was sent with the read-back. Raises SetPointNotTaken, InstrumentError."""
+        """Compare the set-point that the supply reports with the text that was sent.
+
+        Parameters
+        ----------
+        quantity : str
+            "current" or "voltage", for the message.
+        sent : str
+            The set-point that was sent, as text.
+        step : str
+            The step of the set-points. The difference may be one step.
+        unit : str
+            The unit, for the message.
+        ask : callable
+            Asks the supply for the set-point.
+
+        Raises
+        ------
+        SetPointNotTaken
+            The supply reports another set-point.
+        InstrumentError
+            The supply reports an error.
+        """
         self._raise_reported_errors()
         wrong_value = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
         if wrong_value is not None:
@@ -385,12 +450,25 @@ class SupplyBase(ABC):
     def _verify_output(self, on: bool) -> None:
         if self._read_back(self._enabled, lambda answer: answer == on) is not None:
             raise SetPointNotTaken(
-                f"{self._link.address}: the output was switched {'on' if on else 'off'} "
-                f"but the instrument says that it is {'off' if on else 'on'}"
+                f"{self._link.address}: the output was switched {'on' if on else 'off'}, "
+                f"but the supply reports that the output is {'off' if on else 'on'}"
             )
 
     def _read_back(self, ask: Callable[[], _Value], taken: Callable[[_Value], bool]) -> _Value | None:
-        """Ask until `read_backs` consecutive answers are right; return None, or the last wrong answer."""
+        """Repeat a query until `read_backs` consecutive answers are right, or `READ_BACK_WITHIN_S` has passed.
+
+        Parameters
+        ----------
+        ask : callable
+            Sends the query and returns the answer.
+        taken : callable
+            Returns whether an answer is right.
+
+        Returns
+        -------
+        None or the type of the answer
+            None if the answers are right, otherwise the last wrong answer.
+        """
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:
@@ -404,13 +482,15 @@ class SupplyBase(ABC):
         return None
 
     def _verify_level(self, question: str, level: float, limit: float, answer: float) -> None:
-        """Raise SetPointNotTaken if the level of a protection reads back further from `level` than the margin.
+        """Raise SetPointNotTaken if `answer`, the level that the supply reports, differs too much from `level`.
 
-        An instrument may round the level. The tolerance keeps it above the limit and below 1.2 times the limit.
+        A difference of ``PROTECTION_MARGIN - 1`` times `limit` is allowed, because a supply may round the level. If
+        `level` is `PROTECTION_MARGIN` times `limit`, the level in the supply is then 1 to 1.2 times `limit`.
         """
         if abs(answer - level) > (PROTECTION_MARGIN - 1) * limit:
             raise SetPointNotTaken(
-                f"{self._link.address}: its own protection was set to {level:g} but {question} is answered {answer:g}"
+                f"{self._link.address}: the protection level of the supply was set to {level:g}, but the answer to "
+                f"{question} is {answer:g}"
             )
 
     def _number(self, question: str, reply: bytes) -> float:
@@ -429,13 +509,26 @@ class SupplyBase(ABC):
         return text
 
     def _bind(self, text: str, serial_number: str) -> Identity:
-        """Return the identity of the instrument. Raises AnotherSupply if another instrument answered first."""
+        """Return the identity of the supply, and store the first identity for later comparisons.
+
+        Parameters
+        ----------
+        text : str
+            The identification text that the supply sent.
+        serial_number : str
+            The serial number that the supply sent; if it is empty, the serial number of the USB port is used.
+
+        Raises
+        ------
+        AnotherSupply
+            The identity differs from the stored one.
+        """
         address = self._link.address
         identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))
         self._bound = self._bound or identity
         if self._bound != identity:
             raise AnotherSupply(
-                f"{address}: the coil's supply is not there: {in_words(identity)} answers in place of "
+                f"{address}: the coil's supply is not there: {in_words(identity)} answers instead of "
                 f"{in_words(self._bound)}"
             )
         self._unconfirmed = False

@@ -1,4 +1,4 @@
-"""Turn every error of another package's driver into an InstrumentError with one line of text."""
+"""Raise every error of another package's supply driver as an InstrumentError with one line of text."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """Call the function of `open_supply` between messages, and remember the errors that the function raises.
+    """Wrapper of the function that `open_supply` calls between two messages.
 
-    These errors are not errors of the driver.
+    The function may raise an error in order to interrupt a call of the supply. The wrapper stores this error, so that
+    it can be distinguished from an error of the driver.
 
     Parameters
     ----------
     between_messages : callable
-        The function. It may raise an error to interrupt a call of the supply.
+        The function that is called between two messages, see `open_supply`.
     """
 
     def __init__(self, between_messages: Callable[[], None]) -> None:
@@ -36,7 +37,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the function."""
+        """Call the wrapped function, and store the error that it raises."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -44,15 +45,16 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether the function raised this error."""
+        """Return whether `error` is the error that the wrapped function raised last."""
         return error is self._last
 
 
 class ForeignSupply:
-    """Call a supply of another package, and raise the errors of its driver as InstrumentError.
+    """Wrapper of another package's supply, which raises the errors of its driver as InstrumentError.
 
-    Errors of `eimi_drivers.interfaces`, interruptions between two messages, and exceptions that are no `Exception` pass
-    unchanged. An error in `safe_off` becomes SwitchOffFailed.
+    Three kinds of errors are raised unchanged: an InstrumentError, an error that interrupts between two messages, and a
+    KeyboardInterrupt or another error that is not a subclass of `Exception`. An error in `safe_off` is raised as
+    SwitchOffFailed.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class ForeignSupply:
     address : str
         The address, for messages.
     interruptions : Interruptions, optional
-        The function that is called between two messages.
+        The wrapper of the function that is called between two messages. None if there is no such function.
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class ForeignSupply:
         self.limits: Limits = supply.limits
 
     def __getattr__(self, member: str) -> Any:
-        """Return another member of the supply, such as `without_contact`. Raises AttributeError if it has none."""
+        """Return an optional member of the supply, such as `without_contact`. Raises AttributeError if it is absent."""
         try:
             return getattr(self._supply, member)
         except (AttributeError, InstrumentError):
@@ -84,35 +86,46 @@ class ForeignSupply:
             raise InstrumentError(f"{self._where}: its driver raised {raised(error)} in {member}") from error
 
     def identify(self) -> Identity:
-        """Ask the instrument for its identity."""
+        """Return the identity that the supply reports."""
         return self._checked("identify", Identity, self._supply.identify)
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage and read it back."""
+        """Set the compliance voltage (V) and verify the set-point."""
         self._call("set_voltage", lambda: self._supply.set_voltage(voltage_V))
 
     def set_current(self, current_A: float) -> None:
-        """Set the current and read the set-point back."""
+        """Set the current (A) and verify the set-point."""
         self._call("set_current", lambda: self._supply.set_current(current_A))
 
     def set_output(self, on: bool) -> None:
-        """Switch the output and verify it."""
+        """Switch the output on or off, and verify that it has switched."""
         self._call("set_output", lambda: self._supply.set_output(on))
 
     def output_on(self) -> bool:
-        """Ask the instrument whether its output is on."""
+        """Return whether the supply reports that its output is on."""
         return bool(self._call("output_on", self._supply.output_on))
 
     def measure(self) -> Reading:
-        """Measure the output."""
+        """Return the measured output current (A) and output voltage (V)."""
         return self._checked("measure", Reading, self._supply.measure)
 
     def check(self) -> None:
-        """Raise ProtectionTripped or InstrumentError if the instrument reports a fault."""
+        """Raise ProtectionTripped or InstrumentError if the supply reports a fault."""
         self._call("check", self._supply.check)
 
     def safe_off(self) -> Off | None:
-        """Set zero current, switch off and verify. Raises SwitchOffFailed for every error."""
+        """Set the current to zero, switch the output off and verify both settings.
+
+        Returns
+        -------
+        Off or None
+            The measured current and its limit; None if the driver does not measure the current in this call.
+
+        Raises
+        ------
+        SwitchOffFailed
+            The driver raised any error.
+        """
         try:
             return self._call("safe_off", self._supply.safe_off)
         except SwitchOffFailed:
@@ -138,6 +151,6 @@ class ForeignSupply:
         answer = self._call(member, act)
         if not isinstance(answer, kind):
             raise ReplyNotUnderstood(
-                f"{self._where}: its driver returned {answer!r} from {member}, but should return a {kind.__name__}"
+                f"{self._where}: its driver returned {answer!r} from {member}; it should return a {kind.__name__}"
             )
         return answer

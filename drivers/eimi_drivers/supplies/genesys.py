@@ -1,7 +1,7 @@
 """Drive TDK-Lambda Genesys supplies over a serial line.
 
-Every message ends with a carriage return, and every command is answered with ``OK``. Check the layout of ``STT?`` and
-the bits of its fault register against the manual of your unit.
+Every message ends with a carriage return. The supply answers every command with ``OK``. Compare the form of the answer
+to ``STT?`` and the bits of its fault register with the manual of your supply.
 """
 
 from __future__ import annotations
@@ -27,38 +27,41 @@ BLIND_GAP_S = 0.05
 
 FAULTS = {
     0x02: "the mains failed",
-    0x04: "it is too hot",
+    0x04: "the supply is too hot",
     0x08: "foldback protection tripped",
     0x10: "over-voltage protection tripped",
-    0x20: "it was shut off at its rear connector",
-    0x80: "its enable contact is open",
+    0x20: "the supply was shut off at its rear connector",
+    0x80: "the enable contact of the supply is open",
 }
-"""Bits of the fault register, ``FR`` in the answer to ``STT?``. Bit 0x40 (the output is off) is no fault."""
+"""The meaning of each bit of the fault register, ``FR`` in the answer to ``STT?``.
+
+Bit 0x40 is not a fault: it reports that the output is off.
+"""
 
 REFUSALS = {
     "E01": "the voltage is above the range, or above 95 % of the over-voltage protection",
     "E02": "the voltage is below the under-voltage limit (UVL)",
-    "E04": "the over-voltage protection is below the voltage set and 5 % of the rating",
-    "E06": "the under-voltage limit is above the voltage set",
+    "E04": "the over-voltage protection is below the voltage set-point plus 5 % of the rated voltage",
+    "E06": "the under-voltage limit is above the voltage set-point",
     "E07": "the output cannot be switched on during a fault",
-    "C01": "it does not know this message",
+    "C01": "the supply does not know this message",
     "C02": "a parameter is missing",
     "C03": "the parameter is wrong",
     "C04": "the checksum is wrong",
-    "C05": "it is out of range",
+    "C05": "the parameter is out of range",
 }
-"""The meaning of each refusal.
+"""The meaning of each error with which the supply refuses a message.
 
 Source: TDK-Lambda, Genesys user manual 83-507-013, tables 7-1 and 7-2. The manuals of the 2.4 kW (83-517-000), 3.3 kW
 (83-503-001) and 10/15 kW series (83-532-002, tables 8-1 and 8-2) have the same tables.
 
-E01 refuses a voltage above 95 % of the over-voltage protection (OVP). E04 refuses an OVP that is not above the set
-voltage by 5 % of the rating. To raise the voltage, the driver therefore raises the OVP first and sets its final level
-afterwards.
+E01 refuses a voltage set-point above 95 % of the level of the over-voltage protection (OVP). E04 refuses an OVP level
+below the voltage set-point plus 5 % of the rated voltage. Before the driver changes the voltage, it therefore sets the
+OVP to its highest level. It sets the final OVP level before the output is switched on.
 """
 
 READ_BACK_OF_RATING = 0.003
-"""Assumed read-back offset as a fraction of the rated current, see `GenesysSupply.reads_zero_within_A`."""
+"""Assumed offset of the measured current, divided by the rated current, see `GenesysSupply.reads_zero_within_A`."""
 
 _RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
 _REFUSAL = re.compile(rb"[EC]\d\d\s*")
@@ -66,12 +69,16 @@ _FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
 
 
 class GenesysSupply(SupplyBase):
-    """Drive a TDK-Lambda Genesys; the channel in its address, such as ``#6``, is the unit's address on the line.
+    """Driver of one TDK-Lambda Genesys supply on a serial line that several supplies can share.
 
-    Foldback protection is switched off before the output is switched on, because it trips in constant current, in which
-    a supply that feeds a coil always works. Over-voltage protection is set above the driver's limit.
+    The channel in the driver's address, such as ``#6``, is the number of the supply on the line.
 
-    A unit whose front panel is in use also answers commands with ``OK``. Every read-back must therefore be right twice.
+    The driver switches the foldback protection off before it switches the output on. This protection trips in constant
+    current, and a supply that feeds a coil always works in constant current. The over-voltage protection is set above
+    the voltage limit of the driver.
+
+    A supply whose front panel is in use answers ``OK`` to a command without obeying it. A set-point therefore counts as
+    verified only after two correct answers.
     """
 
     name = "genesys"
@@ -81,7 +88,7 @@ class GenesysSupply(SupplyBase):
     default_channel = 6
     protections = OVER_VOLTAGE
     without_contact = (
-        f"{STAYS_ON}; a Genesys+ has a watchdog in its front panel's menu (manual GH10-100, 5.10); set 10 s for a run"
+        f"{STAYS_ON}; a Genesys+ has a watchdog: set it to 10 s in the menu of its front panel (manual GH10-100, 5.10)"
         + armed_in_words(protections)
     )
 
@@ -93,39 +100,44 @@ class GenesysSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port."""
+        """Open the serial port of the supply and return the line."""
         return SerialTransport(address)
 
     def identify(self) -> Identity:
-        """Ask ``IDN?`` and ``SN?``; the serial number of the identity also contains the unit's address on the line."""
+        """Return the identity of the supply, from its answers to ``IDN?`` and ``SN?``.
+
+        The serial number in the identity also contains the number of the supply on the line. Raises AnotherSupply if
+        the identity has changed.
+        """
         return self._bind(self._model(), f"{self._line('SN?', self._ask('SN?'))}#{self._channel}")
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return 0.3 % of the rated current (A). This read-back offset is assumed and was not found in a manual.
+        """Return the largest current (A) that the supply measures when no current flows: 0.3 % of the rated current.
 
-        The rating is the second number of the model: 38 A for a GEN40-38.
+        This offset is assumed, because no manual gives it. The rated current is the second number in the name of the
+        model: 38 A for a GEN40-38. The offset is 0 if the model has no such number.
         """
         if not self._rated_A:
             self._model()
         return READ_BACK_OF_RATING * self._rated_A
 
     def _model(self) -> str:
-        """Ask ``IDN?``, and store the rated current if the answer contains it."""
+        """Return the answer to ``IDN?``, and store the rated current (A) if the answer contains a rating."""
         model = self._line("IDN?", self._ask("IDN?"))
         if rating := _RATING.search(model):
             self._rated_A = float(rating[2])
         return model
 
     def output_on(self) -> bool:
-        """Ask ``OUT?`` whether the output is on."""
+        """Return whether the output is on, from the answer to ``OUT?``."""
         reply = self._ask("OUT?")
         if reply.strip() not in {b"ON", b"OFF"}:
             raise self._not_understood("OUT?", reply, "ON or OFF")
         return reply.strip() == b"ON"
 
     def measure(self) -> Reading:
-        """Measure the output current and voltage."""
+        """Return the measured output current (A) and output voltage (V)."""
         return Reading(current_A=self._ask_value("MC?"), voltage_V=self._ask_value("MV?"))
 
     def _exchange(self, message: str) -> bytes:
@@ -144,7 +156,7 @@ class GenesysSupply(SupplyBase):
         if _REFUSAL.fullmatch(reply):
             text = reply.strip().decode("ascii")
             meaning = f": {REFUSALS[text]}" if text in REFUSALS else ""
-            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}{meaning}")
+            raise InstrumentError(f"{self._link.address}: the supply answers {question} with error {text}{meaning}")
         return reply
 
     def _raise_unless_ok(self, message: str, reply: bytes) -> None:
@@ -174,13 +186,17 @@ class GenesysSupply(SupplyBase):
             raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Return the protection level (V): above the limit by the margin, and by at least 5 % of the rating (E04)."""
+        """Return the level (V) of the over-voltage protection.
+
+        The level is `PROTECTION_MARGIN` times the voltage limit, but at least the voltage limit plus 5.1 % of the rated
+        voltage, because the supply refuses a level closer than 5 % (error E04).
+        """
         identity = self._model()
         rating = _RATING.search(identity)
         if rating is None:
             raise InstrumentError(
-                f"{self._link.address}: the answer to IDN? is {identity!r}, without a rating such as GEN40-38; the "
-                "over-voltage protection cannot be set without the rating"
+                f"{self._link.address}: the answer to IDN? must contain a model with a rating such as GEN40-38, but it "
+                f"is {identity!r}; the over-voltage protection cannot be set without the rating"
             )
         limit_V = self.limits.voltage_V
         return max(PROTECTION_MARGIN * limit_V, limit_V + 0.051 * float(rating[1]))
@@ -205,7 +221,10 @@ class GenesysSupply(SupplyBase):
             raise
 
     def _send_off_unread(self) -> None:
-        """Address the unit and switch it off without reading answers, because perhaps only the answers are lost."""
+        """Send the messages that switch the output off, without reading any answer.
+
+        If only the answers of the supply are lost, these messages still switch the output off.
+        """
         for message in (*self._greeting, "OUT OFF"):
             self._link.write(message.encode("ascii") + b"\r")
             self._clock.sleep(BLIND_GAP_S)

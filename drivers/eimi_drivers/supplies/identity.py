@@ -1,4 +1,4 @@
-"""Read the serial number from an identification, and state an identity in words."""
+"""Find the serial number in an identification text, and describe an identity for a message."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from eimi_drivers.interfaces import Identity
 
 
 def serial_number_in(text: str) -> str:
-    """Return the serial number in an answer to ``*IDN?``, or "" if there is none.
+    """Return the serial number in an answer to ``*IDN?``; empty if the answer contains no serial number.
 
-    The serial number is the third of four fields, and "0" means that there is none (IEEE 488.2, 10.14). Some Korad
-    supplies add ``SN:`` and the number instead.
+    The serial number is the third of four fields. The text "0" in this field means that the instrument has no serial
+    number (IEEE 488.2, 10.14). Some Korad supplies send ``SN:`` with the number instead of four fields.
     """
     if match := re.search(r"\bSN:\s*(\w+)", text):
         return match[1]
@@ -20,6 +20,6 @@ def serial_number_in(text: str) -> str:
 
 
 def in_words(identity: Identity) -> str:
-    """Return the identity as words for a message."""
+    """Return the identification text and the serial number of an instrument, as part of a message."""
     serial_number = f" with serial number {identity.serial_number}" if identity.serial_number else ""
     return f"{identity.text!r}{serial_number}"

@@ -1,4 +1,4 @@
-"""Interrupt the exchange with an instrument between two messages, when no answer is expected."""
+"""Interrupt the exchange of messages with an instrument before the next message is sent."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class InterruptibleTransport:
-    """Call a function before each message is sent over another transport.
+    """A line that calls a function before it sends each message.
 
-    If the function raises an error, the message is not sent. The line can then be used again at once.
+    If the function raises an error, the message is not sent. No answer is then pending, and the next message can be
+    sent at once.
 
     Parameters
     ----------
     link : Transport
-        The line.
+        The line over which the messages are sent.
     between_messages : callable
-        The function that is called before each message.
+        The function that is called, without arguments, before each message.
     """
 
     def __init__(self, link: Transport, between_messages: Callable[[], None]) -> None:
@@ -26,18 +27,18 @@ class InterruptibleTransport:
         self._between_messages = between_messages
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Call the function, then send the message. Raises the errors of the function."""
         self._between_messages()
         self._link.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the bytes that `Transport.read` of the line returns."""
         return self._link.read(size, timeout_s, end)
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`."""
+        """Reopen the line; return False if the line cannot be reopened."""
         return self._link.reopen()
 
     def close(self) -> None:
-        """See `Transport.close`."""
+        """Release the line."""
         self._link.close()

@@ -1,12 +1,12 @@
 """Drive Kepco BOP bipolar supplies in current mode over SCPI.
 
 Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (firmware 3.05 and
-higher), whose commands VOLT:PROT and CURR:LIM are the same. The manuals advise against ``OUTP OFF`` on inductive loads,
-because then nothing controls the load's current. The output is on after power-up.
+higher). The commands VOLT:PROT and CURR:LIM are the same in both manuals. The manuals advise against ``OUTP OFF`` on
+inductive loads, because the supply then no longer controls the current in the load. The output is on after power-up.
 
-The BOP of 50 W to 400 W with the interface card BIT 4886 has none of these commands: in current mode ``CURR`` sets the
-current and ``VOLT`` the limit of the voltage. Source: BIT 232F manual, page B-4, for a card with the same commands; the
-page of the BIT 4886 manual (243-1303) was not at hand.
+The BOP supplies of 50 W to 400 W with the interface card BIT 4886 do not have these two commands. In current mode
+``CURR`` sets the current and ``VOLT`` sets the limit of the voltage. Source: BIT 232F manual, page B-4, for a card with
+the same commands. The page of the BIT 4886 manual (243-1303) was not available.
 """
 
 from __future__ import annotations
@@ -20,16 +20,22 @@ from eimi_drivers.supplies.scpi import ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import GENERIC
 
 READS_ZERO_WITHIN_A = 0.05
-"""The largest current (A) that a meter may show when no current flows. Assumed: 0.2 % of the 28 A of a BOP 36-28."""
+"""The largest current (A) that the supply may measure when no current flows.
+
+Assumed: 0.2 % of the rated current of a BOP 36-28, which is 28 A.
+"""
 
 
 class KepcoBopSupply(ScpiSupply):
-    """Drive a Kepco BOP, which has positive and negative currents and is switched off by setting zero.
+    """Driver of a Kepco BOP supply, whose current can be positive or negative.
 
-    The output itself stays on. `output_on` therefore returns whether a current other than zero is set and the output
-    is on. `set_voltage` limits the voltage of both signs (VOLT:PROT). Before the output is switched on, the supply's
-    own limits of the current (CURR:LIM) are set to the driver's limit, and the voltage limit is put under the control
-    of these messages (VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). All are read back.
+    The driver switches such a supply off by setting the current to zero; the output itself stays on. `output_on`
+    therefore returns True only if the output is on and the current set-point is not zero. `set_voltage` limits the
+    positive and the negative voltage (VOLT:PROT).
+
+    Before the output is switched on, the driver sets the current limits inside the supply (CURR:LIM) to its own limit.
+    The voltage limit is set to follow VOLT:PROT (VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). The driver reads
+    all these settings back.
     """
 
     name = "kepco-bop"
@@ -40,22 +46,22 @@ class KepcoBopSupply(ScpiSupply):
         voltage_set="VOLT:PROT:POS?",
         protect=(*("CURR:LIM:POS {limit}", "CURR:LIM:NEG {limit}"), "VOLT:PROT:MODE FIX"),
         armed=(("CURR:LIM:POS?", "{limit}"), ("CURR:LIM:NEG?", "{limit}")),
-        protections="its limits of current and voltage, equal to the limits of the run",
+        protections="current and voltage limits of the supply, equal to the limits of the run",
     )
     protections = profile.protections
     without_contact = STAYS_ON + armed_in_words(protections)
     voltage_limits: ClassVar[tuple[str, ...]] = ("VOLT:PROT:POS {value}", "VOLT:PROT:NEG {value}")
-    """The messages that limit the voltage in current mode."""
+    """The messages that set the voltage limits in current mode."""
     bipolar = True
     current_step_A = "0.01"
 
     def output_on(self) -> bool:
-        """Ask whether the output is on and a current other than zero is set."""
+        """Return whether the output is on and the current set-point is not zero."""
         return self._enabled() and abs(self._current_set()) > float(self.current_step_A)
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return `READS_ZERO_WITHIN_A`, which is assumed and was not found in a manual."""
+        """Return the largest current (A) that the supply measures when no current flows; an assumed value."""
         return READS_ZERO_WITHIN_A
 
     def _enabled(self) -> bool:
@@ -68,8 +74,8 @@ class KepcoBopSupply(ScpiSupply):
         reply = self._line("VOLT:PROT:MODE?", self._ask("VOLT:PROT:MODE?"))
         if not reply.startswith("FIX"):  # FIX or FIXED, by firmware
             raise SetPointNotTaken(
-                f"{self._link.address}: its voltage limit should follow VOLT:PROT (FIX), but VOLT:PROT:MODE? is "
-                f"answered {reply}"
+                f"{self._link.address}: the voltage limit of the supply does not follow VOLT:PROT: the answer to "
+                f"VOLT:PROT:MODE? must be FIX, but it is {reply}"
             )
 
     def _send_voltage(self, text: str) -> None:
@@ -96,9 +102,9 @@ class KepcoBopSupply(ScpiSupply):
 
 
 class KepcoBit4886Supply(KepcoBopSupply):
-    """Drive a Kepco BOP of 50 W to 400 W through its interface card BIT 4886, in current mode.
+    """Driver of a Kepco BOP of 50 W to 400 W with the interface card BIT 4886, in current mode.
 
-    ``VOLT`` limits the voltage of both signs there. The card has no limits of its own that could be armed.
+    ``VOLT`` limits the positive and the negative voltage. The driver arms no protection, because the card has none.
     """
 
     name = "kepco-bit4886"

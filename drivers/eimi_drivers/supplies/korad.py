@@ -1,4 +1,7 @@
-"""Drive Korad KA/KD supplies, also sold by Tenma, RND and Velleman; 9600 baud, messages without terminator."""
+"""Drive Korad KA/KD supplies, which Tenma, RND and Velleman also sell.
+
+The serial line has 9600 bit/s, and the messages have no terminator.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,14 @@ from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 MESSAGE_GAP_S = 0.08
-"""Wait (s) after each message. Messages have no terminator: the supply drops two messages that follow without a gap."""
+"""Wait (s) after each message. Messages have no terminator, and the supply ignores messages without a pause between."""
 
 OUTPUT_BIT = 0x40
 PROTECTION_BITS = 0x20 | 0x80
-"""Bits that report a trip. Their meaning depends on the firmware: on some a bit means that protection is armed."""
+"""Bits of the status byte that belong to protections.
+
+With some firmware a bit means that the protection has tripped, with other firmware that the protection is armed.
+"""
 
 _VALUE_BYTES = 5
 _AMPERES = re.compile(rb"\d\.\d{3}|[1-9]\d\.\d{2}")
@@ -29,14 +35,14 @@ _VOLTS = re.compile(rb"\d{2}\.\d{2}")
 
 
 class KoradSupply(SupplyBase):
-    """Drive a one-channel Korad supply over a serial line.
+    """Driver of a one-channel Korad supply on a serial line.
 
-    Over-current protection is switched off before the output is switched on. It trips at the current set-point, at
-    which a supply that feeds a coil with constant current always works. The limits of the driver and the
-    constant-current regulator limit the current instead.
+    The driver switches the over-current protection off before it switches the output on. This protection trips at the
+    current set-point, and a supply that feeds a coil always works at the current set-point. The current is limited by
+    the limits of the driver and by the constant-current regulator of the supply.
 
-    No message is acknowledged, and answers have neither a checksum nor a terminator. Every value must therefore have
-    the form that the supply uses, and every read-back must be right twice.
+    The supply acknowledges no message. Its answers have neither a checksum nor a terminator. The driver therefore
+    accepts a value only in the form that the supply uses, and verifies a set-point by two correct answers.
     """
 
     name = "korad"
@@ -48,11 +54,15 @@ class KoradSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port."""
+        """Open the serial port of the supply and return the line."""
         return SerialTransport(address)
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``; the answer has no terminator and is complete after 50 ms without another byte."""
+        """Return the identity of the supply, from its answer to ``*IDN?``.
+
+        The answer has no terminator. It is complete when no byte has arrived for 50 ms. Raises AnotherSupply if the
+        identity has changed.
+        """
         reply = self._ask("*IDN?", 1)
         with suppress(InstrumentTimeout):
             while len(reply) < 64:
@@ -60,24 +70,24 @@ class KoradSupply(SupplyBase):
         return self._identity(reply)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output and verify it. Raises SetPointNotTaken."""
+        """Switch the output on or off, and verify that it has switched. Raises SetPointNotTaken."""
         super().set_output(on)
         if on:
             self._armed_bits = self._status() & PROTECTION_BITS
 
     def output_on(self) -> bool:
-        """Read from the status byte whether the output is on."""
+        """Return whether the output is on, from the status byte."""
         return bool(self._status() & OUTPUT_BIT)
 
     def measure(self) -> Reading:
-        """Measure the output current (to 1 mA) and voltage (to 10 mV)."""
+        """Return the measured output current (A, resolution 1 mA) and output voltage (V, resolution 10 mV)."""
         return Reading(
             current_A=self._ask_value("IOUT1?", _AMPERES, "amperes such as 0.700"),
             voltage_V=self._ask_value("VOUT1?", _VOLTS, "volts such as 12.00"),
         )
 
     def check(self) -> None:
-        """Raise ProtectionTripped if the output went off without a command, or a protection bit appeared."""
+        """Raise ProtectionTripped if the output is off without a command, or if a further protection bit is set."""
         if not self._switched_on:
             return
         status = self._status()

@@ -11,12 +11,12 @@ _log = logging.getLogger(__name__)
 
 
 def is_logged() -> bool:
-    """Return whether the level of the log includes messages of this module."""
+    """Return whether the log accepts the messages of this module, which have the levels INFO and DEBUG."""
     return _log.isEnabledFor(logging.INFO)
 
 
 class LoggedTransport:
-    """Log the messages of another transport at level DEBUG, and its faults and a summary at level INFO."""
+    """A line that writes its messages to the log at level DEBUG, and its faults and a summary at level INFO."""
 
     def __init__(self, link: Transport, clock: Clock) -> None:
         self.address = link.address
@@ -26,7 +26,7 @@ class LoggedTransport:
         self._sent_s = self._slowest_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Log the message and send it; see `Transport.write`."""
         _log.debug("%s > %r", self.address, message)
         self._messages += 1
         self._sent_s = self._clock.now()
@@ -37,7 +37,7 @@ class LoggedTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the bytes that `Transport.read` of the line returns, and log them."""
         try:
             received = self._link.read(size, timeout_s, end)
         except InstrumentError as error:
@@ -49,15 +49,15 @@ class LoggedTransport:
         return received
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`."""
+        """Reopen the line and log the reopening; return False if the line cannot be reopened."""
         self._reopened += 1
-        _log.info("%s: the line is opened anew", self.address)
+        _log.info("%s: the line is reopened", self.address)
         return self._link.reopen()
 
     def close(self) -> None:
-        """See `Transport.close`."""
+        """Log the summary and release the line."""
         _log.info(
-            "%s: %d messages, %d answers, the slowest after %.3f s; %d faults, opened anew %d times",
+            "%s: %d messages, %d answers, the slowest answer after %.3f s; %d faults, the line was reopened %d times",
             self.address,
             self._messages,
             self._answers,

@@ -1,8 +1,8 @@
 """Switch a supply off and measure that no current flows.
 
 A supply with a failed regulator may report that its output is off while a current flows. A supply therefore counts as
-off only if its measured current is below a limit. The limit is the largest current that a healthy unit shows when no
-current flows.
+off only if its measured current is not above a limit. The limit is the largest current that a healthy supply measures
+when no current flows.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from math import isnan
 from eimi_drivers.interfaces import Clock, Off, PowerSupply, Reading, SwitchOffFailed
 
 LEAST_OFF_A = 0.02
-"""The smallest limit (A), unless `Limits.off_below_A` is set."""
+"""The smallest limit (A) of the current with which a supply counts as off, unless `Limits.off_below_A` is given."""
 
 DECAYS_WITHIN_S = 2.0
-"""Time (s) in which the current of a coil and the charge of a supply's output capacitor decay."""
+"""Longest time (s) for the decay of the coil's current and the discharge of the supply's output capacitor."""
 
 MEASURE_EVERY_S = 0.05
 """Wait (s) between two measurements of the decaying current."""
 
 
 def off_limit_A(supply: PowerSupply) -> float:
-    """Return the current (A) below which a supply counts as off.
+    """Return the largest measured current (A) with which a supply counts as off.
 
-    This is `Limits.off_below_A` if it is set. Otherwise it is the larger of `LEAST_OFF_A` and `reads_zero_within_A`.
+    The limit is `Limits.off_below_A` if a value is given. Otherwise the limit is the larger one of `LEAST_OFF_A` and
+    `reads_zero_within_A` of the supply.
     """
     if supply.limits.off_below_A is not None:
         return supply.limits.off_below_A
@@ -33,28 +34,28 @@ def off_limit_A(supply: PowerSupply) -> float:
 
 
 def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str = "the supply") -> Off:
-    """Measure until the current is at most `limit_A`, for at most `DECAYS_WITHIN_S`.
+    """Measure the current of a supply until its magnitude is at most `limit_A`, for at most `DECAYS_WITHIN_S` (s).
 
     Parameters
     ----------
     measure : callable
-        Measures the output, `PowerSupply.measure`.
+        Measures the output; `PowerSupply.measure` of the supply.
     limit_A : float
-        The current (A) below which the supply counts as off.
+        The largest current with which the supply counts as off, A.
     clock : Clock
         The clock of the supply.
     name : str
-        The supply's address, for the message.
+        The address of the supply, for the message.
 
     Returns
     -------
     Off
-        The last measured current, and the limit.
+        The last measured current and the limit.
 
     Raises
     ------
     SwitchOffFailed
-        A current above the limit still flows. The error contains the current and the limit.
+        The current is still above the limit. The error contains the current and the limit.
     InstrumentError
         The supply does not answer.
     """
@@ -65,8 +66,8 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
             return Off(current_A, limit_A)
         if clock.now() - began_s >= DECAYS_WITHIN_S or isnan(current_A):
             raise SwitchOffFailed(
-                f"{name}: {current_A:.2f} A measured although the output was switched off; at most {limit_A:g} A "
-                "counts as off",
+                f"{name}: {current_A:.2f} A measured although the output was switched off; the current must be at most "
+                f"{limit_A:g} A",
                 current_A,
                 limit_A,
             )
@@ -74,7 +75,9 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 
 
 def switch_off(supply: PowerSupply, clock: Clock) -> Off | None:
-    """Switch a supply off and measure its current, even if its driver's `safe_off` does not measure.
+    """Switch a supply off and measure its current.
+
+    If `safe_off` of the driver returns no measurement, this function measures the current itself.
 
     Parameters
     ----------
@@ -86,14 +89,14 @@ def switch_off(supply: PowerSupply, clock: Clock) -> Off | None:
     Returns
     -------
     Off or None
-        The measured current and the limit; None if the supply cannot measure a current.
+        The measured current and its limit; None if the supply cannot measure a current.
 
     Raises
     ------
     SwitchOffFailed
-        The supply could not be switched off, or a current still flows.
+        The supply could not be switched off, or a current above the limit still flows.
     InstrumentError
-        The driver does not measure in `safe_off`, and the supply does not answer.
+        `safe_off` returned no measurement, and the supply does not answer when this function measures.
     """
     off = supply.safe_off()
     if isinstance(off, Off):

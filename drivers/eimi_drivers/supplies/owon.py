@@ -1,8 +1,8 @@
 """Drive Owon SPE supplies (also sold as Kiprim DC) over their USB serial port, 115200 baud.
 
-Source: the driver owon-psu, version 0.0.6, and the list of commands in a project that drives the SPE as Multicomp Pro
-MP711135; the manual was not at hand. ``VOLT:LIM`` and ``CURR:LIM`` are the levels of the over-voltage and over-current
-protection. The supply has no error queue; it answers ERR to a message that it does not understand.
+Sources: the driver owon-psu, version 0.0.6, and the list of commands of another project for the Multicomp Pro MP711135,
+which is the same supply. The manual was not available. ``VOLT:LIM`` and ``CURR:LIM`` are the levels of the over-voltage
+and the over-current protection. The supply has no error queue. It answers ERR to a message that it does not understand.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from eimi_drivers.supplies.scpi import LONGEST_LINE, ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, OVER_CURRENT_TRIPPED, OVER_VOLTAGE_TRIPPED, TOO_HOT
 
 STATE = "MEAS:ALL:INFO?"
-"""The query that is answered by voltage, current, power, three protections (ON if tripped), and the mode."""
+"""The query whose answer contains voltage, current, power, three protections (ON if tripped) and the mode."""
 
 TRIPS = {3: OVER_VOLTAGE_TRIPPED, 4: OVER_CURRENT_TRIPPED, 5: TOO_HOT}
-"""The fields of the answer to `STATE` that are ON if a protection has tripped."""
+"""The protection that has tripped if a field of the answer to `STATE` is ON, by the index of the field."""
 
 FIELDS = 7
 
@@ -25,11 +25,11 @@ REFUSED = b"ERR"
 """The answer to a message that the supply does not accept."""
 
 MOST_REFUSALS = 3
-"""This many ERR answers show that the query itself was refused, because at most two commands precede a query."""
+"""Number of ERR answers after which the query itself counts as refused, because at most two commands precede it."""
 
 
 class OwonSpeSupply(ScpiSupply):
-    """Drive an Owon SPE. A set-point that the supply did not accept is noticed when it is read back."""
+    """Driver of an Owon SPE supply. The driver notices a refused set-point when it reads the set-point back."""
 
     name = "owon-spe"
     profile = Profile(
@@ -46,9 +46,10 @@ class OwonSpeSupply(ScpiSupply):
     without_contact = STAYS_ON + armed_in_words(protections)
 
     def _ask(self, question: str) -> bytes:
-        """Send a query and return its answer; skip late ERR answers to the commands before the query.
+        """Send a query and return its answer.
 
-        If only refusals arrive within the timeout of an answer, the supply refused the question itself.
+        Answers ERR that belong to earlier commands are skipped. Raises InstrumentError if only ERR answers arrive: the
+        supply then refused the query itself.
         """
         reply = super()._ask(question)
         for _ in range(MOST_REFUSALS):

@@ -1,7 +1,7 @@
 """Describe one family of SCPI supplies: its commands and queries, its protections and its watchdog.
 
-In a message ``{value}`` is a set-point, ``{channel}`` the channel in use and ``{limit}`` the driver's limit of the
-current. ``{voltage}`` and ``{current}`` are the driver's limits times `PROTECTION_MARGIN`.
+The messages contain placeholders. ``{value}`` is a set-point, ``{channel}`` is the channel in use, and ``{limit}`` is
+the current limit of the driver. ``{voltage}`` and ``{current}`` are the limits of the driver times `PROTECTION_MARGIN`.
 """
 
 from __future__ import annotations
@@ -11,22 +11,23 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Watchdog:
-    """State the messages of a timer in the supply that switches the output off if the computer has failed.
+    """The messages for a timer inside the supply that switches the output off if the computer fails.
 
     Parameters
     ----------
     arm : tuple of str
-        Messages that start the timer, sent in this order before the output is switched on; ``{seconds}`` is its time.
+        Messages that start the timer. They are sent in this order before the output is switched on. ``{seconds}``
+        stands for `seconds`.
     verify : tuple of (str, float or None)
-        Queries, each with the number that must be answered; None stands for the seconds.
+        Queries that verify the timer, each with the number that the supply must answer. None stands for `seconds`.
     disarm : str
-        Message that stops the timer, sent after the output was switched off.
+        Message that stops the timer. It is sent after the output was switched off.
     seconds : int
-        The time (s) until the output is switched off. A run sends a message every 2 s.
+        The time of the timer, s. A run sends a message to the supply every 2 s.
     effect : str
-        What the timer does, in words for the user; ``{seconds}`` is its time.
+        A description of the timer for the user. ``{seconds}`` stands for `seconds`.
     expired : tuple of (str, float), optional
-        A query and the number that it answers after the timer has switched the output off.
+        A query, and the number that the supply answers if the timer has switched the output off.
     """
 
     arm: tuple[str, ...]
@@ -39,14 +40,14 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Register:
-    """State a register of the supply that reports trips.
+    """A status register in which the supply reports tripped protections.
 
     Parameters
     ----------
     question : str
-        The query, answered by a whole number.
+        The query for the register. The supply answers a whole number.
     trips : tuple of (int, str)
-        The bits that report a trip, each with its meaning in words. The other bits do not report trips.
+        The bits that report a tripped protection, each with its meaning in words. The other bits have other meanings.
     """
 
     question: str
@@ -55,57 +56,63 @@ class Register:
 
 @dataclass(frozen=True)
 class Profile:
-    """State the messages of one family.
+    """The messages of one family of SCPI supplies.
 
     Parameters
     ----------
     driver : str
-        The name in a rig file.
+        The name of the driver in a rig file.
     channels : tuple of int
-        The lowest and the highest channel.
+        The lowest and the highest channel number.
     baud_rate : int
         The speed of a serial line, bit/s.
     stop_bits : int
         The number of stop bits on a serial line.
     remote : str
-        Message that moves the supply into remote mode on a serial line, sent before the first message and again after
-        the line was reopened; empty if the family needs none. An emulator in the same process gets it too.
+    remote : str
+        Message that brings the supply into remote mode on a serial line. It is sent before the first message and again
+        after the line was reopened. Empty if the family needs no such message.
     select : str
-        Message that selects the channel, sent before every message that concerns a channel; empty if the family names
-        the channel in each message or has one channel.
+        Message that selects the channel. It is sent before every message that concerns a channel. Empty if each message
+        contains the channel, or if the family has one channel.
     modes : tuple of (str, str, str)
-        Settings that determine what a set-point means or whether it has an effect: a query, the beginning of the right
-        answer (alternatives are separated by ``|``), and the message that changes the setting to this answer. The query
-        is sent before every set-point other than zero, and the message only if the answer is wrong.
-    set_voltage, voltage_set, set_current, current_set, measure_voltage, measure_current : str
-        The commands that set a quantity, and the queries for the set-points and the measured values.
+        Settings without which a set-point would have another meaning or no effect. Each entry has three parts: a query,
+        the beginning of the right answer (alternatives are separated by ``|``), and the command that corrects the
+        setting. The query is sent before every set-point except a current of zero. The command is sent if the answer is
+        wrong.
+    set_voltage, set_current : str
+        The commands that set the voltage (V) and the current (A).
+    voltage_set, current_set : str
+        The queries for the set-points of voltage (V) and current (A).
+    measure_voltage, measure_current : str
+        The queries for the measured voltage (V) and current (A).
     protect : tuple of str
-        Messages that arm the supply's own protections, sent before `on`.
+        Messages that arm the protections inside the supply. They are sent before `on`.
     armed : tuple of (str, str)
-        Queries that read the protections back, each with the level or the switch (0 or 1) that must be answered. If the
-        answer has two parts, such as ``13.2,ON``, the first is the level and the second must be on.
+        Queries that verify the protections, each with the level or the switch (0 or 1) that the supply must answer. If
+        the answer has two parts, such as ``13.2,ON``, the first part is the level and the second part must be ON.
     protections : str
-        The armed protections in words, for the user.
+        A description of the armed protections for the user.
     on, off : tuple of str
-        Messages that switch the output, sent in this order.
+        Messages that switch the output on and off. They are sent in this order.
     output : str
-        The query whether the output is on, answered by 1 or 0, ON or OFF.
+        The query for the output. The supply answers 1 or ON if the output is on, 0 or OFF if it is off.
     output_bit : int
-        If it is not 0, `output` is answered by a hexadecimal status word. This bit belongs to channel 1, and the next
-        higher bit to channel 2.
+        0, or the bit for channel 1 in the hexadecimal status word with which the supply answers `output`. The next
+        higher bit is for channel 2.
     trip : tuple of str
-        The queries whether a protection tripped, answered by 1 or 0, YES or NO.
+        Queries for the protections. The supply answers 1 or YES if the protection has tripped, 0 or NO if not.
     registers : tuple of Register
-        The registers that report trips.
+        The status registers that report tripped protections.
     errors : str
-        The query for the oldest entry of the error queue; empty if the family has no such queue.
+        The query for the oldest entry of the error queue. Empty if the family has no error queue.
     query_delay_s : float
-        Wait between a query and reading its answer, s.
+        The wait between a query and the reading of its answer, s.
     watchdog : Watchdog, optional
-        The supply's own watchdog or output timer.
+        The watchdog or the output timer inside the supply.
     reads_zero_within_A : float
-        The largest current (A) that a healthy unit shows when no current is set. It is used only if it is above 20 mA,
-        see `eimi_drivers.supplies.off`. The value 0 means that this current is smaller, or was not looked up.
+        The largest current that a healthy supply measures when no current flows, A. The value has an effect only above
+        20 mA, see `eimi_drivers.supplies.off`. The value 0 means that the current is smaller or not known.
     """
 
     driver: str

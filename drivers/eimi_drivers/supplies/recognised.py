@@ -1,4 +1,4 @@
-"""Recognise the driver of a supply by its identification."""
+"""Find the driver of a supply from its identification text."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Recognised:
-    """Name the driver of a recognised supply.
+    """The driver of a supply whose family was recognised.
 
     Parameters
     ----------
     driver : str
         The name of the driver.
     port : int
-        The TCP port of its commands; 0 if the family has no socket, or if its port is unknown.
+        The TCP port to which the commands are sent; 0 if the supply has no such port or the port is not known.
     """
 
     driver: str
@@ -45,9 +45,9 @@ MODELS: tuple[tuple[str, Recognised], ...] = (
     (r"\bGENH?\d", Recognised("genesys")),
     (r"\b(KORAD|TENMA|VELLEMAN|RND)", Recognised("korad")),
 )
-"""The driver of each family, and a pattern that occurs in its identification, or in its maker and model."""
+"""Patterns of identification texts, each with the driver of the supplies whose texts contain the pattern."""
 
 
 def recognise(text: str) -> Recognised | None:
-    """Return the driver that fits an identification, such as the answer to ``*IDN?``; None if no family fits."""
+    """Return the driver for an identification text, such as the answer to ``*IDN?``; None if no driver fits."""
     return next((recognised for pattern, recognised in MODELS if re.search(pattern, text.upper())), None)

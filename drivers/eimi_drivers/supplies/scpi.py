@@ -1,6 +1,7 @@
-"""Drive supplies that use SCPI (SCPI-99, volume 2); the profile of a family states its messages.
+"""Drive supplies that use SCPI (SCPI-99, volume 2). The messages of each family are in its `Profile`.
 
-``*RST`` is never sent: some LAN supplies hang on it, and it would switch outputs that another person has set up.
+The drivers never send ``*RST``. Some LAN supplies no longer answer after this message, and it would switch off outputs
+that another person uses.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ _YES_OR_NO = {b"1": True, b"ON": True, b"YES": True, b"0": False, b"OFF": False,
 
 
 class ScpiSupply(SupplyBase):
-    """Drive an SCPI supply over a socket, VXI-11, HiSLIP, USB or a serial line; every message ends with a newline.
+    """Driver of one SCPI supply over a socket, VXI-11, HiSLIP, USB or a serial line.
 
-    The first command that reads the instrument's error queue raises all errors in it, including those that were there
-    before the supply was opened.
+    Every message ends with a newline. The driver reads the error queue of the supply after commands, and raises all
+    errors in the queue as one InstrumentError. The first such error may therefore contain errors from before the supply
+    was opened.
     """
 
     profile: ClassVar[Profile]
@@ -37,20 +39,20 @@ class ScpiSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource or the serial line."""
+        """Open the VISA resource or the serial line at the address and return the line."""
         return open_visa(address, cls.profile.baud_rate, cls.profile.stop_bits)
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return `Profile.reads_zero_within_A` of the family."""
+        """Return the largest current (A) that a healthy supply of the family measures when no current flows."""
         return self.profile.reads_zero_within_A
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``. Raises AnotherSupply if the identity has changed."""
+        """Return the identity from the answer to ``*IDN?``. Raises AnotherSupply if the identity has changed."""
         return self._identity(self._ask("*IDN?"))
 
     def output_on(self) -> bool:
-        """Ask the instrument whether its output is on."""
+        """Return whether the supply reports that its output is on."""
         if not self.profile.output_bit:
             return self._ask_whether(self.profile.output)
         reply = self._ask_channel(self.profile.output)
@@ -59,7 +61,7 @@ class ScpiSupply(SupplyBase):
         return bool(int(reply, 16) & self.profile.output_bit << (self._channel - 1))
 
     def measure(self) -> Reading:
-        """Measure the output current and voltage."""
+        """Return the measured output current (A) and output voltage (V)."""
         return Reading(
             current_A=self._ask_value(self.profile.measure_current),
             voltage_V=self._ask_value(self.profile.measure_voltage),
@@ -79,7 +81,7 @@ class ScpiSupply(SupplyBase):
         return super()._reopen_and_compare()
 
     def _go_remote(self) -> None:
-        """Move a supply on a serial line into remote mode before the first message, see `Profile.remote`."""
+        """Bring a supply on a serial line into remote mode before its first message, see `Profile.remote`."""
         if self._is_local:
             self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
             self._is_local = False
@@ -131,7 +133,7 @@ class ScpiSupply(SupplyBase):
                 break
             reported.append(f"{match[1]} {match[2]}")
         if reported:
-            raise InstrumentError(f"{self._link.address}: the instrument reports: {'; '.join(reported)}")
+            raise InstrumentError(f"{self._link.address}: the supply reports: {'; '.join(reported)}")
 
     def _trip(self) -> str:
         tripped = [question for question in self.profile.trip if self._ask_whether(question)]
@@ -145,7 +147,7 @@ class ScpiSupply(SupplyBase):
         if self._switched_on and watchdog and watchdog.expired:
             question, answer_if_expired = watchdog.expired
             if self._ask_value(question) == answer_if_expired:
-                causes.append("its watchdog switched it off")
+                causes.append("the watchdog of the supply switched the output off")
         return ", ".join(causes)
 
     def _protect(self) -> None:
@@ -160,21 +162,22 @@ class ScpiSupply(SupplyBase):
         if expected in {"0", "1"}:
             if self._ask_whether(question) != (expected == "1"):
                 raise SetPointNotTaken(
-                    f"{self._link.address}: its own protection was not switched {'on' if expected == '1' else 'off'} "
-                    f"({self._fill(question)})"
+                    f"{self._link.address}: the protection of the supply was not switched "
+                    f"{'on' if expected == '1' else 'off'}, as the answer to {self._fill(question)} shows"
                 )
             return
         level = float(expected)
         reply, _, switch = self._ask_channel(question).partition(b",")
         if switch and not _YES_OR_NO.get(switch.strip().upper(), False):
             raise SetPointNotTaken(
-                f"{self._link.address}: its own protection was not switched on ({self._fill(question)})"
+                f"{self._link.address}: the protection of the supply was not switched on, as the answer to "
+                f"{self._fill(question)} shows"
             )
         answer = self._number(self._fill(question), reply)
         self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Set the modes that decide the meaning of a set-point, see `Profile.modes`. Raises SetPointNotTaken."""
+        """Correct the settings on which a set-point depends, see `Profile.modes`. Raises SetPointNotTaken."""
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))
             if self._mode(question).startswith(beginnings):
@@ -182,7 +185,9 @@ class ScpiSupply(SupplyBase):
             self._send(message)
             self._raise_reported_errors()
             if not (answer := self._mode(question)).startswith(beginnings):
-                raise SetPointNotTaken(f"{self._link.address}: {message} was sent but {question} is answered {answer}")
+                raise SetPointNotTaken(
+                    f"{self._link.address}: {message} was sent, but the answer to {question} is {answer}"
+                )
 
     def _mode(self, question: str) -> str:
         return self._line(question, self._ask(question)).strip().strip('"').upper()
@@ -198,8 +203,8 @@ class ScpiSupply(SupplyBase):
             answer = self._number(question, self._ask(question))
             if answer != (watchdog.seconds if expected is None else expected):
                 raise SetPointNotTaken(
-                    f"{self._link.address}: its watchdog of {watchdog.seconds} s was not set: {question} is answered "
-                    f"{answer:g}"
+                    f"{self._link.address}: the watchdog of the supply was not set to {watchdog.seconds} s: the answer "
+                    f"to {question} is {answer:g}"
                 )
 
     def _disarm_watchdog(self) -> None:
@@ -227,7 +232,7 @@ class ScpiSupply(SupplyBase):
 
 
 def scpi_driver(family: Profile) -> type[ScpiSupply]:
-    """Return the driver of a family of supplies."""
+    """Return a driver class for a family of SCPI supplies."""
 
     class FamilySupply(ScpiSupply):
         __doc__ = ScpiSupply.__doc__
@@ -241,5 +246,8 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
 
 
 def effect_without_contact(watchdog: Watchdog | None) -> str:
-    """Return, in words, the effect on the output if the computer fails or the cable is pulled."""
+    """Return a text that describes what the output does if the computer fails or the cable is pulled.
+
+    Without a watchdog the text says that the output stays on.
+    """
     return watchdog.effect.format(seconds=watchdog.seconds) if watchdog else STAYS_ON

@@ -1,4 +1,4 @@
-"""State the messages of each family of SCPI supplies; `profile` explains the fields."""
+"""The messages of each family of SCPI supplies. `eimi_drivers.supplies.profile` explains the fields."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ OVER_BOTH = "over-voltage and over-current protection 10 % above the limits"
 
 OVER_VOLTAGE_TRIPPED = "over-voltage protection tripped"
 OVER_CURRENT_TRIPPED = "over-current protection tripped"
-MAINS_FAILED, TOO_HOT = "the mains failed", "it is too hot"
-INHIBITED = "it was inhibited at its rear connector"
+MAINS_FAILED, TOO_HOT = "the mains failed", "the supply is too hot"
+INHIBITED = "the output was inhibited at the rear connector of the supply"
 
 KEYSIGHT_WATCHDOG = Watchdog(
     arm=("OUTP:PROT:WDOG:DEL {seconds}", "OUTP:PROT:WDOG 1"),
@@ -62,8 +62,8 @@ KEYSIGHT_N6700 = replace(
                 *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (4, MAINS_FAILED), (16, TOO_HOT)),
                 (64, "negative over-voltage protection tripped"),
                 (512, INHIBITED),
-                (2048, "its watchdog, or a protection of another channel, switched it off"),
-                (4096, "its oscillation detector tripped"),
+                (2048, "the watchdog, or a protection of another channel, switched the output off"),
+                (4096, "the oscillation detector tripped"),
             ),
         ),
     ),
@@ -72,9 +72,12 @@ KEYSIGHT_N6700 = replace(
 
 _N6900_TRIPS = (
     *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (4, MAINS_FAILED), (16, TOO_HOT)),
-    *((8, "its limit of positive power switched it off"), (32, "its limit of negative power switched it off")),
-    *((64, "its sense leads are reversed"), (512, INHIBITED), (2048, "its watchdog switched it off")),
-    (4096, "its protection against excessive dynamics tripped"),
+    (8, "the limit of positive power switched the output off"),
+    (32, "the limit of negative power switched the output off"),
+    (64, "the sense leads are reversed"),
+    (512, INHIBITED),
+    (2048, "the watchdog of the supply switched the output off"),
+    (4096, "the protection against excessive dynamics tripped"),
 )
 
 KEYSIGHT_N6900 = Profile(
@@ -109,8 +112,9 @@ KEYSIGHT_RP7900 = replace(
         Register(
             "STAT:QUES2:COND?",
             (
-                *((8, "current sharing failed"), (16, "another unit of its group switched it off")),
-                *((32, "its safety disconnect system switched it off"), (64, "under-voltage protection tripped")),
+                *((8, "current sharing failed"), (16, "another unit of the group switched the output off")),
+                (32, "the safety disconnect system switched the output off"),
+                (64, "under-voltage protection tripped"),
             ),
         ),
     ),
@@ -229,7 +233,7 @@ KEITHLEY_2200 = Profile(
         verify=(("OUTP:TIM:DEL?", None), ("OUTP:TIM?", 1)),
         disarm="OUTP:TIM 0",
         seconds=14400,
-        effect="the supply's own timer switches the output off {seconds} s after it was switched on, also in a run",
+        effect="a timer in the supply switches the output off {seconds} s after switching it on, also in a run",
     ),
 )
 
@@ -246,8 +250,8 @@ KEITHLEY_2260B = Profile(
         Register(
             "STAT:QUES:COND?",
             (
-                *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (8, "its power switch is off"), (16, TOO_HOT)),
-                (2048, "it was shut off at its rear connector"),
+                *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (16, TOO_HOT)),
+                *((8, "the power switch is off"), (2048, "the supply was shut off at its rear connector")),
             ),
         ),
     ),
@@ -271,7 +275,7 @@ DELTA_SM15K = Profile(
     measure_current="MEASURE:CURRENT?",
     protect=("SYSTEM:LIMITS:VOLTAGE {voltage},ON", "SYSTEM:LIMITS:CURRENT {current},ON"),
     armed=(("SYSTEM:LIMITS:VOLTAGE?", "{voltage}"), ("SYSTEM:LIMITS:CURRENT?", "{current}")),
-    protections="limits of its set-points 10 % above the limits",
+    protections="limits of the supply's set-points 10 % above the limits of the run",
     on=("OUTPUT 1",),
     off=("OUTPUT 0",),
     output="OUTPUT?",
@@ -302,4 +306,4 @@ PROFILES = (
     *(RIGOL_DP800, SIGLENT_SPD, ROHDE_SCHWARZ_HMP, KEYSIGHT_N6900, KEYSIGHT_RP7900),
     *(KEITHLEY_2200, KEITHLEY_2260B, DELTA_SM15K, DELTA_PSC_ETH),
 )
-"""The families whose drivers need a profile only."""
+"""The profiles of the families whose drivers `scpi_driver` makes from the profile alone."""

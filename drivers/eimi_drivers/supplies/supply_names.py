@@ -49,11 +49,11 @@ _OWN: tuple[type[SupplyBase], ...] = (
 SUPPLIES: Drivers[SupplyDriver] = Drivers(
     "supply", "eimi_drivers.supplies", {driver.name: driver for driver in _OWN}, reserved=("virtual",)
 )
-"""Supply drivers by name: those of this package, of other installed packages, and those added by a program."""
+"""Supply drivers by name: drivers of this package, of other installed packages, and drivers added by a program."""
 
 
 def supply_driver(driver: str) -> SupplyDriver:
-    """Return the driver with this name; check its members as far as possible without an instrument.
+    """Return the supply driver with this name, after a check of its members that needs no instrument.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def supply_driver(driver: str) -> SupplyDriver:
     UnknownDriver
         No driver has this name.
     UnusableDriver
-        The driver cannot be imported, or lacks a member of `PowerSupply`.
+        The driver cannot be imported, cannot be called as `SupplyDriver` requires, or lacks a member of `PowerSupply`.
     """
     chosen = SUPPLIES[driver]
     check_supply_driver(driver, chosen)
@@ -78,7 +78,10 @@ def supply_driver(driver: str) -> SupplyDriver:
 
 
 def is_bipolar(driver: str) -> bool:
-    """Return whether the supplies of this driver can reverse their current. See `supply_driver` for the errors."""
+    """Return whether the supplies of the driver with this name can set negative currents.
+
+    Raises the errors of `supply_driver`.
+    """
     return bool(getattr(supply_driver(driver), "bipolar", False))
 
 
@@ -90,7 +93,7 @@ def open_supply(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open the supply at an address. No message is sent, so that a supply that is on stays on.
+    """Open the supply at an address without sending a message. An output that is on therefore stays on.
 
     Parameters
     ----------
@@ -105,21 +108,22 @@ def open_supply(
     transcript : Path, optional
         A new file that records every message, see `eimi_drivers.supplies.transcript`.
     between_messages : callable, optional
-        Is called before each message to a supply whose driver has `connect`, and may raise an error, see
-        `InterruptibleTransport`. A call of a supply without `connect` is never interrupted.
+        A function that is called before each message if the driver has the member `connect`. The function may raise an
+        error in order to interrupt a call of the supply, see `InterruptibleTransport`. If the driver has no `connect`,
+        no call is interrupted.
 
     Returns
     -------
     PowerSupply
-        The open supply with every member of `PowerSupply`. Errors of another package's driver that are no
-        InstrumentError are raised as one.
+        The open supply with every required member of `PowerSupply`. Every error that another package's driver raises in
+        a call is raised as an InstrumentError.
 
     Raises
     ------
     UnusableDriver
-        The driver is unknown or lacks a member; or a transcript is requested and the driver has no `connect`.
+        The driver is unknown or lacks a member, or a transcript is requested and the driver has no `connect`.
     InstrumentError
-        The family has no channel with the number in the address.
+        The address contains a channel number that supplies of this family do not have.
     InstrumentDisconnected
         The address cannot be opened.
     """
@@ -138,7 +142,11 @@ def open_with(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open a supply with a driver that is not in `SUPPLIES`; `name` is used in messages. See `open_supply`."""
+    """Open a supply with a driver that is given as an object, and return the supply.
+
+    The driver need not be in `SUPPLIES`. `name` is the name of the driver in messages. The other parameters and the
+    errors are those of `open_supply`.
+    """
     check_supply_driver(name, driver)
     connect = getattr(driver, "connect", None)
     if connect is None and transcript is not None:
@@ -162,10 +170,10 @@ def open_with(
 
 
 def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
-    """Open a line or a supply; raise the errors of another package's driver as InstrumentError."""
+    """Call `open_it` and return the line or supply that it opens; raise each of its errors as InstrumentError."""
     try:
         return open_it()
     except InstrumentError:
         raise
     except Exception as error:
-        raise InstrumentError(f"{name} supply {address}: its driver raised {raised(error)} when opened") from error
+        raise InstrumentError(f"{name} supply {address}: its driver raised {raised(error)} on opening") from error

@@ -1,14 +1,15 @@
 r"""Record the messages on a line in a file, and play a recording back in place of the instrument.
 
-Each line of the file is one event: the seconds since the first event, its kind, and the bytes in Python's escaped form.
+Each line of the file is one event. It contains the time since the first event (s), the kind of the event, and the bytes
+in Python's escaped form.
 
     0.000000 open TCPIP::192.168.0.5::5025::SOCKET
     0.000213 > MEAS:CURR?\n
     0.012400 < 0.7001\n
     1.020113 <! InstrumentTimeout nothing came
 
-The kind is ``>`` for sent bytes, ``<`` for read bytes, and ``>!`` or ``<!`` for an error in that direction. A lab can
-attach such a file to a bug report.
+The kind is ``>`` for sent bytes, ``<`` for read bytes, ``>!`` for an error while sending and ``<!`` for an error while
+reading. The kind ``open`` is followed by the address of the instrument. Such a file can be attached to a bug report.
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """Report that the messages of a driver differ from the transcript."""
+    """Report that a driver sends or reads something else than the transcript contains."""
 
 
 class RecordingTransport:
-    """Record the messages of another transport; each event is on the disk before the next one."""
+    """A line that writes its messages to a transcript file.
+
+    Each event is written to the file before the next message is sent or read.
+    """
 
     def __init__(self, link: Transport, file: Path, clock: Clock) -> None:
-        """Create the file, which must not exist. Raises OSError."""
+        """Create the transcript file. Raises OSError if the file exists or cannot be created."""
         self.address = link.address
         self._link = link
         self._clock = clock
@@ -43,7 +47,7 @@ class RecordingTransport:
         self._note(kind, f"{type(error).__name__} {error}".encode("unicode_escape").decode("ascii"))
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Record the message and send it; see `Transport.write`."""
         self._note(">", escaped(message))
         try:
             self._link.write(message)
@@ -52,7 +56,7 @@ class RecordingTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the bytes that `Transport.read` of the line returns, and record them."""
         try:
             received = self._link.read(size, timeout_s, end)
         except InstrumentError as error:
@@ -62,25 +66,26 @@ class RecordingTransport:
         return received
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`."""
+        """Record the reopening and reopen the line; return False if the line cannot be reopened."""
         self._note("open", self.address.encode("unicode_escape").decode("ascii"))
         return self._link.reopen()
 
     def close(self) -> None:
-        """Close the line and the file."""
+        """Release the line and close the transcript file."""
         self._link.close()
         self._file.close()
 
 
 class ReplayedTransport:
-    """Answer from a transcript without delay.
+    """A line that answers from a transcript instead of an instrument, without delay.
 
-    A message that differs from the next one of the transcript raises TranscriptMismatch, and so does a read that the
-    transcript does not contain. `assert_complete` reports events that did not happen. A recorded error is raised again.
+    TranscriptMismatch is raised if the driver sends another message than the next message of the transcript, or reads
+    when the transcript contains no answer. An error in the transcript is raised again. `assert_complete` checks that
+    the whole transcript was played back.
     """
 
     def __init__(self, file: Path) -> None:
-        """Read a transcript. Raises ValueError, which names the line that is no event."""
+        """Read the transcript file. Raises ValueError if a line of the file is not an event."""
         self.address = ""
         self._events: list[tuple[int, str, str]] = []
         for number, line in enumerate(file.read_text(encoding="ascii").splitlines(), start=1):
@@ -94,7 +99,25 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Return line number and text of the next event; None if the event is of another kind."""
+        """Return the line number and the text of the next event of the transcript, and advance to the following event.
+
+        Parameters
+        ----------
+        kind : str
+            The kind of event that the driver expects.
+        doing : str
+            What the driver does, for the message.
+
+        Returns
+        -------
+        tuple of (int, str) or None
+            None if the next event is of another kind; the transcript then does not advance.
+
+        Raises
+        ------
+        TranscriptMismatch
+            The transcript has no further event.
+        """
         if self._next == len(self._events):
             raise TranscriptMismatch(f"{doing} after the end of the transcript")
         number, next_kind, text = self._events[self._next]
@@ -113,7 +136,7 @@ class ReplayedTransport:
         return TranscriptMismatch(f"{doing}, but line {number} of the transcript is: {kind} {text}")
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`. Raises TranscriptMismatch."""
+        """Compare the message with the next event of the transcript. Raises TranscriptMismatch if they differ."""
         doing = f"sent {escaped(message)}"
         before = self._next
         sent = self._take(">", doing)
@@ -123,7 +146,7 @@ class ReplayedTransport:
         self._raise_fault(">!")
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`. Raises TranscriptMismatch."""
+        """Return the bytes of the next event of the transcript. Raises TranscriptMismatch if it is not an answer."""
         self._raise_fault("<!")
         received = self._take("<", f"read {size} bytes")
         if received is None:
@@ -131,25 +154,25 @@ class ReplayedTransport:
         return unescaped(received[1])
 
     def reopen(self) -> bool:
-        """Return False: a transcript cannot be reopened."""
+        """Return False, because a transcript cannot be reopened."""
         return False
 
     def close(self) -> None:
-        """Do nothing: there is no line to release."""
+        """Do nothing, because no line is open."""
 
     def assert_complete(self) -> None:
-        """Raise TranscriptMismatch if an event of the transcript did not happen."""
+        """Raise TranscriptMismatch if the transcript was not played back to its end."""
         if self._next < len(self._events):
             number, kind, text = self._events[self._next]
             count = len(self._events) - self._next
-            raise TranscriptMismatch(f"{count} events never came, the first in line {number}: {kind} {text}")
+            raise TranscriptMismatch(f"{count} events never happened, the first in line {number}: {kind} {text}")
 
 
 def escaped(raw: bytes) -> str:
-    """Return bytes as one line of ASCII text."""
+    """Return bytes as one line of ASCII text in Python's escaped form."""
     return raw.decode("latin-1").encode("unicode_escape").decode("ascii")
 
 
 def unescaped(text: str) -> bytes:
-    """Return the bytes of a text that `escaped` returned."""
+    """Return the bytes from which `escaped` made this text."""
     return text.encode("ascii").decode("unicode_escape").encode("latin-1")

@@ -1,7 +1,7 @@
 """Exchange bytes with an instrument over a serial line, over VISA, or with an emulator in the same process.
 
-Every error of the operating system, of pyserial or of VISA is raised as an error of `eimi_drivers.interfaces`. Its
-message contains the address, and its cause is the original error.
+Every error of the operating system, of pyserial or of VISA is raised as an error of `eimi_drivers.interfaces`. The
+message of the raised error contains the address. The original error is the cause of the raised error.
 """
 
 from __future__ import annotations
@@ -47,29 +47,51 @@ _VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"TCPIP\d*::([^:]+)::(\d+)::SOCKET", re.IGNORECASE)
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 SERIAL_URLS = ("socket://", "rfc2217://")
-"""The permitted pyserial URLs. Others can do harm: ``spy://`` overwrites the file that it names."""
+"""The permitted pyserial URLs. Other URLs can do harm: ``spy://`` overwrites the file in the URL."""
 _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
 class Transport(Protocol):
-    """Define a line that carries bytes to and from one instrument."""
+    """A line that carries bytes to and from one instrument."""
 
     address: str
-    """The address in the rig file. A channel at its end, such as ``#2``, is evaluated by the driver."""
+    """The address in the rig file. The line ignores a channel at its end, such as ``#2``, which the driver uses."""
 
     def write(self, message: bytes) -> None:
         """Discard all unread bytes, then send the whole message."""
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Read `size` bytes, or fewer if the byte `end` arrives first.
+        """Return the next bytes from the instrument.
 
-        Raises InstrumentTimeout if neither happens within `timeout_s`.
+        Parameters
+        ----------
+        size : int
+            The largest number of bytes.
+        timeout_s : float
+            The longest wait, s.
+        end : bytes
+            The byte that ends the answer, which may then be shorter than `size`. Empty if only `size` ends the answer.
+
+        Raises
+        ------
+        InstrumentTimeout
+            Neither `size` bytes nor the byte `end` arrived within `timeout_s`.
         """
 
     def reopen(self) -> bool:
-        """Close and reopen a line that has failed; return False if it cannot be reopened. Raises InstrumentError.
+        """Close a line that has failed, and open it again.
 
         The address may meanwhile lead to another instrument. The caller must therefore ask for the identity again.
+
+        Returns
+        -------
+        bool
+            True if the line is open again; False if a line of this kind is never reopened.
+
+        Raises
+        ------
+        InstrumentError
+            The line could not be opened.
         """
 
     def close(self) -> None:
@@ -77,27 +99,34 @@ class Transport(Protocol):
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Return an address without its channel, and the channel: 2 if the address ends in ``#2``, None if it has none."""
+    """Return an address without its channel, and the channel.
+
+    The channel of an address that ends in ``#2`` is 2. The channel is None if the address contains no channel.
+    """
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
 
 
 def usb_serial_number(address: str) -> str:
-    """Return the serial number of the USB device of a serial port; "" if the device has none, or is no USB device."""
+    """Return the serial number of the USB device behind a serial port.
+
+    The result is empty if the device has no serial number, if the port is not a USB device, or if the serial ports
+    cannot be listed.
+    """
     port = serial_port(address)
     name = os.path.realpath(port) if port.startswith("/") else port.upper()
     if not name.startswith(("/", "COM")) or name.startswith("/dev/pts/"):
         return ""
     try:
         devices = attached_ports()
-    except Exception as error:  # without a serial number the supply counts as one that cannot be identified
+    except Exception as error:  # without a serial number the supply counts as a supply that cannot be identified
         _log.info("the serial ports cannot be listed: %s", raised(error))
         return ""
     return next((str(device.serial_number or "") for device in devices if device.device == name), "")
 
 
 def serial_port(address: str) -> str:
-    """Return pyserial's name of a serial port, also for a VISA resource of a serial port or a socket."""
+    """Return the name under which pyserial opens an address: a port, or a VISA resource of a serial port or socket."""
     place = split_address(address)[0].removeprefix("\\\\.\\")  # how Windows writes COM10 and above; pyserial adds it
     if match := _VISA_SERIAL.fullmatch(place):
         return f"COM{match[1]}" if match[1].isdecimal() else match[1]
@@ -106,11 +135,11 @@ def serial_port(address: str) -> str:
 
 
 def check_address(address: str) -> None:
-    """Raise ValueError if an address is a URL of another kind than `SERIAL_URLS`."""
+    """Raise ValueError if an address is a URL that does not begin with one of `SERIAL_URLS`."""
     url = _URL.match(serial_port(address))
     if url and not url[0].lower().startswith(SERIAL_URLS):
         kinds = " or ".join(SERIAL_URLS)
-        raise ValueError(f"{url[0]} is not opened; give a port such as /dev/ttyUSB0, or a URL with {kinds}")
+        raise ValueError(f"{url[0]} is not opened; give a port such as /dev/ttyUSB0, or a URL that begins with {kinds}")
 
 
 def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
@@ -119,9 +148,9 @@ def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> Instrum
 
 
 class SerialTransport:
-    """A serial port, or a serial line over TCP, that pyserial opens.
+    """A line to an instrument at a serial port, or at a serial port that is reached over TCP.
 
-    The port is locked, so that two programs cannot use one instrument at the same time.
+    pyserial opens the port. The port is locked, so that two programs cannot use one instrument at the same time.
 
     Parameters
     ----------
@@ -163,7 +192,10 @@ class SerialTransport:
             )
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`. A pseudo-terminal is not reopened: its name may belong to another program by then."""
+        """Close the port and open it again; see `Transport.reopen`.
+
+        Returns False for a pseudo-terminal, which is not reopened because its name may belong to another program.
+        """
         if "/dev/pts/" in self.address:
             return False
         with suppress(InstrumentError):
@@ -189,7 +221,7 @@ class SerialTransport:
             raise InstrumentDisconnected(f"{self.address}: {raised(error)}") from error
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Discard the unread bytes of the port, then send the whole message."""
         with self._errors_named():
             # Not reset_input_buffer(): on a port that no longer exists it raises termios.error, which is no OSError.
             while waiting := self._port.in_waiting:  # at most 1 for a socket:// URL
@@ -197,7 +229,7 @@ class SerialTransport:
             self._port.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the next bytes from the port; see `Transport.read`."""
         with self._errors_named():
             if sys.platform == "win32":
                 received = self._polled(size, timeout_s, end)
@@ -209,7 +241,10 @@ class SerialTransport:
         return received
 
     def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
-        """Read by polling: under Wine, a read of the port that times out is an error of the line."""
+        """Return the next bytes from the port, which are read without blocking in intervals of `POLL_EVERY_S` (s).
+
+        Under Wine, a blocking read that times out is reported as an error of the line.
+        """
         self._port.timeout = 0
         until = time.monotonic() + timeout_s
         received = b""
@@ -229,20 +264,34 @@ class SerialTransport:
 
 
 def visa_library() -> str:
-    """Return the name of the VISA library in PyVISA's notation."""
+    """Return the name of the VISA library in PyVISA's notation: PYVISA_LIBRARY of the environment, or ``@py``."""
     return os.environ.get("PYVISA_LIBRARY", "@py")
 
 
 def is_serial_port(address: str) -> bool:
-    """Return whether an address is a serial port, bare or in the notation of VISA, and no other VISA resource."""
+    """Return whether an address is a VISA resource of a serial port or, without ``::``, the name of a serial port."""
     place = split_address(address)[0]
     return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
 
 
 def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transport:
-    """Open a VISA resource, or a serial port with this speed (bit/s) and stop bits. Raises InstrumentError.
+    """Open a VISA resource or a serial port and return the line.
 
-    If the VISA library is pyvisa-py, which does not lock serial ports, a serial port is opened with pyserial instead.
+    pyvisa-py does not lock serial ports. If it is the VISA library, a serial port is opened with pyserial instead.
+
+    Parameters
+    ----------
+    address : str
+        A VISA resource or the name of a serial port.
+    baud_rate : int
+        The speed of a serial line that pyserial opens, bit/s.
+    stop_bits : int
+        The number of stop bits on a serial line that pyserial opens.
+
+    Raises
+    ------
+    InstrumentError
+        The address cannot be opened.
     """
     is_serial = is_serial_port(address)
     if is_serial and visa_library() == "@py":
@@ -251,10 +300,11 @@ def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transp
 
 
 class VisaTransport:
-    """Exchange bytes with a VISA resource through PyVISA.
+    """A line to an instrument that PyVISA opens as a VISA resource.
 
-    The default library is pyvisa-py (``@py``), which needs no library of a vendor. The environment variable
-    PYVISA_LIBRARY selects another one, such as ``@ivi``. A line that has failed stays closed until `reopen`.
+    The default VISA library is pyvisa-py (``@py``), which needs no software of the instrument's maker. The environment
+    variable PYVISA_LIBRARY selects another library, such as ``@ivi``. A line that has failed can be used again only
+    after `reopen`.
 
     Parameters
     ----------
@@ -292,7 +342,7 @@ class VisaTransport:
         self._failed = False
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`."""
+        """Close the resource, open it again and return True. Raises InstrumentError if it cannot be opened."""
         with suppress(InstrumentError):
             self.close()
         self._open()
@@ -325,7 +375,7 @@ class VisaTransport:
                     raise
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Discard the unread bytes of a socket or a serial line, then send the whole message."""
         if self._failed:
             raise InstrumentDisconnected(f"{self.address}: the line was lost")
         self._discard_unread()
@@ -334,7 +384,7 @@ class VisaTransport:
             self._resource.write_raw(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the next bytes from the resource; see `Transport.read`."""
         with self._errors_named(timeout_s):
             self._resource.timeout = max(round(timeout_s * 1000), 1)
             self._resource.read_termination = end.decode("ascii") or None
@@ -349,7 +399,8 @@ class VisaTransport:
 def _wait_by_the_monotonic_clock() -> None:
     """Make pyvisa-py measure its timeouts with the monotonic clock.
 
-    pyvisa-py uses the wall clock. If the wall clock is set back, a timeout is extended by the same amount.
+    Without this change pyvisa-py uses the wall clock. If a person sets the wall clock back, a timeout becomes longer by
+    the same time.
     """
     from pyvisa_py import sessions, tcpip
     from pyvisa_py.protocols import rpc
@@ -359,14 +410,14 @@ def _wait_by_the_monotonic_clock() -> None:
 
 
 class Responder(Protocol):
-    """Define an object that replaces an instrument: it receives bytes and returns the answer as bytes."""
+    """An object that takes the place of an instrument: it receives bytes and returns the answer as bytes."""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive a message and return the answer, perhaps empty. Raises ConnectionError on a cut line."""
+        """Receive a message and return the answer, which may be empty. Raises ConnectionError if the line is cut."""
 
 
 class InProcessTransport:
-    """Exchange bytes with an emulator in the same process; waits use the time of the clock.
+    """A line to an emulator in the same process. All waits use the clock of the emulator.
 
     Parameters
     ----------
@@ -375,12 +426,12 @@ class InProcessTransport:
     clock : Clock
         The clock of the emulator.
     address : str
-        The address in messages.
+        The address that appears in messages.
 
     Attributes
     ----------
     sent : list of bytes
-        Every message that was sent.
+        All messages that were sent, in their order.
     """
 
     def __init__(self, responder: Responder, clock: Clock, address: str = "in-process") -> None:
@@ -392,7 +443,7 @@ class InProcessTransport:
         self._answered_after_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """See `Transport.write`."""
+        """Discard the unread bytes, give the message to the emulator and store the answer."""
         self.sent.append(message)
         asked_s = self._clock.now()
         try:
@@ -402,7 +453,7 @@ class InProcessTransport:
         self._answered_after_s = self._clock.now() - asked_s
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """See `Transport.read`."""
+        """Return the next bytes of the stored answer; see `Transport.read`."""
         if self._answered_after_s > timeout_s:  # the answer arrived too late
             raise _no_answer(self.address, timeout_s)
         place = self._unread.find(end) if end else -1
@@ -414,8 +465,8 @@ class InProcessTransport:
         return received
 
     def reopen(self) -> bool:
-        """Return False: an emulator in the same process cannot be reopened."""
+        """Return False, because the line to an emulator in the same process cannot be reopened."""
         return False
 
     def close(self) -> None:
-        """Do nothing: there is no line to release."""
+        """Do nothing, because an emulator in the same process needs no connection."""

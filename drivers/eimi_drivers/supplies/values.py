@@ -1,4 +1,4 @@
-"""Convert set-points to text, and find the numbers and lines in answers."""
+"""Convert set-points to text, and answers of instruments to numbers or lines of text."""
 
 from __future__ import annotations
 
@@ -8,26 +8,29 @@ from decimal import ROUND_DOWN, Decimal
 _PADDING = b"\0 \t\r\n"
 _NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
 _NOT_A_MEASUREMENT = 1e30
-"""Larger numbers are no measurement: SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99,
-volume 1, 7.2.1)."""
+"""The largest number that counts as a measurement.
+
+SCPI uses 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 1, 7.2.1).
+"""
 
 
 def set_point_text(value: float, step: str) -> str:
-    """Return a set-point as text in whole steps, rounded toward zero.
+    """Return a set-point as decimal text, rounded toward zero to a multiple of the step.
 
-    It is first rounded to 9 decimals, because a binary fraction such as 0.7999999999999999 would lose a whole step.
+    The set-point is first rounded to 9 decimals. Without this rounding a binary fraction such as 0.7999999999999999
+    would become 0.799 instead of 0.800.
     """
     return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero
 
 
 def number_in(reply: bytes) -> float | None:
-    """Return the number that is the whole answer; None if the answer is not a number, or not a finite measurement."""
+    """Return the number of an answer that consists of one number; None for other answers and numbers above 1e30."""
     if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(_PADDING))) > _NOT_A_MEASUREMENT:
         return None
     return number
 
 
 def line_in(reply: bytes) -> str | None:
-    """Return the line of printable text that is the whole answer; None if the answer is anything else."""
+    """Return the text of an answer that consists of one line of printable ASCII text; None for other answers."""
     text = reply.strip(_PADDING).decode("latin-1")
     return text if text.isascii() and text.isprintable() and text else None

@@ -1,8 +1,8 @@
-"""Drive BK Precision XLN supplies over USB or RS-485, with their own commands.
+"""Drive BK Precision XLN supplies over USB or RS-485.
 
-Source: XLN series user manual (XLN3640), page 59 (list of commands) and page 74 (bits of ``STATUS?``). The page that
-states how a message ends was not at hand; a carriage return and a line feed are assumed. The offset of the meter,
-0.1 % of 40 A, is assumed.
+Source: XLN series user manual (XLN3640), page 59 (list of commands) and page 74 (bits of ``STATUS?``). The page about
+the end of a message was not available: a carriage return and a line feed are assumed. The offset of the current meter
+is also assumed: 0.1 % of 40 A.
 """
 
 from __future__ import annotations
@@ -14,25 +14,28 @@ from eimi_drivers.supplies.scpi import ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, OVER_CURRENT_TRIPPED, OVER_VOLTAGE_TRIPPED, TOO_HOT
 
 OUTPUT_BIT, ARMED_BITS = 0x000004, 0x0000C0
-"""Bits of byte 0 of ``STATUS?``: the output is on; both protections are armed."""
+"""Bits of byte 0 of ``STATUS?``: the bit that reports that the output is on, and the two bits of armed protections."""
 
 TRIPS = {
     0x8000: OVER_VOLTAGE_TRIPPED,
     0x4000: OVER_CURRENT_TRIPPED,
     0x2000: "over-power protection tripped",
-    0x1000: "it tripped from constant current to constant voltage",
-    0x0800: "it tripped from constant voltage to constant current",
+    0x1000: "the output tripped at a change from constant current to constant voltage",
+    0x0800: "the output tripped at a change from constant voltage to constant current",
     0x0400: "the mains voltage is too low",
     0x0200: TOO_HOT,
 }
-"""Bits of byte 1 of ``STATUS?``; each reports that a protection has tripped."""
+"""Bits of byte 1 of ``STATUS?``, each with the reason for which the supply switched the output off."""
 
 STATUS_DIGITS = 6
-"""Number of hexadecimal digits of ``STATUS?``: three bytes, the highest first."""
+"""Number of hexadecimal digits in the answer to ``STATUS?``: three bytes, the highest byte first."""
 
 
 class XlnSupply(ScpiSupply):
-    """Drive a BK Precision XLN. Without an error queue, its refusal of a set-point is noticed at the read-back."""
+    """Driver of a BK Precision XLN supply.
+
+    The supply has no error queue. The driver notices a refused set-point when it reads the set-point back.
+    """
 
     name = "bk-xln"
     ends_with = b"\r\n"
@@ -54,12 +57,15 @@ class XlnSupply(ScpiSupply):
     current_step_A = "0.01"
 
     def identify(self) -> Identity:
-        """Ask ``MODEL?`` and ``VERSION?``; the supply states no serial number. Raises AnotherSupply."""
+        """Return the identity from the answers to ``MODEL?`` and ``VERSION?``, without a serial number.
+
+        The supply reports no serial number. Raises AnotherSupply if the identity has changed.
+        """
         parts = (self._line(question, self._ask(question)) for question in ("MODEL?", "VERSION?"))
         return self._bind(" ".join(parts), "")
 
     def output_on(self) -> bool:
-        """Read from ``STATUS?`` whether the output is on."""
+        """Return whether the output is on, from the answer to ``STATUS?``."""
         return bool(self._status() & OUTPUT_BIT)
 
     def _status(self) -> int:
@@ -81,6 +87,6 @@ class XlnSupply(ScpiSupply):
         status = self._status()
         if status & ARMED_BITS != ARMED_BITS:
             raise SetPointNotTaken(
-                f"{self._link.address}: its own protection was not switched on (STATUS? is answered {status:06X}; "
-                "bits 7 and 6 should be set)"
+                f"{self._link.address}: the protections of the supply were not switched on: the answer to STATUS? is "
+                f"{status:06X}, but bits 7 and 6 should be set"
             )
