@@ -263,8 +263,8 @@ FAULTS = (
     ),
     Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
     Fault("Ctrl-Z", "scpi", "tcp", _refused_then_stopped, "Ctrl-Z is refused", 4.0),
-    Fault("grab never returns", "korad", "pty", lambda t: t.spoil("grab"), "did not come back from grab", 10.0),
-    Fault("flush never returns", "scpi", "tcp", lambda t: t.spoil("flush"), "did not come back from flush", 10.0),
+    Fault("grab never returns", "korad", "pty", lambda t: t.spoil("grab"), "did not return from grab", 10.0),
+    Fault("flush never returns", "scpi", "tcp", lambda t: t.spoil("flush"), "did not return from flush", 10.0),
     Fault("grab keeps Python's lock", "korad", "pty", lambda t: t.spoil("grab-locked"), TOOK_OVER, 9.0),
     Fault(
         "grab never returns, Ctrl-C",

@@ -148,7 +148,7 @@ def test_without_a_complete_frame_the_error_names_the_states_of_the_incomplete_o
     served.lose_packets(0.5)
     with pytest.raises(
         InstrumentTimeout,
-        match=r"no complete frame within 5 s; frames came incomplete: \d+ with (timeout before all packets|missing)",
+        match=r"no complete frame within 5 s; incomplete frames: \d+ with (timeout before all packets|missing)",
     ):
         camera.grab(5.0)
     camera.close()
@@ -182,7 +182,7 @@ def test_every_state_of_a_buffer_is_named_in_the_error(
 ) -> None:
     camera = opened()
     monkeypatch.setattr(load_aravis(), "buffer_get_status", lambda buffer: status, raising=False)
-    with pytest.raises(InstrumentTimeout, match=rf"came incomplete: \d+ with {BUFFER_STATUS[status]}"):
+    with pytest.raises(InstrumentTimeout, match=rf"incomplete frames: \d+ with {BUFFER_STATUS[status]}"):
         camera.grab(1.0)
     monkeypatch.undo()
     assert np.unique(camera.grab(GRAB_S).image).size == 1

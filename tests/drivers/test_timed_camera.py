@@ -72,9 +72,9 @@ def test_a_call_that_never_returns_raises_a_timeout(call: str) -> None:
     inner = StubbornCamera(call)
     camera = TimedCamera("cam 3", lambda: inner)
     act = (lambda: camera.grab(0.1)) if call == "grab" else getattr(camera, call)
-    with pytest.raises(InstrumentTimeout, match=f"cam 3: .*did not come back from {call} within"):
+    with pytest.raises(InstrumentTimeout, match=f"cam 3: .*did not return from {call} within"):
         act()
-    with pytest.raises(InstrumentTimeout, match=f"did not come back from {call}"):
+    with pytest.raises(InstrumentTimeout, match=f"did not return from {call}"):
         camera.grab(1.0)
     camera.close()  # nothing is left to be done
     assert calls_under_way()
@@ -83,7 +83,7 @@ def test_a_call_that_never_returns_raises_a_timeout(call: str) -> None:
 
 def test_a_camera_that_does_not_open_in_time_raises_a_timeout() -> None:
     never = threading.Event()
-    with pytest.raises(InstrumentTimeout, match="did not come back from being opened"):
+    with pytest.raises(InstrumentTimeout, match="did not return from being opened"):
         TimedCamera("cam 3", lambda: never.wait())  # type: ignore[arg-type,return-value]
     never.set()
 
@@ -171,7 +171,7 @@ def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
 def test_a_simulated_camera_that_computes_too_long_raises_a_timeout() -> None:
     inner, now = StubbornCamera("grab"), iter(range(1000))
     camera = TimedCamera("virtual", lambda: inner, seconds=lambda: float(next(now)))
-    with pytest.raises(InstrumentTimeout, match="did not come back from grab"):
+    with pytest.raises(InstrumentTimeout, match="did not return from grab"):
         camera.grab(3.0)
     inner.release.set()
 
@@ -190,4 +190,4 @@ except InstrumentTimeout as error:
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
-    assert "did not come back" in done.stdout
+    assert "did not return" in done.stdout

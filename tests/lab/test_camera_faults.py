@@ -15,9 +15,7 @@ from eimi_lab.dataset.reading import open_dataset
 SPOILT: dict[str, Callable[[Frame], Any]] = {
     "returned nothing": lambda frame: None,
     "returned an empty image": lambda frame: replace(frame, image=np.zeros((0, 128), np.uint8)),
-    "is 64 x 96 uint8, the frames before it are 128 x 96 uint8": lambda frame: replace(
-        frame, image=frame.image[:, :64]
-    ),
+    "is 64 x 96 uint8, the earlier frames are 128 x 96 uint8": lambda frame: replace(frame, image=frame.image[:, :64]),
     "is 128 x 96 uint16": lambda frame: replace(frame, image=frame.image.astype(np.uint16)),
     "is 128 x 96 uint8 in colour": lambda frame: replace(frame, image=np.dstack([frame.image] * 3)),
     "returned 128 x 96 float64": lambda frame: replace(frame, image=frame.image.astype(float)),

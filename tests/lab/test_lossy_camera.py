@@ -113,7 +113,7 @@ def test_a_run_without_complete_frames_ends_with_the_coil_off(
             if isinstance(event, StateStored) and event.state == 1:
                 camera.lose_packets(0.7)
 
-        with pytest.raises(InstrumentTimeout, match=r"no complete frame within 5 s; frames came incomplete: \d+ with "):
+        with pytest.raises(InstrumentTimeout, match=r"no complete frame within 5 s; incomplete frames: \d+ with "):
             measure(lose)
     assert (coil.state.output, coil.state.set_current_A) == (False, 0.0)
     assert every_stored_frame_is_a_picture_of_the_camera(setup.path) >= 4

@@ -238,7 +238,7 @@ def test_pictures_that_change_their_size_end_the_run(files: Path, frame: Callabl
         rig(files, supply, 'driver = "opencv", source = "shots"')
         ended = acquire(files)
     assert ended.status == 1
-    assert "is 64 x 96 uint8, the frames before it are 128 x 96 uint8; size, depth and colour must" in ended.said[-1]
+    assert "is 64 x 96 uint8, the earlier frames are 128 x 96 uint8; size, bit depth and colours" in ended.said[-1]
 
 
 def test_the_transcript_of_a_run_plays_the_supply_again(pictures: Path) -> None:

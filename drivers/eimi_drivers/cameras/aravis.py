@@ -30,32 +30,32 @@ from eimi_drivers.interfaces import (
 )
 
 BUFFERS = 32
-"""Number of buffers in the ring. A freely running camera fills them while the program does something else."""
+"""Number of frames that Aravis stores while the program does something else and the camera continues to expose."""
 
 FRAMES_ON_THE_WAY = 2
-"""Frames that a freely running camera still delivers after a flush, and that are discarded as well.
+"""Number of frames that a freely running camera began before a flush and delivers after the flush.
 
-At the flush, one of them is being transferred and one is being exposed.
+During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
 """
 
 ANSWER_WITHIN_S = 0.4
-"""Additional time (s) that a camera has to answer a command if it sent no frame within the timeout."""
+"""Additional time (s) for the answer to a command, if the camera sent no frame within the timeout."""
 
 CLOSE_WITHIN_S = 2.0
 CONTROL_FREE_WITHIN_S = 4.0
-"""Time limit (s) for getting control of the camera.
+"""Time limit (s) for taking control of the camera.
 
-If a program ended without releasing the control, the camera releases it after its heartbeat time, 3 s by default.
+If a program ended without releasing the camera, the camera ends this control after its heartbeat time, by default 3 s.
 """
 
 LOOK_EVERY_S = 0.05
 LARGEST_ID = 65535
-"""GigE Vision 1 numbers the frames from 1 to 65535 and then restarts at 1."""
+"""The largest frame number in GigE Vision 1, which numbers the frames from 1 to 65535 and then begins at 1 again."""
 
 
 @dataclass(frozen=True)
 class Attached:
-    """Describe a camera that Aravis lists: its identifier for Aravis, serial number, address, protocol and model."""
+    """A camera that Aravis lists: identifier for Aravis, serial number, IP address, protocol, maker and model."""
 
     identifier: str
     serial_number: str
@@ -65,7 +65,7 @@ class Attached:
 
 
 def attached_cameras(aravis: Aravis) -> tuple[Attached, ...]:
-    """Search the network and USB for cameras; the search takes about a second."""
+    """Return the cameras on the network and on USB. The search takes about a second."""
     aravis.update_device_list()
 
     def text(name: str, place: int) -> str:
@@ -84,25 +84,30 @@ def attached_cameras(aravis: Aravis) -> tuple[Attached, ...]:
 
 
 class AravisCamera:
-    """Control a GigE Vision or USB3 Vision camera.
+    """A GigE Vision or USB3 Vision camera that is controlled with the library Aravis.
 
-    If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure, so that a frame is never
-    older than the call. If the frame does not arrive completely, `grab` triggers again within its timeout. With a frame
-    rate the camera runs freely, and with a trigger input it waits for the signal; `grab` then returns the frames in
-    order, from a ring of buffers, and discards incomplete ones. Missing packets are requested again if the camera can
-    resend them. The emulated camera cannot, so this has not been tested.
+    The settings select one of three ways to expose:
+
+    - Without a frame rate and a trigger input, every `grab` triggers an exposure. A frame is then never older than the
+      call. If the frame does not arrive completely, `grab` triggers again until its timeout.
+    - With a frame rate, the camera exposes at this rate.
+    - With a trigger input, the camera exposes at each signal on this input.
+
+    In the last two cases `grab` returns the frames in the order of their exposure and discards incomplete frames.
+    Aravis requests missing packets again if the camera can send them again. The emulated camera cannot do so. This
+    function was therefore not tested.
 
     Parameters
     ----------
     source : str or int
         The serial number, or the IP address of a GigE camera.
     settings : CameraSettings, optional
-        Settings to apply before the first frame.
+        The settings that are applied before the first frame.
 
     Attributes
     ----------
     settings : CameraSettings
-        The settings that were read back.
+        The settings that were read back from the camera.
     lost_frames : Counter
         For each reason, the number of frames that were exposed for a `grab` but did not arrive completely.
     """
@@ -115,9 +120,11 @@ class AravisCamera:
         Raises
         ------
         InstrumentDisconnected
-            No camera answers at the address, or none has the serial number.
-        SetPointRefused, SetPointNotTaken
-            A setting is outside the camera's range, or differs when it is read back.
+            No camera answers at the IP address, or no camera has the serial number.
+        SetPointRefused
+            The camera does not permit a value.
+        SetPointNotTaken
+            A value that was read back differs from the requested value.
         InstrumentError
             Aravis is not installed, another program controls the camera, or the camera reports an error.
         """
@@ -169,7 +176,13 @@ class AravisCamera:
         return bool(self._aravis.gv_device_is_controller(self._aravis.camera_get_device(self._camera)))
 
     def _take_control(self) -> None:
-        """Take control of the camera; if a program was killed while it had control, wait until the camera is free."""
+        """Take control of the camera, and wait for at most `CONTROL_FREE_WITHIN_S` (s) until the camera is free.
+
+        Raises
+        ------
+        InstrumentError
+            Another program still controls the camera.
+        """
         until_s = time.monotonic() + CONTROL_FREE_WITHIN_S
         while not self._controls():
             if time.monotonic() > until_s:
@@ -194,18 +207,18 @@ class AravisCamera:
         return stream
 
     def identify(self) -> Identity:
-        """Return the vendor, model and serial number that the camera stated when it was opened."""
+        """Return the maker, model and serial number that the camera reported when it was opened."""
         return self._identity
 
     def flush(self) -> None:
-        """Discard the frames that have arrived, because they were exposed before this call."""
+        """Discard the frames that were exposed before this call."""
         self._counting = False
         self._to_skip = FRAMES_ON_THE_WAY if self.settings.frame_rate_Hz else 0
         while not self._closed and (buffer := self._popped(0.0)):
             self._aravis.stream_push_buffer(self._stream, buffer)
 
     def _popped(self, timeout_s: float) -> int | None:
-        """Return the next filled buffer of the ring, or None if no buffer was filled within `timeout_s`."""
+        """Return the next buffer with a received frame; None if no frame arrives within `timeout_s` (s)."""
         if timeout_s > 0:
             buffer = self._aravis.stream_timeout_pop_buffer(self._stream, max(round(1e6 * timeout_s), 1))
         else:
@@ -215,7 +228,10 @@ class AravisCamera:
         return buffer
 
     def _discard_late_frames(self, until_s: float) -> None:
-        """Wait for the frames of earlier triggers that no `grab` received, and discard them."""
+        """Discard the frames of earlier triggers that no `grab` returned.
+
+        Frames that have not arrived yet are awaited until `until_s` (s, clock of `time.monotonic`).
+        """
         self.flush()
         while self._awaited and (left_s := until_s - time.monotonic()) > 0:
             if buffer := self._popped(left_s):
@@ -223,19 +239,19 @@ class AravisCamera:
         self._awaited, self._counting = 0, True
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next complete frame; if the camera is triggered by software, trigger it.
+        """Return the next complete frame, after triggering an exposure if the camera is triggered by software.
 
         Raises
         ------
         InstrumentTimeout
-            No complete frame came within `timeout_s`; the message names the states of the incomplete ones.
+            No complete frame arrived within `timeout_s` (s). The message contains the reasons for incomplete frames.
         InstrumentDisconnected
             The camera does not answer, was restarted, or was closed.
         ReplyNotUnderstood
-            The size of the frame differs from that of the region, or its pixel format cannot be decoded.
+            The frame has another size than the region, or a pixel format that cannot be decoded.
         """
         if self._closed:
-            raise InstrumentDisconnected(f"{self._label}: it was closed")
+            raise InstrumentDisconnected(f"{self._label}: the camera was closed")
         with labelled(self._label):
             return self._next_frame(timeout_s)
 
@@ -243,7 +259,7 @@ class AravisCamera:
         began_s = time.monotonic()
         if not self._controls():
             raise InstrumentDisconnected(
-                "the control was lost: the camera was restarted, or another program took control of it"
+                "the control was lost: the camera was restarted, or another program took control of the camera"
             )
         if self._triggered:
             self._discard_late_frames(began_s + timeout_s / 2)
@@ -279,17 +295,35 @@ class AravisCamera:
             if asked is not None:
                 asked.result(ANSWER_WITHIN_S)  # the command may have been sent only just now
         except NotYet:
-            return InstrumentDisconnected(f"it did not answer within {timeout_s:g} s: is it plugged in and powered?")
+            return InstrumentDisconnected(
+                f"the camera did not answer within {timeout_s:g} s. Are its cable and its power plugged in?"
+            )
         if not self._controls():
             return InstrumentDisconnected(
-                "the control was lost: the camera was restarted, or another program took control of it"
+                "the control was lost: the camera was restarted, or another program took control of the camera"
             )
         states = ", ".join(f"{count} with {status}" for status, count in self._incomplete.items())
-        incomplete = f"; frames came incomplete: {states}" if states else ""
+        incomplete = f"; incomplete frames: {states}" if states else ""
         return InstrumentTimeout(f"no complete frame within {timeout_s:g} s{incomplete}")
 
     def _taken(self, buffer: int) -> Frame | None:
-        """Return a copy of the frame in a buffer, or None if it is incomplete; give the buffer back to the ring."""
+        """Return a copy of the frame in a buffer, and give the buffer back to Aravis.
+
+        Parameters
+        ----------
+        buffer : int
+            The address of a buffer that `_popped` returned.
+
+        Returns
+        -------
+        Frame or None
+            None if the frame is incomplete. The reason is then counted.
+
+        Raises
+        ------
+        ReplyNotUnderstood
+            The frame has another size than the region, or a pixel format that cannot be decoded.
+        """
         aravis = self._aravis
         try:
             status = aravis.buffer_get_status(buffer)
@@ -314,7 +348,18 @@ class AravisCamera:
             aravis.stream_push_buffer(self._stream, buffer)
 
     def _numbered(self, identifier: int) -> int:
-        """Count the lost frames; return a frame number that keeps increasing when the camera's counter restarts."""
+        """Return the number of a frame, and count the frames that were lost before this frame.
+
+        Parameters
+        ----------
+        identifier : int
+            The frame number of the camera, which begins at 1 again after `LARGEST_ID`.
+
+        Returns
+        -------
+        int
+            A number that continues to increase when `identifier` begins at 1 again.
+        """
         step = 1 + self._incomplete.total()
         if self._last_id is None:
             self._number = identifier
@@ -330,9 +375,9 @@ class AravisCamera:
         return self._number
 
     def close(self) -> None:
-        """Stop the acquisition and release the camera; closing twice is allowed.
+        """Stop the acquisition and release the camera. Closing twice is allowed.
 
-        If the camera does not answer, its release continues in another thread.
+        If the camera does not answer within `CLOSE_WITHIN_S` (s), the release continues in another thread.
         """
         if self._closed:
             return
@@ -350,14 +395,17 @@ class AravisCamera:
 
 
 class _ControlChannel:
-    """Make calls to the camera in a thread, because Aravis waits up to 5 s for a camera that was disconnected."""
+    """A thread that makes calls to a camera one after the other.
+
+    The thread is needed because Aravis waits up to 5 s for the answer of a camera that was disconnected.
+    """
 
     def __init__(self, name: str) -> None:
         self._calls: queue.SimpleQueue[tuple[Callable[[], None], Future[None]] | None] = queue.SimpleQueue()
         threading.Thread(target=self._make_calls, name=f"control of {name}", daemon=True).start()
 
     def begin(self, call: Callable[[], None]) -> Future[None]:
-        """Queue a call; it is made after all calls that were queued before it."""
+        """Queue a call, which the thread makes after all earlier calls, and return the future of its result."""
         outcome: Future[None] = Future()
         self._calls.put((call, outcome))
         return outcome

@@ -1,8 +1,8 @@
 """Load the library Aravis 0.8 with ctypes and declare the functions that this package calls.
 
-Aravis (LGPL-2.1) speaks GigE Vision and USB3 Vision. Its reference is
-https://aravisproject.github.io/aravis/aravis-stable/. Neither a Python binding of Aravis nor
-the introspection data of GObject are needed.
+Aravis (LGPL-2.1) controls GigE Vision and USB3 Vision cameras. The reference of Aravis is
+https://aravisproject.github.io/aravis/aravis-stable/. This module needs no Python package for Aravis and no
+introspection data of GObject.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ _FOLDERS = {"linux": ("",), "darwin": ("", "/opt/homebrew/lib/", "/usr/local/lib
 
 _DEVICE_ERRORS = "arv-device-error-quark"
 _NOT_THERE = frozenset({2, 5, 6, 10})
-"""ArvDeviceError: not connected, timeout, not found, not controller (arvdevice.h of Aravis 0.8)."""
+"""Values of ArvDeviceError for a camera that does not answer or is controlled by another program.
+
+The values mean: not connected, timeout, not found, not controller (arvdevice.h of Aravis 0.8).
+"""
 
 BUFFER_STATUS = {
     -1: "unknown status",
@@ -44,7 +47,7 @@ BUFFER_STATUS = {
     7: "aborted",
     8: "payload not supported",
 }
-"""ArvBufferStatus in words (arvbuffer.h of Aravis 0.8)."""
+"""The meaning of each value of ArvBufferStatus, the status of a received frame (arvbuffer.h of Aravis 0.8)."""
 
 SUCCESS = 0
 
@@ -54,7 +57,7 @@ class _GError(ctypes.Structure):
 
 
 class GValue(ctypes.Structure):
-    """Hold a value for a property of a GObject (gvalue.h)."""
+    """The C structure GValue, which contains the value of a property of a GObject (gvalue.h)."""
 
     _fields_ = (("type", c_size_t), ("data", c_uint64 * 2))
 
@@ -103,7 +106,10 @@ _WITH_ERROR: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_gv_device_take_control": (c_bool, (pointer,)),
     "arv_camera_create_stream": (pointer, (pointer, pointer, pointer)),
 }
-"""Result type and argument types of the functions whose last argument is a GError; that argument is not listed."""
+"""Result type and argument types of the functions whose last argument is a GError.
+
+The argument types are listed without this last argument.
+"""
 
 _PLAIN: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_update_device_list": (None, ()),
@@ -140,10 +146,11 @@ _PLAIN: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class Aravis:
-    """Call functions of Aravis by name: ``aravis.camera_get_payload(camera)``; a GError is raised as an exception.
+    """The functions of Aravis as methods: ``aravis.camera_get_payload(camera)`` calls ``arv_camera_get_payload``.
 
-    A GError raises InstrumentDisconnected if the device does not answer, SetPointRefused if the GenICam description of
-    the camera does not permit a value, and InstrumentError otherwise.
+    An error of Aravis (GError) is raised as an exception: InstrumentDisconnected if the camera does not answer or is
+    not controlled by this program, SetPointRefused if the GenICam description of the camera does not permit a value,
+    and InstrumentError in all other cases.
     """
 
     def __init__(self, aravis: ctypes.CDLL, gobject: ctypes.CDLL, glib: ctypes.CDLL) -> None:
@@ -162,7 +169,7 @@ class Aravis:
         self._aravis, self._gobject, self._glib = aravis, gobject, glib
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        """Return the function ``arv_NAME``."""
+        """Return the function of Aravis whose name is ``arv_`` followed by `name`."""
         function = getattr(self._aravis, f"arv_{name}")
         if f"arv_{name}" not in _WITH_ERROR:
             return function
@@ -177,7 +184,10 @@ class Aravis:
         return call
 
     def strings(self, name: str, camera: int) -> tuple[str, ...]:
-        """Return the texts of a function that allocates an array of them, such as ``camera_dup_available_...``."""
+        """Call a function of Aravis that allocates an array of texts, return the texts, and free the array.
+
+        `name` is the name of the function, such as ``camera_dup_available_trigger_sources``.
+        """
         count = c_uint()
         texts = getattr(self, name)(camera, byref(count))
         result = tuple((texts[place] or b"").decode() for place in range(count.value))
@@ -189,7 +199,7 @@ class Aravis:
         self._gobject.g_object_unref(gobject)
 
     def set_double(self, gobject: int, name: str, number: float) -> None:
-        """Set a property of a GObject to a number."""
+        """Set the property `name` of a GObject to a number."""
         value = GValue()
         self._gobject.g_value_init(byref(value), 15 << 2)  # G_TYPE_DOUBLE, gtype.h
         self._gobject.g_value_set_double(byref(value), number)
@@ -207,7 +217,7 @@ class Aravis:
 
 @functools.cache
 def load_aravis() -> Aravis:
-    """Load the library once. Raises InstrumentError if it is not installed."""
+    """Return the library Aravis, which is loaded at the first call. Raises InstrumentError if it is not installed."""
     system = "linux" if sys.platform.startswith("linux") else sys.platform
     for folder in _FOLDERS.get(system, ()):
         try:
@@ -218,7 +228,7 @@ def load_aravis() -> Aravis:
 
 
 def aravis_is_installed() -> bool:
-    """Return whether the library can be loaded."""
+    """Return whether the library Aravis can be loaded."""
     try:
         load_aravis()
     except InstrumentError:

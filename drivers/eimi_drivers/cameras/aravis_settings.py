@@ -1,4 +1,4 @@
-"""Write the settings of a camera through Aravis, and read them back."""
+"""Write the settings of a camera with the library Aravis, and read them back."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from eimi_drivers.cameras.settings import SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import InstrumentError, SetPointRefused
 
 RESULTING_RATES = ("ResultingFrameRate", "AcquisitionResultingFrameRate", "BslResultingAcquisitionFrameRate")
-"""Features that state the frame rate that the camera reaches with its exposure, region and bandwidth."""
+"""GenICam features that contain the frame rate that the camera reaches with its exposure, region and bandwidth."""
 
 _CONTINUOUS, _AUTO_OFF, _CHECK_RANGES = 0, 0, 1
-"""ArvAcquisitionMode, ArvAuto (arvenums.h) and ArvRangeCheckPolicy (arvgcenums.h)."""
+"""Values of ArvAcquisitionMode, ArvAuto (arvenums.h) and ArvRangeCheckPolicy (arvgcenums.h)."""
 
 
 def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSettings:
-    """Write the settings to an open camera and return the values that it reads back.
+    """Write the settings to an open camera and return the settings that are read back from the camera.
 
     Raises
     ------
@@ -55,7 +55,10 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
 
 @contextmanager
 def _named(key: str, value: object) -> Iterator[None]:
-    """Put the key of the rig file before an error message, because Aravis names only the feature of the camera."""
+    """Put the key of the rig file and its value before the message of an error.
+
+    The message of Aravis contains only the name of the camera's feature.
+    """
     try:
         yield
     except InstrumentError as error:
@@ -71,10 +74,20 @@ def _set_pixel_format(aravis: Aravis, camera: int, settings: CameraSettings) -> 
 
 
 def _set_pace(aravis: Aravis, camera: int, settings: CameraSettings) -> tuple[str | None, float | None]:
-    """Set the trigger or the frame rate; return the trigger source and the frame rate (Hz), one of which is None."""
+    """Set either the trigger or the frame rate, and return the values that are read back.
+
+    Returns
+    -------
+    trigger : str or None
+        The trigger source; None if a frame rate is set.
+    frame_rate_Hz : float or None
+        The frame rate, Hz; None if the camera is triggered.
+    """
     if settings.frame_rate_Hz is not None:
         if settings.trigger is not None:
-            raise SetPointRefused(f"trigger = {settings.trigger!r}: a triggered camera has no frame_rate_Hz")
+            raise SetPointRefused(
+                f"trigger = {settings.trigger!r}: a triggered camera has no frame_rate_Hz; set only one of the two"
+            )
         with _named("frame_rate_Hz", settings.frame_rate_Hz):
             aravis.camera_set_frame_rate(camera, settings.frame_rate_Hz)
         return None, _frame_rate_Hz(aravis, camera)

@@ -1,4 +1,7 @@
-"""Read Basler cameras with pypylon, triggered by software or at a frame rate. Needs the extra `basler`."""
+"""Read the frames of Basler cameras with pypylon, triggered by software or at a frame rate.
+
+This module needs the extra `basler` of the package.
+"""
 
 from __future__ import annotations
 
@@ -22,44 +25,50 @@ EXPOSURE_NODES = ("ExposureTime", "ExposureTimeAbs")
 GAIN_NODES = ("Gain",)
 FRAME_RATE_NODES = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
 RESULTING_RATE_NODES = ("BslResultingAcquisitionFrameRate", "ResultingFrameRate", "ResultingFrameRateAbs")
-"""The rate that the camera reaches with its present exposure, region and bandwidth."""
+"""GenICam features that contain the frame rate that the camera reaches with its exposure, region and bandwidth."""
 
 PIXEL_FORMATS = {8: "Mono8", 10: "Mono10", 12: "Mono12", 16: "Mono16"}
 USB_TICKS_PER_S = 1e9
 BUFFERS = 32
-"""Frames that a freely running camera fills while the program does something else."""
+"""Number of frames that pypylon stores while the program does something else and the camera continues to expose."""
 
 FRAMES_ON_THE_WAY = 2
-"""Frames of a freely running camera that a flush does not reach: one is being transferred, one is being exposed."""
+"""Number of frames that a freely running camera began before a flush and delivers after the flush.
+
+During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
+"""
 
 
 class BaslerCamera:
-    """Control a Basler camera.
+    """A Basler camera that is controlled with pypylon.
 
-    Without a frame rate every `grab` triggers a new exposure, so that a frame is never older than the call. With a
-    frame rate the camera runs freely, and `grab` returns its frames in order. The frame number is the camera's block
-    identifier. The time stamp is from the camera's clock, or from the host's clock if the camera has none. If a
-    transfer fails, `grab` raises InstrumentError, and the number of that frame is missing in the sequence.
+    Without a frame rate every `grab` triggers a new exposure. A frame is then never older than the call. With a frame
+    rate the camera exposes at this rate, and `grab` returns the frames in the order of their exposure. The frame number
+    is the camera's block identifier. The time stamp comes from the camera's clock, or from the computer's clock if the
+    camera sends no time stamp. If the transfer of a frame fails, `grab` raises InstrumentError, and the number of this
+    frame is missing in the sequence.
 
     Parameters
     ----------
     source : str or int
-        The serial number, or the index in the list of attached cameras (the first is 0).
+        The serial number, or the index in the list of attached cameras. The first camera has the index 0.
     settings : CameraSettings, optional
-        Settings to apply before the first frame.
+        The settings that are applied before the first frame.
     """
 
     name = "basler"
 
     def __init__(self, source: str | int, settings: CameraSettings = NO_SETTINGS) -> None:
-        """Open the camera and apply the settings.
+        """Open the camera, apply the settings, and start the acquisition.
 
         Raises
         ------
         InstrumentDisconnected
             No attached camera has this serial number or index.
-        SetPointRefused, SetPointNotTaken
-            A setting is outside the camera's range, or differs when it is read back.
+        SetPointRefused
+            The camera does not permit a value.
+        SetPointNotTaken
+            A value that was read back differs from the requested value.
         InstrumentError
             pypylon is not installed, or the camera reports an error.
         """
@@ -128,8 +137,8 @@ class BaslerCamera:
             camera.PixelFormat.Value = PIXEL_FORMATS[settings.bit_depth]
         if settings.trigger not in (None, SOFTWARE):
             raise SetPointRefused(
-                f"Basler camera {self.source}: trigger = {settings.trigger!r} must be {SOFTWARE!r}; the driver aravis "
-                "has trigger inputs"
+                f"Basler camera {self.source}: trigger = {settings.trigger!r} must be {SOFTWARE!r}; for a trigger "
+                "input, use driver = 'aravis'"
             )
         if settings.region is not None:
             self._set_region(*settings.region)
@@ -186,12 +195,12 @@ class BaslerCamera:
         return float(node.Value) if self._readable(node) else USB_TICKS_PER_S
 
     def identify(self) -> Identity:
-        """Return the camera's model and serial number."""
+        """Return the model and serial number of the camera."""
         info = self._camera.GetDeviceInfo()
         return Identity(self.name, f"{info.GetModelName()} {info.GetSerialNumber()}", self.source)
 
     def flush(self) -> None:
-        """Discard the frames that have arrived, because they were exposed before this call."""
+        """Discard the frames that were exposed before this call."""
         self._to_skip = 0 if self._triggered else FRAMES_ON_THE_WAY
         with self._errors_named():
             while self._camera.IsGrabbing():
@@ -200,13 +209,19 @@ class BaslerCamera:
                         return
 
     def grab(self, timeout_s: float) -> Frame:
-        """Trigger an exposure and return its frame; with a frame rate, return the next frame.
+        """Return the next frame, after triggering its exposure if no frame rate is set.
 
-        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected if the camera was unplugged or closed, and
-        InstrumentError if the frame was not transferred completely.
+        Raises
+        ------
+        InstrumentTimeout
+            No frame arrived within `timeout_s` (s).
+        InstrumentDisconnected
+            The camera was unplugged or closed.
+        InstrumentError
+            The frame was not transferred completely.
         """
         if self._removed() or not self._camera.IsGrabbing():
-            raise InstrumentDisconnected(f"Basler camera {self.source}: it was unplugged or closed")
+            raise InstrumentDisconnected(f"Basler camera {self.source}: the camera was unplugged or closed")
         if self._triggered:
             self.flush()
         until_s = time.monotonic() + timeout_s
@@ -225,8 +240,8 @@ class BaslerCamera:
                     raise self._no_frame(timeout_s)
                 if not result.GrabSucceeded():
                     raise InstrumentError(
-                        f"Basler camera {self.source}: failed grab: {result.GetErrorDescription().strip()} "
-                        f"({result.GetErrorCode():#010x})"
+                        f"Basler camera {self.source}: a frame was not transferred: "
+                        f"{result.GetErrorDescription().strip()} ({result.GetErrorCode():#010x})"
                     )
                 ticks = result.GetTimeStamp()
                 return Frame(
@@ -237,11 +252,11 @@ class BaslerCamera:
 
     def _no_frame(self, timeout_s: float) -> InstrumentError:
         if self._removed():
-            return InstrumentDisconnected(f"Basler camera {self.source}: it was unplugged")
+            return InstrumentDisconnected(f"Basler camera {self.source}: the camera was unplugged")
         return InstrumentTimeout(f"Basler camera {self.source}: no frame within {timeout_s:g} s")
 
     def close(self) -> None:
-        """Release the camera; closing twice is allowed."""
+        """Stop the acquisition and release the camera. Closing twice is allowed."""
         with self._errors_named():
             self._camera.StopGrabbing()
             self._camera.Close()

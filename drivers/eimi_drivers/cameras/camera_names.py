@@ -17,21 +17,22 @@ CAMERAS: Drivers[CameraDriver] = Drivers(
     {camera.name: camera for camera in (OpenCVCamera, BaslerCamera, AravisCamera, GenTLCamera)},
     reserved=("virtual",),
 )
-"""Camera drivers by name: those of this package, of other installed packages, and those added by a program."""
+"""Camera drivers by name: drivers of this package, of other installed packages, and drivers added by a program."""
 
 
 def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
-    """Open a camera, apply the settings and verify them.
+    """Open a camera, apply the settings, and compare them with the values that are read back.
 
     Parameters
     ----------
     driver : str
         A name in `CAMERAS`.
     source : str or int
-        The camera. For "opencv": a device index, a video file, a folder of images or a numbered pattern. For "basler"
-        and "gentl": a serial number. For "aravis": a serial number or an IP address. Other drivers define their own.
+        The camera. For "opencv": a device index, a video file, a folder of images, or a pattern such as ``f_%03d.png``.
+        For "basler" and "gentl": a serial number. For "aravis": a serial number or an IP address. Other drivers define
+        the meaning of `source` themselves.
     settings : CameraSettings
-        Settings that are applied before the first frame and read back.
+        The settings that are applied before the first frame.
 
     Returns
     -------
@@ -41,26 +42,30 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
     Raises
     ------
     UnusableDriver
-        The driver is unknown, or lacks a member.
+        No driver has this name, or the driver lacks a member.
     InstrumentError
-        The camera does not have one of the settings.
+        The camera does not have a requested setting.
     InstrumentDisconnected
         The source cannot be opened.
     SetPointNotTaken
-        A setting that was read back differs from the requested one.
+        A value that was read back differs from the requested value.
     """
     return open_with(CAMERAS[driver], driver, source, settings)
 
 
 def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
-    """Open a camera with a driver that is not in `CAMERAS`; `name` is used in messages. See `open_camera`."""
+    """Open a camera with a driver that is given as an object, and return the camera.
+
+    The driver need not be in `CAMERAS`. `name` is the name of the driver in messages. The other parameters and the
+    errors are those of `open_camera`.
+    """
     check_camera_driver(name, driver)
     try:
         camera = driver(source, settings)
     except (InstrumentError, KeyboardInterrupt):
         raise
     except Exception as error:  # a camera's library raises errors of its own
-        raise InstrumentError(f"{name} camera {source}: its driver raised {raised(error)}") from error
+        raise InstrumentError(f"{name} camera {source}: its driver raised {raised(error)} on opening") from error
     check_camera(name, driver, camera)
     try:
         settings.verify(f"{name} camera {source}", settings_of(camera))

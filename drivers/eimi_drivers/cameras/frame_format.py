@@ -1,4 +1,4 @@
-"""Check that an object from a camera is a frame of the same format as the first frame."""
+"""Check that a frame of a camera is an image with the size, bit depth and colours of the first frame."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from eimi_drivers.interfaces import Frame, ReplyNotUnderstood
 
 
 def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
-    """Return the frame unchanged if its image has the size, bit depth and colours of the image of `first`.
+    """Return `frame` unchanged if its image has the size, bit depth and colours of the first image.
 
     Parameters
     ----------
     camera : str
-        The camera's name in messages.
+        The name of the camera in messages.
     frame : Frame
         The object that the driver returned.
     first : Frame or None
-        The first frame of the run; None if `frame` is the first.
+        The first frame of the run; None if `frame` is the first frame.
 
     Raises
     ------
     ReplyNotUnderstood
-        The image is not an array of a permitted shape and type, or differs from the image of `first`.
+        The image is not an array of a permitted shape and type, or has another shape or type than the first image.
     """
     image = getattr(frame, "image", None)
     if not isinstance(image, np.ndarray) or not image.size:
@@ -36,8 +36,8 @@ def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
         )
     if first is not None and (image.shape, image.dtype) != (first.image.shape, first.image.dtype):
         raise ReplyNotUnderstood(
-            f"{camera}: frame {frame.number} is {_named(image)}, the frames before it are {_named(first.image)}; size, "
-            "depth and colour must stay the same for a whole run"
+            f"{camera}: frame {frame.number} is {_named(image)}, the earlier frames are {_named(first.image)}; size, "
+            "bit depth and colours must stay the same for a whole run"
         )
     return frame
 

@@ -1,4 +1,7 @@
-"""Read cameras through the GenTL producer of their vendor, with the package harvesters. Needs the extra `gentl`."""
+"""Read the frames of cameras through a GenTL producer, a library of the camera's maker.
+
+This module uses the package harvesters and needs the extra `gentl` of the package.
+"""
 
 from __future__ import annotations
 
@@ -26,48 +29,49 @@ from eimi_drivers.interfaces import (
 )
 
 PRODUCERS = "GENICAM_GENTL64_PATH"
-"""The environment variable with the folders of the producers (GenTL standard 1.5, section 1.6.2)."""
+"""The environment variable that lists the folders of the GenTL producers (GenTL standard 1.5, section 1.6.2)."""
 
 BUFFERS = 32
 FRAMES_ON_THE_WAY = 2
-"""Frames that a freely running camera still delivers after a flush, and that are discarded as well.
+"""Number of frames that a freely running camera began before a flush and delivers after the flush.
 
-At the flush, one of them is being transferred and one is being exposed.
+During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
 """
 
 SHORTEST_S = 0.001
 EXPOSURE_FEATURES = ("ExposureTime", "ExposureTimeAbs")
 RATE_FEATURES = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
 _IMAGE = 1
-"""PAYLOAD_TYPE_IMAGE of GenTL."""
+"""The value of PAYLOAD_TYPE_IMAGE in GenTL: the buffer contains an image."""
 
 
 def producer_files() -> tuple[Path, ...]:
-    """Return the GenTL producers (``*.cti``) in the folders that the environment variable lists."""
+    """Return the files of the GenTL producers (``*.cti``) in the folders that ``GENICAM_GENTL64_PATH`` lists."""
     folders = os.environ.get(PRODUCERS, "").split(os.pathsep)
     return tuple(file for folder in folders if folder for file in sorted(Path(folder).glob("*.cti")))
 
 
 class GenTLCamera:
-    """Control a camera through a GenTL producer.
+    """A camera that is controlled through a GenTL producer.
 
-    A camera that has a software trigger is triggered by every `grab`, unless a frame rate or a trigger input is set.
-    Without a software trigger the camera runs freely, and `grab` returns its frames in order. harvesters discards
-    incomplete frames; they leave a gap in the frame numbers, and `lost_frames` counts them.
+    If the camera has a software trigger, and neither a frame rate nor a trigger input is set, every `grab` triggers an
+    exposure. Otherwise the camera exposes at its frame rate or at the signals on its trigger input. `grab` then returns
+    the frames in the order of their exposure. harvesters discards incomplete frames. `lost_frames` counts the frame
+    numbers that are missing for this reason.
 
     Parameters
     ----------
     source : str or int
-        The serial number of the camera, or its identifier in the producer.
+        The serial number of the camera, or the identifier that the producer gives to the camera.
     settings : CameraSettings, optional
-        Settings to apply before the first frame.
+        The settings that are applied before the first frame.
 
     Attributes
     ----------
     settings : CameraSettings
-        The settings that were read back.
+        The settings that were read back from the camera.
     lost_frames : Counter
-        Number of frames that were exposed for a `grab` but did not arrive completely.
+        The number of frames that were exposed for a `grab` but did not arrive completely.
     """
 
     name = "gentl"
@@ -78,11 +82,13 @@ class GenTLCamera:
         Raises
         ------
         InstrumentDisconnected
-            No camera of a producer has this serial number or identifier.
-        SetPointRefused, SetPointNotTaken
-            A setting is outside the camera's range, or differs when it is read back.
+            No camera that the producers list has this serial number or identifier.
+        SetPointRefused
+            The camera does not permit a value.
+        SetPointNotTaken
+            A value that was read back differs from the requested value.
         InstrumentError
-            harvesters is not installed, there is no producer, or the camera reports an error.
+            harvesters or a producer is not installed, or the camera reports an error.
         """
         self.source = str(source)
         self._label = f"camera {self.source}"
@@ -135,7 +141,8 @@ class GenTLCamera:
         files = producer_files()
         if not files:
             raise InstrumentError(
-                f"there is no GenTL producer; install the vendor's, and set {PRODUCERS} to the folder of its *.cti file"
+                "there is no GenTL producer; install the producer of the camera's maker, and set the environment "
+                f"variable {PRODUCERS} to the folder of its *.cti file"
             )
         for file in files:
             self._producers.add_file(str(file))
@@ -148,14 +155,31 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first of these features that the camera has and that can be read now, or None."""
+        """Return the first feature in `names` that can be read from the camera; None if none can be read."""
         for name in names:
             if self._nodes.has_node(name) and self._api.is_readable(node := self._nodes.get_node(name)):
                 return node
         return None
 
     def _set(self, key: str, value: object, number: object, *names: str) -> None:
-        """Write a number to the first of these features that the camera has."""
+        """Write a number to the first feature in `names` that the camera has.
+
+        Parameters
+        ----------
+        key : str
+            The key of the setting in the rig file, for messages.
+        value : object
+            The value of the setting in the rig file, for messages.
+        number : object
+            The value that is written to the feature.
+        *names : str
+            The names that different cameras have for the feature.
+
+        Raises
+        ------
+        SetPointRefused
+            The camera has none of the features, or does not permit the value.
+        """
         node = self._node(*names)
         if node is None:
             raise SetPointRefused(f"{key} = {value}: this camera has no {' or '.join(names)}")
@@ -194,7 +218,7 @@ class GenTLCamera:
         node.value = choose_format(settings.pixel_format, settings.bit_depth, node.value, node.symbolics)
 
     def _set_pace(self, settings: CameraSettings) -> str | None:
-        """Set the trigger or the frame rate; return the trigger source, or None if the camera runs freely."""
+        """Set the trigger or the frame rate; return the trigger source, or None if the camera is not triggered."""
         mode, source = self._node("TriggerMode"), self._node("TriggerSource")
         if settings.frame_rate_Hz is not None:
             if mode:
@@ -237,30 +261,30 @@ class GenTLCamera:
         )
 
     def identify(self) -> Identity:
-        """Return the vendor, model and serial number that the producer states."""
+        """Return the maker, model and serial number that the producer reported when the camera was opened."""
         return self._identity
 
     def flush(self) -> None:
-        """Discard the frames that have arrived, because they were exposed before this call."""
+        """Discard the frames that were exposed before this call."""
         self._counting, self._to_skip = False, 0 if self.settings.trigger else FRAMES_ON_THE_WAY
         with self._errors_named():
             while not self._closed and (buffer := self._fetched(SHORTEST_S)) is not None:
                 self._queue(buffer)
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next complete frame; if the camera is triggered by software, trigger it.
+        """Return the next complete frame, after triggering an exposure if the camera is triggered by software.
 
         Raises
         ------
         InstrumentTimeout
-            No complete frame came within `timeout_s`.
+            No complete frame arrived within `timeout_s` (s).
         InstrumentDisconnected
             The camera was closed.
         ReplyNotUnderstood
-            The size of the frame differs from that of the region, or the frame cannot be decoded.
+            The frame has another size than the region, or a pixel format that cannot be decoded.
         """
         if self._closed:
-            raise InstrumentDisconnected(f"{self._label}: it was closed")
+            raise InstrumentDisconnected(f"{self._label}: the camera was closed")
         until_s = time.monotonic() + timeout_s
         with self._errors_named():
             if self._triggered:
@@ -281,7 +305,7 @@ class GenTLCamera:
         raise InstrumentTimeout(f"{self._label}: no complete frame within {timeout_s:g} s")
 
     def _fetched(self, timeout_s: float) -> Any:
-        """Return the next complete buffer, or None if no complete one arrives within `timeout_s`."""
+        """Return the buffer of the next complete frame; None if no complete frame arrives within `timeout_s` (s)."""
         try:
             return self._acquirer.fetch(timeout=max(timeout_s, SHORTEST_S), is_raw=True)
         except self._timeout:
@@ -293,14 +317,16 @@ class GenTLCamera:
 
     def _taken(self, buffer: Any) -> Frame:
         if buffer.payload_type != _IMAGE:
-            raise ReplyNotUnderstood(f"a frame has the payload type {buffer.payload_type}, not that of an image")
+            raise ReplyNotUnderstood(
+                f"a frame has the GenTL payload type {buffer.payload_type}; the type of an image is {_IMAGE}"
+            )
         number, size = int(buffer.frame_id), (int(buffer.width), int(buffer.height))
         if self.settings.region is not None and size != self.settings.region[2:]:
             raise ReplyNotUnderstood(
                 f"frame {number} has {size[0]} x {size[1]} pixels, but the region is {self.settings.region}"
             )
         offset = 0
-        with suppress(self._errors):  # a producer need not state the offset
+        with suppress(self._errors):  # a producer need not give the offset
             offset = int(buffer.image_offset)
         image = decode(int(buffer.pixel_format), memoryview(buffer.raw_buffer)[offset:], *size)
         stamp_s = time.monotonic()
@@ -312,7 +338,7 @@ class GenTLCamera:
         return Frame(image, number, stamp_s)
 
     def close(self) -> None:
-        """Stop the acquisition and release the camera; closing twice is allowed."""
+        """Stop the acquisition and release the camera. Closing twice is allowed."""
         if self._closed:
             return
         self._closed = True

@@ -18,7 +18,7 @@ _NUMBER_FIELD = re.compile(r"%(0\d+)?d")
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
-    """Return a sort key that compares digits as numbers and the rest as text.
+    """Return a sort key that compares the digits in a name as numbers and the other characters as text.
 
     Examples
     --------
@@ -30,7 +30,7 @@ def natural_key(name: str) -> tuple[tuple[int, str], ...]:
 
 
 def list_images(source: str | Path) -> tuple[Path, ...]:
-    """Return the image files of a folder or of a numbered pattern, sorted by the numbers in their names.
+    """Return the image files in a folder, or the files that a pattern describes, sorted by the numbers in their names.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
     Returns
     -------
     tuple of Path
-        The files; empty if there are none.
+        The files; empty if the folder contains no image or no file matches the pattern.
     """
     source = Path(source)
     if source.is_dir():
@@ -54,9 +54,10 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
 
 
 def recording_length(source: str) -> int | None:
-    """Return the number of frames of a recording, or None if `source` is a device or cannot be opened.
+    """Return the number of frames of a recording: a folder of images, a pattern, or a video file.
 
-    The number of frames of a video is read from its header.
+    For a video, the number is taken from the header of the file. The result is None if `source` is the index of a
+    camera device or cannot be opened.
     """
     if source.isdecimal():
         return None
@@ -78,30 +79,41 @@ def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
 
 
 class ImageSeries:
-    """Read the images of a series one after the other with unchanged values and bit depth."""
+    """A series of image files that are read one after the other, without a change of grey values or bit depth."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
         self._paths = paths
         self._next = 0
 
     def set_up(self, settings: CameraSettings) -> CameraSettings:
-        """Return no settings. Raises InstrumentError if a setting is requested, because a recording has none."""
+        """Return `NO_SETTINGS`, because a recording has no settings.
+
+        Raises
+        ------
+        InstrumentError
+            A setting is requested.
+        """
         refuse_on_recording(str(self._paths[0].parent), settings)
         return NO_SETTINGS
 
     def read(self) -> tuple[NDArray[Any], float]:
-        """Return the next image and, because an image file has no time stamp, its index in the series instead.
+        """Return the next image, and its index in the series in place of a time stamp.
 
-        Raises EndOfPlayback after the last image, and ReplyNotUnderstood if the file cannot be read as an image.
+        Raises
+        ------
+        EndOfPlayback
+            The series has no further image.
+        ReplyNotUnderstood
+            The file cannot be read as an image.
         """
         if self._next == len(self._paths):
             raise EndOfPlayback(f"{self._paths[0].parent}: end of playback after {self._next} images")
         path = self._paths[self._next]
         image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
         if image is None:
-            raise ReplyNotUnderstood(f"{path}: cannot be read as an image")
+            raise ReplyNotUnderstood(f"{path}: the file cannot be read as an image")
         self._next += 1
         return image, float(self._next - 1)
 
     def release(self) -> None:
-        """Do nothing; no file stays open."""
+        """Do nothing, because no file is open between two reads."""

@@ -10,7 +10,7 @@ from eimi_drivers.interfaces import InstrumentError
 
 @contextmanager
 def labelled(label: str) -> Iterator[None]:
-    """Put `label` and a colon before the message of an InstrumentError that does not begin with `label`."""
+    """Put `label` and a colon before the message of an InstrumentError, unless the message begins with `label`."""
     try:
         yield
     except InstrumentError as error:

@@ -1,4 +1,4 @@
-"""Read a camera device, a video file or a series of images with OpenCV."""
+"""Read the frames of a camera device, a video file or a series of images with OpenCV."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from eimi_drivers.interfaces import (
 
 CLOSE_WITHIN_S = 2.0
 BUFFERS = 32
-"""Frames of a device with a frame rate that are kept while the program does something else."""
+"""Number of frames that are stored while the program does something else and the camera exposes at a frame rate."""
 
 DEVICES = Path("/dev")
 """The folder of the cameras' device nodes on Linux."""
@@ -35,7 +35,10 @@ DEVICES = Path("/dev")
 
 V4L2 = "V4L2"
 V4L2_EXPOSURES_PER_S = 1e4
-"""V4L2 gives exposure in units of 100 µs. The Windows backends give the exponent n of an exposure of 2^n s."""
+"""Units of the exposure setting in one second: V4L2 uses units of 100 µs.
+
+On Windows (`POWERS_OF_TWO`) the setting is the exponent n of an exposure time of 2^n s.
+"""
 POWERS_OF_TWO = frozenset({"DSHOW", "MSMF"})
 V4L2_MANUAL_EXPOSURE = 1
 WINDOWS_MANUAL_EXPOSURE = 0.25
@@ -51,7 +54,7 @@ class _Source(Protocol):
 
 
 class _Capture:
-    """Read a camera device (by its index) or a video file with OpenCV."""
+    """A camera device, given by its index, or a video file that OpenCV reads."""
 
     def __init__(self, source: str | int) -> None:
         self._is_device = isinstance(source, int)
@@ -64,7 +67,11 @@ class _Capture:
             raise InstrumentDisconnected(f"{self._name}: cannot be opened")
 
     def set_up(self, settings: CameraSettings) -> CameraSettings:
-        """Apply the settings to a device and return the values read back; a video file has no settings."""
+        """Apply the settings to a camera device, and return the settings that are read back.
+
+        For a video file the result is `NO_SETTINGS`. Raises SetPointRefused if a value is not permitted, and
+        InstrumentError if the source does not have a requested setting.
+        """
         if not self._is_device:
             refuse_on_recording(str(self._name), settings)
             return NO_SETTINGS
@@ -115,7 +122,11 @@ class _Capture:
         success, image = self._capture.read()
         # OpenCV may still report success after a camera is unplugged, but its device node disappears.
         if not success or (self._node and not self._node.exists()):
-            end = "no more frames: unplugged?" if self._is_device else f"end of playback after {self._count} frames"
+            end = (
+                "the camera sends no more frames; is it unplugged?"
+                if self._is_device
+                else f"end of playback after {self._count} frames"
+            )
             raise (InstrumentDisconnected if self._is_device else EndOfPlayback)(f"{self._name}: {end}")
         self._count += 1
         if self._is_device:
@@ -123,7 +134,10 @@ class _Capture:
         return image, self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
 
     def _stamp(self) -> float:
-        """Return the kernel's time stamp of the frame (s, clock of `time.monotonic`), or 0 if there is none."""
+        """Return the time at which the Linux kernel received the frame, s on the clock of `time.monotonic`.
+
+        The result is 0 if there is no such time.
+        """
         if self._capture.getBackendName() != V4L2:
             return 0.0
         return max(self._capture.get(cv2.CAP_PROP_POS_MSEC), 0.0) / 1000.0
@@ -133,25 +147,27 @@ class _Capture:
 
 
 class OpenCVCamera:
-    """Read a camera device, a video file or a series of images in a separate thread.
+    """A camera that reads a device, a video file or a series of images with OpenCV.
 
-    A separate thread is needed because OpenCV's `read` has no timeout.
+    A separate thread reads the frames, because OpenCV's `read` has no timeout.
 
-    For a device, only the newest frame is kept, so that `grab` never returns an old one. With a frame rate, the newest
-    `BUFFERS` frames are kept, and `grab` returns them in order. `Frame.number` also counts the frames that were
-    discarded. `flush` discards a frame if its time stamp is earlier than the call or if it was being
-    read during the call. For a recording, every frame is returned in order, and `flush` has no effect.
+    A device without a frame rate: only the newest frame is stored, so that `grab` never returns an old frame. A device
+    with a frame rate: the newest `BUFFERS` frames are stored, and `grab` returns them in the order of their exposure.
+    In both cases `Frame.number` also counts the frames that were discarded. `flush` discards a frame if the time stamp
+    of the frame is earlier than the call, or if the frame was being read during the call.
 
-    The time stamp of a device's frame is from the host's monotonic clock (on V4L2, the kernel's time stamp). The time
-    stamp of a video frame is from the file. The time stamp of an image is its index in the series.
+    A recording (video file or images): `grab` returns every frame in order, and `flush` has no effect.
+
+    The time stamp of a device's frame comes from the computer's monotonic clock; on Linux it is the time stamp of the
+    kernel. The time stamp of a video frame comes from the file. The time stamp of an image is its index in the series.
 
     Parameters
     ----------
     source : str or int
         A device index (`0` or `"0"`), a video file, a folder of images, or a pattern such as `f_%03d.png`.
     settings : CameraSettings, optional
-        Settings to apply before the first frame. `region` is cut out of every image, also of a recording; the other
-        settings are those of the device. The attribute `settings` holds the values that were read back.
+        The settings that are applied before the first frame. `region` is cut out of every image, also for a recording.
+        The other settings are applied to the device. The attribute `settings` contains the values read back.
     """
 
     name = "opencv"
@@ -163,8 +179,10 @@ class OpenCVCamera:
         ------
         InstrumentDisconnected
             The source cannot be opened.
-        SetPointRefused, SetPointNotTaken
-            A setting is not permitted, or differs when it is read back.
+        SetPointRefused
+            A value is not permitted.
+        SetPointNotTaken
+            A value that was read back differs from the requested value.
         InstrumentError
             The source does not have a requested setting.
         """
@@ -194,8 +212,8 @@ class OpenCVCamera:
         if Path(self.source).is_file():
             return _Capture(self.source)
         raise InstrumentDisconnected(
-            f"{self.source}: must be a device index, a video file, a folder of images, or a pattern "
-            "such as frames/f_%03d.png that matches a file"
+            f"{self.source}: the source of a camera must be a device index, a video file, a folder of images, or a "
+            "pattern such as frames/f_%03d.png that matches a file"
         )
 
     def _set_up(self, settings: CameraSettings) -> CameraSettings:
@@ -211,7 +229,7 @@ class OpenCVCamera:
         return read_back
 
     def identify(self) -> Identity:
-        """Return the kind of source and the version of OpenCV as the identity."""
+        """Return an identity that contains the kind of source and the version of OpenCV."""
         text = f"{type(self._input).__name__.strip('_')} of OpenCV {cv2.__version__}"
         return Identity(driver=self.name, text=text, address=self.source)
 
@@ -224,10 +242,20 @@ class OpenCVCamera:
                 self._flushed_s = time.monotonic()
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame.
+        """Return the next frame of the device or the recording.
 
-        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected if the device was unplugged or closed,
-        EndOfPlayback after the last frame of a recording, and ReplyNotUnderstood for an unreadable image file.
+        Raises
+        ------
+        InstrumentTimeout
+            No frame arrived within `timeout_s` (s).
+        InstrumentDisconnected
+            The device was unplugged or the camera was closed.
+        EndOfPlayback
+            The recording has no further frame.
+        ReplyNotUnderstood
+            An image file cannot be read.
+        SetPointRefused
+            The region does not fit into the image.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._failure or self._closing, timeout_s)
@@ -242,7 +270,7 @@ class OpenCVCamera:
             raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s")
 
     def close(self) -> None:
-        """Release the device. If a read hangs, the reading thread releases the device when the read returns."""
+        """Release the device within `CLOSE_WITHIN_S` (s), or later, when OpenCV has returned from its last read."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

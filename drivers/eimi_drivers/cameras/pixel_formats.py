@@ -1,7 +1,7 @@
 """Decode the pixel formats of GenICam cameras: grey values, packed grey values, and Bayer mosaics.
 
-Names and codes are those of the Pixel Format Naming Convention (EMVA, PFNC 2.1). The formats whose names end in
-"Packed" are those of GigE Vision 1.2.
+The names and codes of the formats come from the Pixel Format Naming Convention (EMVA, PFNC 2.1). Formats whose names
+end in "Packed" come from GigE Vision 1.2.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ _DEMOSAIC = {
 
 @dataclass(frozen=True)
 class PixelFormat:
-    """Describe a pixel format.
+    """A pixel format: the kind of pixels, and the place of their values in the data of a frame.
 
     Parameters
     ----------
     kind : str
-        "Mono", "RGB", "BGR", or a Bayer mosaic by the first two pixels of its first row: "RG", "GR", "GB" or "BG".
+        "Mono" for grey values, "RGB" or "BGR" for colours, or the colours of the first two pixels in the first row of a
+        Bayer mosaic: "RG", "GR", "GB" or "BG".
     bits : int
-        Bits of one value.
+        The number of bits of one value.
     packing : str
-        "": each value takes whole bytes, little-endian. "p": the values are a stream of bits, least significant bit
-        first. "Packed": two values in three bytes, as GigE Vision defines it.
+        "": each value takes whole bytes, little-endian. "p": the values follow each other without unused bits, least
+        significant bit first. "Packed": two values in three bytes, as GigE Vision defines it.
     """
 
     kind: str
@@ -47,7 +48,7 @@ class PixelFormat:
 
     @property
     def name(self) -> str:
-        """The name in the feature PixelFormat of a camera."""
+        """The name of the format in the GenICam feature PixelFormat, such as "Mono12p"."""
         return f"{'Bayer' if self.kind in _DEMOSAIC else ''}{self.kind}{self.bits}{self.packing}"
 
 
@@ -81,7 +82,7 @@ def _table() -> dict[int, PixelFormat]:
 
 
 PIXEL_FORMATS = _table()
-"""The pixel formats that can be decoded, by their PFNC codes."""
+"""The pixel formats that `decode` supports, by their PFNC codes."""
 
 PIXEL_FORMAT_NAMES = tuple(pixel_format.name for pixel_format in PIXEL_FORMATS.values())
 
@@ -92,30 +93,32 @@ GREY_BY_DEPTH = {
     14: ("Mono14",),
     16: ("Mono16",),
 }
-"""The grey formats of each bit depth. The format that transmits the fewest bytes comes first."""
+"""The names of the grey formats by bit depth. The format that needs the fewest bytes is the first."""
 
 
 def depth_of(name: str) -> int | None:
-    """Return the number of bits of one value in a format; None if the format is not among `PIXEL_FORMATS`."""
+    """Return the number of bits of one value in the format `name`; None if `PIXEL_FORMATS` lacks the format."""
     return next((pixel_format.bits for pixel_format in PIXEL_FORMATS.values() if pixel_format.name == name), None)
 
 
 def choose_format(pixel_format: str | None, bit_depth: int | None, present: str, offered: Iterable[str]) -> str:
-    """Return the name of the pixel format that a camera should have.
+    """Return the name of the pixel format to which a camera is to be set.
 
     Parameters
     ----------
-    pixel_format, bit_depth : str or int, optional
-        The requested settings; `bit_depth` chooses a grey format if `pixel_format` is None.
+    pixel_format : str, optional
+        The requested format.
+    bit_depth : int, optional
+        The requested number of bits of a grey value. It selects a grey format if `pixel_format` is None.
     present : str
-        The present format, which stays if nothing is requested.
+        The present format of the camera. It is returned if nothing is requested.
     offered : iterable of str
-        The formats that the camera has.
+        The formats of the camera.
 
     Raises
     ------
     SetPointRefused
-        The camera has no such format, or it cannot be decoded.
+        The camera does not have the requested format, or `decode` does not support it.
     """
     if pixel_format is not None:
         wanted: tuple[str, ...] = (pixel_format,)
@@ -132,7 +135,7 @@ def choose_format(pixel_format: str | None, bit_depth: int | None, present: str,
 
 
 def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDArray[Any]:
-    """Return the image in the data of a frame.
+    """Return the image that the data of a frame contain.
 
     Parameters
     ----------
@@ -141,17 +144,18 @@ def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDAr
     data : bytes-like
         The data of the frame.
     width, height : int
-        Size of the image, px.
+        The size of the image, px.
 
     Returns
     -------
     ndarray, shape (height, width) or (height, width, 3), uint8 or uint16
-        Grey values with the full scale of their bit depth, or colours in the order blue, green, red.
+        Grey values from 0 to 2^b - 1, where b is the number of bits of the format, or colours in the order blue, green,
+        red.
 
     Raises
     ------
     ReplyNotUnderstood
-        The pixel format cannot be decoded, or the data are too short.
+        The pixel format is not supported, or the data are too short.
     """
     pixel_format = PIXEL_FORMATS.get(code)
     if pixel_format is None:
@@ -173,7 +177,7 @@ def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDAr
 
 
 def _unpack(pixel_format: PixelFormat, data: NDArray[np.uint8], count: int) -> NDArray[Any] | None:
-    """Return the first `count` values in a new array; None if the data are too short."""
+    """Return the first `count` values in the data as a new array; None if the data are too short."""
     if pixel_format.packing == "":
         values = data.view(np.uint8) if pixel_format.bits == 8 else data[: len(data) // 2 * 2].view("<u2")
         return values[:count].astype(values.dtype.newbyteorder("=")) if len(values) >= count else None

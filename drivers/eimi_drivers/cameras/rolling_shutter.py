@@ -1,33 +1,33 @@
-"""Compute the time between neighbouring rows of a rolling shutter from the values that a camera states."""
+"""Compute the time between neighbouring rows of a rolling shutter from values that the camera reports."""
 
 from __future__ import annotations
 
 SHUTTER_FEATURES = ("SensorShutterMode", "ShutterMode")
-"""The feature that states the kind of shutter: its name in GenICam SFNC 2.7, and its name on the Basler ace."""
+"""Names of the feature that contains the kind of shutter: in GenICam SFNC 2.7, and on the Basler ace."""
 
 READOUT_FEATURE = "SensorReadoutTime"
-"""The feature that states the readout time of all rows, µs."""
+"""Name of the feature that contains the readout time of all rows, µs."""
 
 
 def row_time_s(shutter: str, readout_us: float | None, rows: int) -> float | None:
     """Return the time between the exposures of neighbouring rows, s.
 
-    It is the readout time of all rows divided by their number (Basler ace USB 3.0, User's Manual AW00123409, pages 145
-    and 147).
+    For a rolling shutter this time is the readout time of all rows divided by the number of rows (Basler ace USB 3.0,
+    User's Manual AW00123409, pages 145 and 147).
 
     Parameters
     ----------
     shutter : str
-        The kind of the shutter in the words of the camera: "Global", "Rolling" or another.
+        The kind of shutter that the camera reports: "Global", "Rolling" or another text.
     readout_us : float or None
-        The readout time of all rows, µs; None if the camera does not state it.
+        The readout time of all rows, µs; None if the camera does not report this time.
     rows : int
-        The number of rows that are read.
+        The number of rows of the image.
 
     Returns
     -------
     float or None
-        0 for a global shutter; None if the camera does not state what is needed.
+        The time, s; 0 for a global shutter. None if the shutter is of another kind or the readout time is unknown.
     """
     if shutter == "Global":
         return 0.0

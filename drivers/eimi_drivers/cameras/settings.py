@@ -1,4 +1,4 @@
-"""Define the settings of a camera and compare them with the values that the camera reads back."""
+"""Define the settings of a camera, and compare requested settings with the values read back from the camera."""
 
 from __future__ import annotations
 
@@ -9,36 +9,39 @@ from typing import Any
 from eimi_drivers.interfaces import SetPointNotTaken, UnusableDriver
 
 WITHIN = 0.02
-"""Largest relative difference between a setting and its read-back; cameras round exposure, gain and gamma."""
+"""Largest permitted difference between a value read back and the requested value, divided by the larger one.
+
+Cameras round exposure, gain and gamma.
+"""
 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Hold the settings of a camera; None leaves a setting unchanged.
+    """The settings of a camera. None means that a setting is not changed, or that it was not read back.
 
     Parameters
     ----------
     exposure_s : float, optional
         Exposure time, s.
     gain : float, optional
-        Gain, in dB on Basler cameras and in the device's unit with OpenCV.
+        Gain: in dB for Basler cameras, in the unit of the device for OpenCV.
     gamma : float, optional
-        Gamma, the exponent on Basler cameras and in the device's unit with OpenCV.
+        Gamma: the exponent for Basler cameras, in the unit of the device for OpenCV.
     region : tuple of int, optional
-        Left, top, width and height of the part of the image to use, px.
+        Left, top, width and height of the used part of the image, px.
     bit_depth : int, optional
         Number of bits of a grey value.
     frame_rate_Hz : float, optional
-        Frames per second of a camera that runs freely. If it is set, the camera exposes at this rate, and `grab`
-        returns its frames one after the other. If it is None, the driver chooses when the camera exposes.
+        Number of exposures per second. With a frame rate the camera exposes at this rate, and `grab` returns the frames
+        one after the other. If it is None, the driver determines the times of the exposures.
     pixel_format : str, optional
-        Pixel format of a GenICam camera by its name there, such as "Mono8", "Mono12Packed" or "BayerRG8".
+        Name of the pixel format in GenICam, such as "Mono8", "Mono12Packed" or "BayerRG8".
     trigger : str, optional
-        "software", or the name of the camera's input that triggers an exposure, such as "Line1". None is "software",
+        "software", or the name of the camera's input that triggers an exposure, such as "Line1". None means "software",
         unless a frame rate is set.
     row_time_s : float, optional
-        Time between the exposures of two neighbouring rows of a rolling shutter, s, as the camera states it; 0 for a
-        global shutter. It cannot be set: it is None in a request, and in the answer of a camera that does not state it.
+        Time between the exposures of two neighbouring rows of a rolling shutter, s; 0 for a global shutter. This value
+        is read from the camera and cannot be set. It is None if the camera does not report the value.
     """
 
     exposure_s: float | None = None
@@ -52,11 +55,24 @@ class CameraSettings:
     row_time_s: float | None = None
 
     def chosen(self) -> dict[str, Any]:
-        """Return the settings that are not None, by name."""
+        """Return the settings that are not None as a dictionary of names and values."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
     def verify(self, camera: str, answered: CameraSettings) -> None:
-        """Compare the settings with the values that `camera` read back. Raises SetPointNotTaken if any differ."""
+        """Compare these requested settings with the settings that were read back from a camera.
+
+        Parameters
+        ----------
+        camera : str
+            The name of the camera, for the message.
+        answered : CameraSettings
+            The settings that were read back.
+
+        Raises
+        ------
+        SetPointNotTaken
+            At least one setting differs.
+        """
         read_back = asdict(answered)
         wrong = [
             f"{name} was set to {value} but reads back {read_back[name]}"
@@ -68,20 +84,21 @@ class CameraSettings:
 
 
 SOFTWARE = "software"
-"""The trigger of a camera that exposes on request; GenICam calls this source "Software"."""
+"""The trigger of a camera that exposes when the program requests a frame; "Software" in GenICam."""
 
 NO_SETTINGS = CameraSettings()
-"""Leave every setting of the camera unchanged."""
+"""Settings that leave every setting of a camera unchanged."""
 
 
 def settings_of(camera: object) -> CameraSettings:
-    """Return the settings that a camera read back when it was opened; `NO_SETTINGS` if it has no such attribute.
+    """Return the attribute `settings` of a camera, which contains the values read back when the camera was opened.
 
-    Raises UnusableDriver if the attribute `settings` is not a `CameraSettings`.
+    The result is `NO_SETTINGS` if the camera has no such attribute. Raises UnusableDriver if the attribute is not a
+    `CameraSettings`.
     """
     settings = getattr(camera, "settings", NO_SETTINGS)
     if not isinstance(settings, CameraSettings):
-        raise UnusableDriver(f"the settings of a camera should be CameraSettings, not {settings!r}")
+        raise UnusableDriver(f"the attribute settings of a camera should be a CameraSettings, not {settings!r}")
     return settings
 
 

@@ -1,4 +1,4 @@
-"""Set a deadline for every call of a camera, so that the suite does not depend on the timeouts of its driver."""
+"""Set a time limit for every call of a camera, in case the timeouts of its driver do not work."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentError, In
 OPEN_WITHIN_S = 60.0  # finding a network camera takes long
 ANSWER_WITHIN_S = 5.0
 GRACE_S = 0.5
-"""Extra time after the timeout of `grab` before the call counts as hanging, s."""
+"""Time (s) after the timeout of `grab` within which the driver must return."""
 
 LOOK_EVERY_S = 0.1
 OPENING = "being opened"
@@ -25,17 +25,17 @@ _callers: list[threading.Thread] = []
 
 
 def calls_under_way() -> bool:
-    """Return whether a camera call is still running, after a short wait for each calling thread."""
+    """Return whether any thread that calls a camera is still running, after a wait of at most 0.1 s for each thread."""
     for caller in _callers:
         caller.join(LOOK_EVERY_S)
     return any(caller.is_alive() for caller in _callers)
 
 
 class TimedCamera:
-    """Call a camera from a separate thread and stop waiting at a deadline.
+    """A camera whose calls are made in a separate thread and have a time limit.
 
-    If a call has not returned at its deadline, InstrumentTimeout is raised, and every later call raises it too. The
-    thread that made the call is abandoned; it does not keep the process from ending.
+    If a call does not return within its time limit, InstrumentTimeout is raised. Every later call then raises
+    InstrumentTimeout at once. The separate thread is left alone, and the process can end while this thread still runs.
     """
 
     def __init__(
@@ -45,25 +45,26 @@ class TimedCamera:
         seconds: Callable[[], float] = time.monotonic,
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
-        """Open the camera.
+        """Open the camera in a separate thread.
 
         Parameters
         ----------
         name : str
-            The camera's name in errors.
+            The name of the camera in messages.
         open_it : callable
-            Opens the camera.
+            A function that opens the camera and returns it. Its errors are raised unchanged.
         seconds : callable
-            The clock (s) that measures the deadlines. For a real camera this is the host's clock. For a simulated
-            camera it is the processor time, `time.process_time`, so that other programs on the host cause no timeout.
+            A function that returns the time (s) with which the time limits are measured. For a real camera it is
+            `time.monotonic`. For a simulated camera it is `time.process_time`, so that the load of the computer causes
+            no timeout.
         meanwhile : callable, optional
-            Is called repeatedly in the thread of the caller while a call of the camera runs. It may raise an error.
-            The call of the camera then continues, and the next call waits for it.
+            A function that is called repeatedly in the caller's thread while a call of the camera runs. The function
+            may raise an error. The call of the camera then continues, and the next call begins after its end.
 
         Raises
         ------
         InstrumentTimeout
-            The camera is not open within `OPEN_WITHIN_S`. An error of `open_it` is passed on.
+            The camera was not open within `OPEN_WITHIN_S` (s).
         """
         self._seconds = seconds
         self._name = name
@@ -81,24 +82,24 @@ class TimedCamera:
         self.settings = settings_of(self._camera)
 
     def identify(self) -> Identity:
-        """Ask the camera for its identity, see `Camera.identify`."""
+        """Return the identity of the camera."""
         return self._within(ANSWER_WITHIN_S, "identify", self._camera.identify)
 
     def flush(self) -> None:
-        """Discard old frames, see `Camera.flush`."""
+        """Discard the frames that were exposed before this call."""
         self._within(ANSWER_WITHIN_S, "flush", self._camera.flush)
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame, see `Camera.grab`."""
+        """Return the next frame. The time limit is `timeout_s` (s) of the driver plus `GRACE_S`."""
         return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
 
     @property
     def lost_frames(self) -> Mapping[str, int]:
-        """The number of lost frames by reason; empty if the camera does not count them."""
+        """The number of lost frames by reason; empty if the driver does not count lost frames."""
         return dict(getattr(self._camera, "lost_frames", {}))
 
     def close(self) -> None:
-        """Release the camera, see `Camera.close`; do nothing if an earlier call has not returned."""
+        """Release the camera, unless an earlier call has not returned within its time limit."""
         try:
             if not self._lost:
                 self._within(ANSWER_WITHIN_S, "close", self._camera.close)
@@ -129,7 +130,7 @@ class TimedCamera:
                 if self._meanwhile:  # first: after a sleep of the computer, the driver is not the cause
                     self._meanwhile()
                 if self._seconds() >= until:
-                    self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
+                    self._lost = f"{self._name}: its driver did not return from {what} within {seconds:g} s"
                     raise InstrumentTimeout(self._lost) from None
                 continue
             if isinstance(error, InstrumentError) or (error is not None and not isinstance(error, Exception)):
