@@ -154,8 +154,8 @@ class Careless(Sloppy):
 @pytest.mark.parametrize(
     ("driver", "told"),
     [
-        (Sloppy, "keeps_frames_apart: a frame changed when the next was grabbed; its image should be a copy"),
-        (Restarting, "goes_on_after_a_flush: after flush() came frame 1, which is not after frame 1"),
+        (Sloppy, "keeps_frames_apart: a frame changed when the next frame was grabbed; its image should be a copy"),
+        (Restarting, "goes_on_after_a_flush: the frame after flush() should have a number above 1, but it is frame 1"),
         (Unending, r"is_closed_when_it_is_closed: grab(0.2) should end within 0.5 s, but did not"),
         (Colourful, "uint8 or uint16, not (4, 5, 3) of float64"),
         (Crashing, "says_who_it_is: AttributeError: 'Crashing' object has no attribute 'nothing'"),

@@ -57,7 +57,9 @@ def test_a_driver_that_raises_for_a_negative_value_fails_the_checks():
             reading = super().read()
             return type(reading)(abs(reading.value), reading.unit, reading.time_s)
 
-    with pytest.raises(AssertionError, match=r"reads_values_of_either_sign: read\(\) gives 3.2915 where"):
+    with pytest.raises(
+        AssertionError, match=r"reads_values_of_either_sign: read\(\) should return the true value 3.2915"
+    ):
         check_sensor(OneSided, TextLineDialect)
 
 
@@ -72,7 +74,7 @@ def test_a_board_that_answers_otherwise_is_refused(answer):
 
     clock = SimulatedClock()
     sensor = SENSORS["text-line"](InProcessTransport(Other(EmulatedQuantity(clock, lambda: 0.0)), clock), clock)
-    with pytest.raises(ReplyNotUnderstood, match=r"READ. was answered with"):
+    with pytest.raises(ReplyNotUnderstood, match=r"the answer to READ. must be"):
         sensor.read()
 
 

@@ -1,4 +1,7 @@
-"""Emulated coil supplies: one model of a supply with its coil, and a command language on top of it.
+"""Emulated supplies with a coil, emulated sensors and an emulated camera.
+
+An emulated supply consists of a model of the supply with its coil and of a dialect, which answers the messages of one
+family of supplies.
 
 supply             the model: set-points, output, protection, and a coil with a time constant
 trip_level         a protection with a level and a switch
@@ -16,12 +19,12 @@ output_watchdog    a timer that switches the output off
 channel_selected   SCPI families in which one channel is selected at a time
 hislip             the HiSLIP protocol for an emulated SCPI supply
 sensors            emulated gaussmeters and thermometers
-faults             the faults of an emulated instrument, and those of its line
+faults             the faults of emulated instruments and of their lines
 spoiling           begin and end a fault of a supply, its coil or its line
 serial_port        a serial port that can be unplugged and plugged in again
 session            serve a supply whose fault begins after its output was switched on
 sensor_session     serve a sensor in the field of an emulated coil
-coil_line          a line on which an emulated coil reports its true current to a virtual beam
+coil_line          send the true current of an emulated coil to a virtual beam
 gige_camera        serve pictures over GigE Vision with the fake camera of Aravis
 gige_features      the GenICam description of the emulated camera
 gige_process       serve an emulated camera from a separate process

@@ -16,20 +16,24 @@ LOCKED_OUT = 200
 
 @dataclass(frozen=True)
 class Model:
-    """Describe how one emulated model differs from the others.
+    """The properties in which one emulated model of an Aim-TTi supply differs from the others.
 
     Parameters
     ----------
     name : str
-        The model in ``*IDN?``.
+        The name of the model in the answer to ``*IDN?``.
     over_voltage, over_current : int
-        Bits of ``LSR1?`` that report a trip of these protections.
-    out_of_range, range_refused : int
-        Numbers of the errors for a value outside the range, and for a change of the range while the output is on.
+        The bits of ``LSR1?`` that report a trip of the over-voltage and the over-current protection.
+    out_of_range : int
+        The number of the error for a value outside the range.
+    range_refused : int
+        The number of the error for a change of the range while the output is on.
     ranges : mapping of int to (float, float)
-        The largest voltage (V) and current (A) of each range.
-    range, range_answer : str
-        The command for the range, and the form of the answer to its query; empty if the model has one range.
+        The largest voltage (V) and the largest current (A) of each range, by the number of the range.
+    range : str
+        The command for the range; empty if the model has only one range.
+    range_answer : str
+        The form of the answer to the query for the range.
     """
 
     name: str
@@ -57,24 +61,24 @@ MODELS = {model.name: model for model in (CPX400DP, QPX1200SP, MX100TP, QL355TP)
 
 
 class AimTtiDialect:
-    """Answer as an Aim-TTi supply whose output number `channel` feeds the coil.
+    """Emulated Aim-TTi supply, of which one output feeds the coil.
 
-    The registers ``*ESR?``, ``EER?`` and ``LSR1?`` are cleared when they are read. If a person uses the front panel
-    (`CoilSupply.locked`) or another interface holds the lock, commands are refused with error 200.
+    A query for one of the registers ``*ESR?``, ``EER?`` and ``LSR1?`` clears the register. If a person uses the front
+    panel (`CoilSupply.locked`), or if another interface holds the lock, the supply refuses commands with error 200.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     channel : int
-        The output that feeds the coil.
+        The number of the output that feeds the coil.
     model : Model
-        The emulated model.
+        The model of Aim-TTi supply that is emulated.
 
     Attributes
     ----------
     lock : int
-        1 if this interface holds the lock, 0 if none does, -1 if another does.
+        1 if this interface holds the lock, 0 if no interface holds it, -1 if another interface holds it.
     """
 
     identification = "THURLBY THANDAR, CPX400DP, EMULATED, 1.00 - 1.00"
@@ -94,7 +98,7 @@ class AimTtiDialect:
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers to the lines that they complete."""
+        """Receive bytes, obey the complete lines, and return the answers to them."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         answers = []
         for line in lines:
@@ -221,7 +225,7 @@ class AimTtiDialect:
                 self._events |= COMMAND_ERROR
 
     def _obey(self, accepted: bool) -> None:
-        """Record an error if a command was refused; while the supply is locked, the error is always `LOCKED_OUT`."""
+        """Store an error unless a command was accepted: `LOCKED_OUT` if the supply is locked, else out of range."""
         if not accepted:
             self._refuse(LOCKED_OUT if self.supply.locked else self.model.out_of_range)
 

@@ -1,7 +1,7 @@
-"""Emulate families of SCPI supplies with several channels, one of which is selected at a time.
+"""Emulate families of SCPI supplies that have several channels and apply each message to the selected channel.
 
-The coil is on one channel. A message for another channel is answered with an error. The messages are written down
-independently of the drivers' profiles.
+The coil is connected to one channel. A message for another channel causes an error. This list of messages was
+written independently of the drivers' profiles.
 """
 
 from __future__ import annotations
@@ -23,9 +23,16 @@ from eimi_drivers.emulators.trip_level import TripLevel
 
 
 class _ChannelSelected(ScpiDialect):
-    """Send messages to the selected channel; after power-up this is another channel than the coil's.
+    """Emulated SCPI supply that applies messages to the selected channel.
 
-    names: the name of each channel in INSTrument:SELect, and other accepted forms of the name in `aliases`.
+    After power-up a channel without a coil is selected.
+
+    Attributes
+    ----------
+    names : dict
+        The name of each channel in INSTrument:SELect, by the number of the channel as text.
+    aliases : dict
+        The number of the channel as text, by further names that are accepted.
     """
 
     names: ClassVar[dict[str, str]]
@@ -63,24 +70,27 @@ class _ChannelSelected(ScpiDialect):
         return header, argument
 
     def _apply(self, voltage: str, current: str) -> bool:
-        """Take the set-points of APPLy; an empty text leaves a set-point unchanged."""
+        """Set the voltage (V) and the current (A) of the command APPLy, and return whether both were accepted.
+
+        An empty text leaves a set-point unchanged.
+        """
         self._on_the_coil(self._selected)
         return (not voltage or self.supply.set_voltage(number(voltage))) and (
             not current or self.supply.set_current(number(current))
         )
 
     def _apply_to(self, argument: str) -> bool:
-        """Select the channel that APPLy names, and take its set-points."""
+        """Select the channel in the argument of APPLy, set its set-points, and return whether both was accepted."""
         channel, voltage, current = [*(part.strip() for part in argument.split(",")), "", ""][:3]
         return self._select(self._channel_named(channel)) and (not voltage or self._apply(voltage, current))
 
 
 class RigolDp800Dialect(_ChannelSelected):
-    """Answer as a Rigol DP800, which also accepts the channel in a message (``:SOURce1:``, ``CH1``).
+    """Emulated Rigol DP800, in which a message can also contain the channel (``:SOURce1:``, ``CH1``).
 
-    Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut page 2-35 (first edition), over-current protection
-    pages 2-56 and 2-57 (edition for the DP832A). Over-voltage and over-current protection are off after power-up, and
-    can also be set with ``VOLTage:PROTection`` and ``CURRent:PROTection``.
+    Over-voltage and over-current protection are off after power-up. They can also be set with ``VOLTage:PROTection``
+    and ``CURRent:PROTection``. Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut page 2-35 (first
+    edition), over-current protection pages 2-56 and 2-57 (edition for the DP832A).
     """
 
     identification = "RIGOL TECHNOLOGIES,DP832,EMULATED,00.01.16"
@@ -130,11 +140,11 @@ class RigolDp800Dialect(_ChannelSelected):
 
 
 class KeysightE3631ADialect(_ChannelSelected):
-    """Answer as an E3631A: outputs +6 V, +25 V and -25 V with one switch, and tracking of the last two.
+    """Emulated E3631A with the outputs 1 (+6 V), 2 (+25 V) and 3 (-25 V), which have one common switch.
 
-    Source: Agilent E3631A User's Guide (E3631-90002, October 2007): APPLy page 73, selection page 74, measurements page
-    76, outputs and tracking page 77. While tracking is on, the voltage of output 3 is the negative of that of output 2,
-    and either can be set. The ranges of the real outputs are not emulated.
+    While tracking is on, the voltage of output 3 is the negative voltage of output 2, and setting one of the two
+    voltages sets both. The ranges of the real outputs are not emulated. Source: Agilent E3631A User's Guide
+    (E3631-90002, October 2007): APPLy page 73, selection page 74, measurements page 76, outputs and tracking page 77.
     """
 
     identification = "HEWLETT-PACKARD,E3631A,0,2.1-5.0-1.0"
@@ -177,7 +187,7 @@ class KeysightE3631ADialect(_ChannelSelected):
 
 
 class RohdeSchwarzHmpDialect(_ChannelSelected):
-    """Answer as an R&S HMP: a channel feeds its output if both the channel and the general switch are on."""
+    """Emulated R&S HMP, whose output is on only if the switch of the channel and the general switch are both on."""
 
     identification = "ROHDE&SCHWARZ,HMP4040,EMULATED,HW50020001/SW2.50"
     names: ClassVar[dict[str, str]] = {str(channel): f"OUTP{channel}" for channel in range(1, 5)}

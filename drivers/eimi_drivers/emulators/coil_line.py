@@ -1,7 +1,7 @@
 """Send the true current of an emulated coil to a virtual beam in another process.
 
-This line is separate from the supply's own line, which has one user at a time and gives the readings of the meters.
-Every received newline is answered with the current in amperes and a newline.
+The current is sent over a separate line. The line of the supply has only one user at a time, and it carries the values
+of the meters instead of the true current. The answer to every received newline is the current in amperes and a newline.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout, ReplyNotUnderstood
 
 ANSWER_WITHIN_S = 30.0
-"""Time limit (s) of an answer; on a busy machine the process with the coil may get little processor time."""
+"""Time limit (s) of an answer. It is long because other programs may delay the process with the coil."""
 
 ADDRESS = re.compile(r"TCPIP::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET")
-"""The form of the address that `eimi emulate` prints."""
+"""The form of the address of an emulated coil that `eimi emulate` prints."""
 
 
 class _CurrentResponder:
@@ -30,15 +30,15 @@ class _CurrentResponder:
 
 
 def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
-    """Serve the coil's current on a TCP port while the context lasts; its value is the address, see `ADDRESS`.
+    """Serve the true current of a coil on a TCP port while the context lasts, and yield the address.
 
-    Port 0 selects a free one.
+    The form of the address is `ADDRESS`. If `port` is 0, a free port is used.
     """
     return serve_tcp(_CurrentResponder(coil), port=port)
 
 
 class RemoteCoil:
-    """Read the current of an emulated coil in another process.
+    """Connection to an emulated coil in another process, which returns the true current of the coil.
 
     Parameters
     ----------
@@ -56,7 +56,10 @@ class RemoteCoil:
     def __init__(self, address: str) -> None:
         match = ADDRESS.fullmatch(address)
         if match is None:
-            raise InstrumentError(f"{address}: should be TCPIP::HOST::PORT::SOCKET, as `eimi emulate` prints it")
+            raise InstrumentError(
+                f"{address}: the address of an emulated coil should be TCPIP::HOST::PORT::SOCKET, as `eimi emulate` "
+                "prints it"
+            )
         self._address = address
         try:
             self._line = socket.create_connection((match["host"], int(match["port"])), ANSWER_WITHIN_S)
@@ -64,22 +67,38 @@ class RemoteCoil:
             raise InstrumentDisconnected(f"{address}: no emulated coil answers ({error})") from error
 
     def coil_current_A(self) -> float:
-        """Return the true current, A. Raises InstrumentDisconnected, InstrumentTimeout, ReplyNotUnderstood."""
+        """Return the true current in the coil, A.
+
+        Raises
+        ------
+        InstrumentDisconnected
+            The process of the coil has ended.
+        InstrumentTimeout
+            No answer arrived within `ANSWER_WITHIN_S` (s).
+        ReplyNotUnderstood
+            The answer is not a number.
+        """
         answer = b""
         try:
             self._line.sendall(b"\n")
             while not answer.endswith(b"\n"):
                 if not (more := self._line.recv(64)):
-                    raise InstrumentDisconnected(f"{self._address}: the emulated coil is gone")
+                    raise InstrumentDisconnected(f"{self._address}: the program with the emulated coil has ended")
                 answer += more
             return float(answer)
         except TimeoutError as error:
-            raise InstrumentTimeout(f"{self._address}: no answer of the coil within {ANSWER_WITHIN_S:g} s") from error
+            raise InstrumentTimeout(
+                f"{self._address}: no answer of the emulated coil within {ANSWER_WITHIN_S:g} s"
+            ) from error
         except OSError as error:
-            raise InstrumentDisconnected(f"{self._address}: the emulated coil is gone ({error})") from error
+            raise InstrumentDisconnected(
+                f"{self._address}: the program with the emulated coil has ended ({error})"
+            ) from error
         except ValueError as error:
-            raise ReplyNotUnderstood(f"{self._address}: the coil answers {answer!r}") from error
+            raise ReplyNotUnderstood(
+                f"{self._address}: the answer of the emulated coil must be a current in A, but it is {answer!r}"
+            ) from error
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the emulated coil."""
         self._line.close()

@@ -1,7 +1,7 @@
 """Emulate Delta Elektronika's SM15K, and an SM supply with a PSC-ETH card.
 
-The messages are listed here independently of the drivers' profiles. Each word of a message may be shortened, to three
-letters at least, as in ``SOURce:VOLtage``.
+This list of messages was written independently of the drivers' profiles. Each word of a message can be shortened to
+three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ _WORDS = (
     *("WATCHDOG", "MAXIMUM", "STATUS", "CV", "CC"),
 )
 SOURCES = {"REMOTE": "Ethernet", "ETHERNET": "Ethernet", "FRONT": "Front", "LOCAL": "Front", "WEB": "Web"}
-"""The sources of a set-point: the word in a command, and the word in an answer."""
+"""The words for the source of a set-point in answers, by the words in commands."""
 
 
 class DeltaPscEthDialect(ScpiDialect):
-    """Answer as an SM supply with a PSC-ETH card, controlled from its front panel after power-up.
+    """Emulated SM supply with a PSC-ETH card, whose set-points come from the front panel after power-up.
 
-    A set-point that is received acts on the output only while Ethernet is its source. Every message restarts the
-    watchdog. Its time is checked only when a message arrives; call `watch` to check it between messages.
+    A received set-point acts on the output only if Ethernet was selected as the source of the set-points. Every message
+    restarts the watchdog. The emulator checks the time of the watchdog only when a message arrives. A caller can check
+    the time between messages with `watch`.
     """
 
     identification = "DELTA ELEKTRONIKA BV,SM70-22,EMULATED,P0102"
@@ -64,13 +65,13 @@ class DeltaPscEthDialect(ScpiDialect):
         }
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog, and return the answers."""
+        """Receive bytes, restart the watchdog, and return the answers to the messages."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if no message arrived for too long."""
+        """Switch the output off if the time since the last message exceeds the time of the watchdog."""
         self.watchdog.watch()
 
     def _shortened(self, line: str) -> str:
@@ -102,7 +103,10 @@ class DeltaPscEthDialect(ScpiDialect):
         return self._take(quantity, self._set_points[quantity])
 
     def _take(self, quantity: str, value: float) -> bool:
-        """Store a set-point, and apply it if the network is its source."""
+        """Store a set-point, and apply it to the output if Ethernet is the source of the set-points.
+
+        `quantity` is "CV" for the voltage (V) or "CC" for the current (A). Returns whether the value was accepted.
+        """
         limit, on = self._limits[quantity]
         highest = {"CV": self.supply.max_voltage_V, "CC": self.supply.max_current_A}[quantity]
         if self.supply.locked or not 0 <= value <= (min(limit, highest) if on else highest):
@@ -126,7 +130,7 @@ class DeltaPscEthDialect(ScpiDialect):
 
 
 class DeltaSm15kDialect(DeltaPscEthDialect):
-    """Answer as an SM15K, which also has limits for its set-points."""
+    """Emulated SM15K, which also has limits for its set-points."""
 
     identification = "DELTA ELEKTRONIKA B.V.,SM70-CP-450,EMULATED,P0110"
     remote = "Ethernet"

@@ -16,15 +16,15 @@ SHORTED_A, DRIFTS_TO_A, OFFSET_A, HUNTING_A = 0.8, 2.4, 0.015, 0.2
 class Fault(Enum):
     """A fault of an emulated instrument, with its effect and with the behaviour of a correct program.
 
-    The first group concerns the line, see `FaultyInstrument`. The second group concerns the supply or its coil, see
-    `eimi_drivers.emulators.spoiling`.
+    The faults in the first group, SILENCE to SWAP, are faults of the line, see `FaultyInstrument`. The other faults are
+    faults of the supply or of its coil, see `eimi_drivers.emulators.spoiling`.
 
     Attributes
     ----------
     effect : str
-        What the fault does.
+        A description of the fault.
     correct : str
-        What a correct program does.
+        A description of the behaviour of a correct program.
     """
 
     SILENCE = (
@@ -32,7 +32,7 @@ class Fault(Enum):
         "stops waiting after its time limit, tries to switch off, and reports that the coil may still be on",
     )
     SLEEP = (
-        f"as silence, for {SLEEPS_FOR_S:g} s; afterwards the supply works again, with its output as it was",
+        f"every message is lost for {SLEEPS_FOR_S:g} s; then the supply works again, and its output is unchanged",
         "switches the coil off as soon as the supply answers again",
     )
     GARBAGE = (
@@ -103,7 +103,7 @@ class Fault(Enum):
 
     @property
     def word(self) -> str:
-        """Return the name of the fault on the command line."""
+        """Return the name of the fault in the options of commands, such as "silence"."""
         return self.name.lower()
 
 
@@ -112,7 +112,10 @@ LINE_FAULTS = frozenset(list(Fault)[: list(Fault).index(Fault.SHORTED)]) - {Faul
 
 
 class FaultyInstrument:
-    """Pass messages to an emulated instrument, and fail from the next message on if a fault was injected.
+    """An emulated instrument on a line that can have faults.
+
+    Without a fault, messages are passed to the instrument unchanged. A fault that is injected begins with the next
+    message.
 
     Parameters
     ----------
@@ -121,14 +124,14 @@ class FaultyInstrument:
     clock : Clock, optional
         The clock of the instrument; the default is the wall clock.
     late_s : float
-        The delay of a slow answer, s.
+        The delay of an answer with the fault SLOW, s.
 
     Attributes
     ----------
     instrument : Responder
-        The instrument that answers now.
+        The instrument that answers at present. It changes with `swap`.
     lost : bool
-        True after the line was cut for good; `reconnect` ends it.
+        True after the line was cut permanently, until `reconnect` is called.
     """
 
     garbage = b"\xfe\x81?\x9c\n#\r"
@@ -144,14 +147,15 @@ class FaultyInstrument:
         self._silent_until_s = -float("inf")
 
     def inject(self, fault: Fault | None, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Add a fault of the line, or end it.
+        """Begin or end a fault of the line.
 
         Parameters
         ----------
         fault : Fault or None
             One of `LINE_FAULTS`; None ends the present fault.
         concerns : callable
-            Takes a message and returns whether the fault applies to it; the default is all messages.
+            Takes a message and returns whether the fault applies to this message. By default the fault applies to all
+            messages.
 
         Raises
         ------
@@ -159,18 +163,21 @@ class FaultyInstrument:
             The fault is not a fault of the line.
         """
         if fault is not None and fault not in LINE_FAULTS:
-            raise ValueError(f"{fault.word} is not a fault of the line; use spoiling.begin_fault")
+            raise ValueError(f"{fault.word} is not a fault of the line; begin it with spoiling.begin_fault")
         self._fault, self._concerns = fault, concerns
         if fault is Fault.SLEEP:
             self.be_silent(SLEEPS_FOR_S)
             self._fault = None
 
     def be_silent(self, seconds: float) -> None:
-        """Lose every message for this number of seconds."""
+        """Lose every message for `seconds` (s) from now on."""
         self._silent_until_s = self._clock.now() + seconds
 
     def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Cut the line at the next message to which ``concerns`` applies; another instrument answers afterwards."""
+        """Cut the line at a message, and let another instrument answer after the line is reopened.
+
+        The line is cut at the first message for which `concerns` returns True. `other` is the other instrument.
+        """
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:
@@ -178,7 +185,13 @@ class FaultyInstrument:
         self.lost, self._fault = False, None
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, and return the answers or fail. Raises ConnectionResetError if the line is cut."""
+        """Receive a message, and return the answer of the instrument, which the present fault may change or remove.
+
+        Raises
+        ------
+        ConnectionResetError
+            The present fault cuts the line.
+        """
         fault = self._fault if self._concerns(data) else None
         if self.lost or fault in {Fault.DISCONNECT, Fault.REENUMERATE}:
             self.lost = True

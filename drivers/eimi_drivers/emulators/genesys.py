@@ -24,16 +24,17 @@ _FIXED = {
 
 
 class GenesysDialect:
-    """Answer as one unit on a serial line: silent until it is addressed, and in local mode it refuses commands.
+    """Emulated TDK-Lambda Genesys, one of several supplies on a serial line.
 
-    If the front panel is in use (`CoilSupply.locked`), commands are answered with ``OK`` but not obeyed.
+    The supply answers only after a message has selected its number on the line. In local mode it refuses commands. If
+    the front panel is in use (`CoilSupply.locked`), the answer to a command is ``OK``, but the command is not obeyed.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     unit : int
-        The address of the unit on the line.
+        The number of the supply on the line.
     """
 
     identification = "LAMBDA,GEN30-50"
@@ -50,7 +51,7 @@ class GenesysDialect:
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers to the lines that they complete."""
+        """Receive bytes, obey the complete lines, and return the answers to them."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\r")
         answers = (self._answer(line.decode("latin-1").strip()) for line in lines)
         return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer)
@@ -138,7 +139,11 @@ class GenesysDialect:
         return "OK" if taken or supply.locked else OUT_OF_RANGE
 
     def _set(self, header: str, value: float) -> str:
-        """Store a set-point, or return the error if another set-point forbids it (user manual, programming errors)."""
+        """Store a set-point, and return ``OK`` or the number of an error.
+
+        An error means that the value is out of range or in conflict with another set-point (Genesys user manual,
+        programming errors). `header` is PV (voltage, V), PC (current, A), OVP or UVL (protection levels, V).
+        """
         supply, set_V = self.supply, self.supply.state.set_voltage_V
         if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):
             return ABOVE_RANGE

@@ -1,4 +1,4 @@
-"""Serve pictures over GigE Vision on this computer, with the fake camera of the library Aravis."""
+"""Emulate a GigE Vision camera on this computer with the fake camera of the library Aravis."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from eimi_drivers.interfaces import InstrumentError
 
 LOOPBACK = "127.0.0.1"
 CONTROL_PORT = 3956
-"""The port of the control protocol of GigE Vision (GVCP)."""
+"""The UDP port of the control protocol of GigE Vision (GVCP)."""
 
 _Fill = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_uint32, c_uint32, c_uint32)
 
 
 class GigECamera:
-    """Control a camera that `serve_gige` serves."""
+    """An emulated GigE Vision camera that `serve_gige` serves."""
 
     def __init__(self, gv_camera: int, fake: int) -> None:
         self._gv_camera, self._fake = gv_camera, fake
         self.failure: Exception | None = None
-        """The error that the function `picture` raised; the camera serves black pictures from then on."""
+        """The error that the function `picture` raised; None without an error. After it all pictures are black."""
 
     def lose_packets(self, share: float) -> None:
-        """From now on, lose this share of the packets of the pictures; 1 loses all of them."""
+        """Lose a share of the packets of all further pictures. A share of 1 loses all packets."""
         load_aravis().set_double(self._gv_camera, "gvsp-lost-ratio", share)
 
 
@@ -57,15 +57,16 @@ def serve_gige(
     shutter: str = "Global",
     triggers_per_s: float = 100.0,
 ) -> Iterator[GigECamera]:
-    """Serve a camera in threads of Aravis while the context lasts. Each address can have one camera.
+    """Serve an emulated GigE Vision camera while the context lasts, and yield the camera.
 
-    The camera cannot resend packets and has no heartbeat of its own. Nothing is connected to its trigger input.
+    The camera runs in threads of Aravis. Only one camera can be served at each address. The camera cannot send lost
+    packets again and has no heartbeat. Nothing is connected to its trigger input.
 
     Parameters
     ----------
     picture : callable
-        Returns the picture of the whole sensor, shape (height, width), at the moment of the exposure. It is called in a
-        thread of Aravis. While it runs, the camera answers nothing, so it should return within a second.
+        Returns the picture of the whole sensor at the moment of the exposure, shape (height, width). The function is
+        called in a thread of Aravis. It should return within a second, because the camera does not answer meanwhile.
     size_px : tuple of int
         Width and height of the sensor, px.
     address : str
@@ -75,9 +76,10 @@ def serve_gige(
     rows_step : int
         The camera silently rounds the height of its region down to a multiple of this number.
     shutter : str
-        The kind of the shutter that the camera states.
+        The kind of shutter that the camera reports: "Global" or "Rolling".
     triggers_per_s : float
-        How often the camera looks for a software trigger, which limits the rate of triggered frames.
+        The number of times per second at which the camera checks for a software trigger, Hz. It is the largest rate of
+        triggered frames.
 
     Yields
     ------
@@ -135,7 +137,7 @@ def serve_gige(
 
 
 def _refuse_taken(address: str) -> None:
-    """Raise InstrumentError if the port of GigE Vision is not free, because Aravis would serve without it."""
+    """Raise InstrumentError if `CONTROL_PORT` at the address is in use. Aravis itself does not report this error."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         try:
             line.bind((address, CONTROL_PORT))
@@ -144,9 +146,10 @@ def _refuse_taken(address: str) -> None:
 
 
 def encode(pixel_format: PixelFormat, image: NDArray[np.uint8]) -> bytes:
-    """Return the data of an 8-bit picture in a pixel format; values with more bits are shifted to their full scale.
+    """Return an 8-bit picture as the data of a frame in a pixel format.
 
-    A Bayer mosaic of a grey picture is the picture itself.
+    In a format with b bits the grey values are multiplied by 2^(b - 8). The picture has grey values only, and the data
+    of a Bayer mosaic are these grey values.
     """
     if pixel_format.bits == 8:
         return image.tobytes()

@@ -1,7 +1,7 @@
 """Describe the emulated GigE Vision camera in GenICam XML, for the registers of the fake camera of Aravis.
 
-The addresses of the registers are those of Aravis 0.8 (arvfakecamera.h, arvgvcpprivate.h). The names of the features
-are those of the GenICam Standard Features Naming Convention (SFNC 2.7).
+The addresses of the registers come from Aravis 0.8 (arvfakecamera.h, arvgvcpprivate.h). The names of the features come
+from the GenICam Standard Features Naming Convention (SFNC 2.7).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ TRIGGER_MODE, TRIGGER_SOURCE, TRIGGER_ACTIVATION, TRIGGER_SOFTWARE = 0x300, 0x30
 GAIN, GAIN_AUTO = 0x110, 0x114
 
 ROW_READOUT_US = 10
-"""Readout time of a row of the emulated rolling shutter, µs."""
+"""Readout time of one row of the emulated rolling shutter, µs."""
 
 _FORMATS = (
     "Mono8",
@@ -39,14 +39,14 @@ _TEXTS = {
 
 
 def describe(rows_step: int = 1, shutter: str = "Global") -> str:
-    """Return the GenICam XML of the camera.
+    """Return the GenICam description of the emulated camera as XML text.
 
     Parameters
     ----------
     rows_step : int
         The camera silently rounds the height of its region down to a multiple of this number.
     shutter : str
-        The kind of the shutter: "Global" or "Rolling".
+        The kind of shutter: "Global" or "Rolling".
     """
     formats = {pixel_format.name: code for code, pixel_format in PIXEL_FORMATS.items()}
     nodes = [
@@ -140,7 +140,21 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 
 
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
-    """Return the XML of a number that two formulas convert to and from a register between `smallest` and `largest`."""
+    """Return the XML of a number that is computed from a register.
+
+    Parameters
+    ----------
+    name : str
+        The name of the feature.
+    address : int
+        The address of the register.
+    to_register : str
+        The formula that computes the register from the number, which is FROM in the formula.
+    from_register : str
+        The formula that computes the number from the register, which is TO in the formula.
+    smallest, largest : int
+        The bounds of the register.
+    """
     return (
         f'<Float Name="{name}"><pValue>{name}Converter</pValue></Float>'
         f'<Converter Name="{name}Converter"><FormulaTo>{to_register}</FormulaTo><FormulaFrom>{from_register}'

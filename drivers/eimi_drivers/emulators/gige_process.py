@@ -18,51 +18,52 @@ from eimi_drivers.emulators.gige_camera import serve_gige
 from eimi_drivers.interfaces import InstrumentError, raised
 
 START_WITHIN_S = 120.0
-"""Time limit (s) of the start, in which the first picture is prepared."""
+"""Time limit (s) for the start of the process, which includes the preparation of the first picture."""
 
 END_WITHIN_S = 5.0
 LOOK_EVERY_S = 0.1
 
 
 class CameraProcess:
-    """Control the process of an emulated camera."""
+    """A separate process that serves an emulated camera."""
 
     def __init__(self, process: BaseProcess, line: Connection) -> None:
         self._process, self._line = process, line
 
     @property
     def alive(self) -> bool:
-        """Whether the process is running."""
+        """True if the process is running."""
         return self._process.is_alive()
 
     def lose_packets(self, share: float) -> None:
-        """From now on, lose this share of the packets of the pictures; 1 loses all of them."""
+        """Lose a share of the packets of all further pictures. A share of 1 loses all packets."""
         self._line.send(share)
         self._line.recv()
 
     def kill(self) -> None:
-        """End the process at once. To its client, this looks like a camera whose cable is pulled."""
+        """End the process at once. The camera then disappears as if its cable were pulled."""
         self._process.kill()
         self._process.join()
 
     def raise_failure(self) -> None:
-        """Raise InstrumentError if the process has ended."""
+        """Raise InstrumentError if the process has ended. The message contains the error of the process."""
         if self.alive:
             return
-        failure = self._line.recv() if self._line.poll() else f"it ended with status {self._process.exitcode}"
-        raise InstrumentError(f"the process of the emulated camera: {failure}")
+        failure = self._line.recv() if self._line.poll() else f"it ended with exit status {self._process.exitcode}"
+        raise InstrumentError(f"the process of the emulated camera has ended: {failure}")
 
 
 @contextmanager
 def gige_process(
     prepare: Callable[[], Callable[[], NDArray[np.uint8]]], size_px: tuple[int, int], **camera: Any
 ) -> Iterator[CameraProcess]:
-    """Serve a camera from a new process while the context lasts.
+    """Serve an emulated camera from a new process while the context lasts, and yield the process.
 
     Parameters
     ----------
     prepare : callable
-        Called in the new process. It returns the function `picture` of `serve_gige`. It must be picklable.
+        A function that is called in the new process and returns the function `picture` of `serve_gige`. It must be
+        picklable.
     size_px : tuple of int
         Width and height of the sensor, px.
     **camera
@@ -71,8 +72,7 @@ def gige_process(
     Raises
     ------
     InstrumentError
-        The camera does not start; the message states the error of the process. If the library Aravis is not installed,
-        no process is started.
+        The library Aravis is not installed, or the camera does not start. The message contains the error.
     """
     load_aravis()
     context = multiprocessing.get_context("spawn")
@@ -82,11 +82,11 @@ def gige_process(
     there.close()
     try:
         try:
-            began = here.recv() if here.poll(START_WITHIN_S) else f"it has not started after {START_WITHIN_S:g} s"
+            began = here.recv() if here.poll(START_WITHIN_S) else f"no answer within {START_WITHIN_S:g} s"
         except EOFError:
-            began = "its process ended before it started"
+            began = "its process ended"
         if began is not True:
-            raise InstrumentError(f"the emulated camera: {began}")
+            raise InstrumentError(f"the emulated camera could not be started: {began}")
         yield CameraProcess(process, here)
     finally:
         here.close()  # the process ends when this connection is closed

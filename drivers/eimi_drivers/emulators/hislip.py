@@ -1,4 +1,4 @@
-"""Serve an emulated supply over HiSLIP (IVI-6.1), reduced to messages and their answers."""
+"""Serve an emulated supply over HiSLIP (IVI-6.1). Only messages and their answers are supported."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ LARGEST_MESSAGE = 1 << 20
 
 @contextmanager
 def serve_hislip(instrument: Responder) -> Iterator[str]:
-    """Serve on a TCP port while the context lasts; its value is the VISA address.
+    """Serve an emulated instrument over HiSLIP while the context lasts, and yield its VISA address.
 
-    A cut line closes the connection over which the message arrived.
+    If a fault cuts the line, the connection over which the message arrived is closed.
     """
     lock = threading.Lock()
 

@@ -1,6 +1,6 @@
 """Emulate Keithley's supplies of the series 2200 (one channel) and 2260B.
 
-The messages are listed here independently of the drivers' profiles.
+This list of messages was written independently of the drivers' profiles.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.trip_level import TripLevel
 
 OVER_VOLTAGE, SHUT_DOWN = 1, 2048
-"""Bits of the questionable status register of the 2260B."""
+"""Bits of the questionable status register of the 2260B that report an over-voltage trip and a shut-down."""
 
 
 class Keithley2200Dialect(ScpiDialect):
-    """Answer as a 2200, whose output timer starts when the output is switched on.
+    """Emulated Keithley 2200, whose output timer starts when the output is switched on.
 
-    Messages do not restart the timer. Its time is checked only when a message arrives; call `watch` to check it between
-    messages.
+    Messages do not restart the timer. The emulator checks the time only when a message arrives. A caller can check the
+    time between messages with `watch`.
     """
 
     identification = "Keithley instruments,2200-32-3,EMULATED,1.01-1.00"
@@ -39,12 +39,12 @@ class Keithley2200Dialect(ScpiDialect):
         self.commands["OUTP:TIM:DEL"] = lambda argument: self.timer.set_seconds(number(argument), 0.01, 60000.0)
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers."""
+        """Switch the output off if the timer has expired, then receive bytes and return the answers."""
         self.watch()
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if it has been on for longer than the timer permits."""
+        """Switch the output off if the output has been on for longer than the time of the timer."""
         self.timer.watch()
 
     def _switch(self, argument: str) -> bool:
@@ -55,7 +55,7 @@ class Keithley2200Dialect(ScpiDialect):
 
 
 class Keithley2260BDialect(ScpiDialect):
-    """Answer as a 2260B, whose over-current protection cannot be set below a tenth of its rating."""
+    """Emulated Keithley 2260B, whose protection levels must be at least a tenth of the rated values."""
 
     identification = "KEITHLEY,2260B-30-72,EMULATED,01.72.20150702"
 

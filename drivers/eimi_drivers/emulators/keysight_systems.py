@@ -1,6 +1,6 @@
 """Emulate Keysight's power systems N6700, N6900 and RP7900, which have a watchdog for their outputs.
 
-The messages are listed here independently of the drivers' profiles.
+This list of messages was written independently of the drivers' profiles.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.trip_level import TripLevel
 
 PROTECTED = 2048
-"""The bit of the questionable status register that the watchdog sets."""
+"""The bit of the questionable status register that is set after the watchdog has switched the output off."""
 
 
 class _KeysightWatchdog(ScpiDialect):
-    """Add Keysight's watchdog to a dialect.
+    """Emulated Keysight supply with a watchdog, which every message restarts.
 
-    After the watchdog has switched an output off, ``OUTP?`` still answers 1. The time of the watchdog is checked only
-    when a message arrives; call `watch` to check it between messages.
+    After the watchdog has switched the output off, the answer to ``OUTP?`` is still 1. The emulator checks the time of
+    the watchdog only when a message arrives. A caller can check the time between messages with `watch`.
     """
 
     status = "STAT:QUES1:COND?"
@@ -40,13 +40,13 @@ class _KeysightWatchdog(ScpiDialect):
         self.commands["OUTP:PROT:WDOG:DEL"] = lambda argument: self.watchdog.set_seconds(number(argument), 1, 3600)
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog, and return the answers."""
+        """Receive bytes, restart the watchdog, and return the answers to the messages."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if no message arrived for too long."""
+        """Switch the output off if the time since the last message exceeds the time of the watchdog."""
         if self.watchdog.watch():
             self._programmed_on = True
 
@@ -62,7 +62,7 @@ class _KeysightWatchdog(ScpiDialect):
 
 
 class KeysightN6700Dialect(_KeysightWatchdog, KeysightE36312ADialect):
-    """Answer as an N6700, in which each message names its channels."""
+    """Emulated Keysight N6700, in which each message for an output contains the channel."""
 
     identification = "Keysight Technologies,N6702C,EMULATED,E.02.08"
     all_channels = ("*", "SYST:", "OUTP:PROT:WDOG")
@@ -76,10 +76,10 @@ class KeysightN6700Dialect(_KeysightWatchdog, KeysightE36312ADialect):
 
 
 class KeysightN6900Dialect(_KeysightWatchdog):
-    """Answer as an N6900 with one output, which is in voltage priority after power-up.
+    """Emulated Keysight N6900 with one output, which regulates the voltage after power-up (voltage priority).
 
-    A change of the priority switches the output off and resets the set-points. In voltage priority ``CURR`` has no
-    effect on the coil.
+    A change of the priority switches the output off and resets the set-points. In voltage priority ``CURR`` does not
+    change the current in the coil.
     """
 
     identification = "Keysight Technologies,N6971A,EMULATED,B.01.01"
@@ -119,6 +119,6 @@ class KeysightN6900Dialect(_KeysightWatchdog):
 
 
 class KeysightRp7900Dialect(KeysightN6900Dialect):
-    """Answer as an RP7900."""
+    """Emulated Keysight RP7900, which answers like an N6900."""
 
     identification = "Keysight Technologies,RP7931A,EMULATED,B.04.06"

@@ -10,18 +10,20 @@ _MESSAGE = re.compile(rb"\*IDN\?|STATUS\?|[VI](?:SET|OUT)1\?|[VI]SET1:\d{1,4}(?:
 
 
 class KoradDialect:
-    """Answer as a one-channel Korad, including the meaningless sixth byte after ``ISET1?``.
+    """Emulated one-channel Korad supply.
+
+    The answer to ``ISET1?`` has a sixth byte without meaning, as on the real supply.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     fuse_within_s : float
-        Two messages with a smaller gap (s) fuse: both are lost, and the change by the first one is undone. A
-        pseudo-terminal does not preserve the time between bytes, so that a busy machine would fuse messages that were
-        sent with a gap. Leave the value at 0 (never) if the dialect is served outside the process.
+        The shortest time between two messages, s. If the time is shorter, both messages are lost, and the effect of the
+        first message is undone. With the default 0 no message is lost. Other values work only in the same process,
+        because a pseudo-terminal does not preserve the time between messages.
     protection_bit : int
-        The bit of the status byte that reports a trip: 0x20 or 0x80, by firmware.
+        The bit of the status byte that reports a trip. It depends on the firmware: 0x20 or 0x80.
     """
 
     identification = b"KORADKA3005PV2.0"
@@ -34,7 +36,7 @@ class KoradDialect:
         self._state_before = supply.state
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers. Bytes that are not a message are ignored, as the real supply does."""
+        """Receive bytes and return the answers. Bytes that are not part of a message are ignored."""
         now_s = self.supply.clock.now()
         too_soon, self._last_s = now_s - self._last_s < self._fuse_within_s, now_s
         if too_soon:

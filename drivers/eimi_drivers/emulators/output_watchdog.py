@@ -1,4 +1,4 @@
-"""Emulate a timer that switches the output off."""
+"""Emulate a timer inside a supply that switches the output off."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class OutputWatchdog:
-    """Trip the emulated supply if its output is on when a time has passed since the last restart.
+    """Timer that switches the output of an emulated supply off if a time has passed since the last restart.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     seconds : float
-        The time that is valid after power-up, s; `set_seconds` changes it.
+        The time of the timer after power-up, s. `set_seconds` changes the time.
 
     Attributes
     ----------
@@ -30,23 +30,26 @@ class OutputWatchdog:
         self._restarted_s = supply.clock.now()
 
     def restart(self) -> None:
-        """Count the time from now."""
+        """Restart the timer: count its time from now."""
         self._restarted_s = self._supply.clock.now()
 
     def switch(self, on: bool) -> bool:
-        """Start or stop the timer."""
+        """Start or stop the timer, and return True, as a command that was accepted."""
         self.on, self.expired = on, False
         return True
 
     def set_seconds(self, seconds: float, least: float, most: float) -> bool:
-        """Set the time (s) and return True; if it is out of range, change nothing and return False."""
+        """Set the time (s) of the timer, and return whether it is between `least` and `most` (s).
+
+        A time that is out of range is not set.
+        """
         if not least <= seconds <= most:
             return False
         self.seconds = seconds
         return True
 
     def watch(self) -> bool:
-        """Switch the output off if the time has passed; return whether this call switched it off."""
+        """Switch the output off if the time has passed, and return whether this call switched the output off."""
         age_s = self._supply.clock.now() - self._restarted_s
         if not self.on or age_s <= self.seconds or not self._supply.output_on():
             return False

@@ -10,7 +10,7 @@ STANDBY, CONSTANT_VOLTAGE, CONSTANT_CURRENT, FAILURE = range(4)
 
 
 class OwonSpeDialect(ScpiDialect):
-    """Answer as an Owon SPE, which answers ERR to a message that it does not understand and has no error queue."""
+    """Emulated Owon SPE, which has no error queue and answers ERR to a message that it does not understand."""
 
     identification = "OWON,SPE6103,EMULATED,FV:V3.0.0"
 

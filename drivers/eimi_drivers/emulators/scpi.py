@@ -1,4 +1,4 @@
-"""Emulate the commands that all families of SCPI supplies share; `scpi_families` has the others."""
+"""Emulate the commands that all families of SCPI supplies share. `scpi_families` adds the commands of each family."""
 
 from __future__ import annotations
 
@@ -23,36 +23,39 @@ _SHORT = {
     )
 }
 _OPTIONAL = frozenset({"SOUR", "LEV", "IMM", "AMPL", "SCAL", "DC", "NEXT", "STAT"})
-"""Words that a message may omit if the instrument knows the shorter header (SCPI-99, volume 1, 6.2.1)."""
+"""Words that can be omitted from a message (SCPI-99, volume 1, 6.2.1)."""
 
 _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
 _WITHOUT_EFFECT = ("SYST:LOC", "SYST:REM", "SYST:RWL", "SYST:BEEP", "SYST:BEEP:STAT")
-"""Commands for front panel and beeper, which the model does not have."""
+"""Commands for the front panel and the beeper, which are accepted but have no effect."""
 
 
 class Refused(Exception):
-    """Report a message that the instrument answers with an entry in its error queue."""
+    """Report that a message causes an error. The message of this exception is stored in the error queue."""
 
 
 class ScpiDialect:
-    """Answer lines as a one-channel SCPI supply, with an error queue (SCPI-99, volume 2, 21).
+    """Emulated one-channel SCPI supply with an error queue (SCPI-99, volume 2, 21).
 
-    Several messages of a line are separated by ``;``. Each of them is understood from the root of the command tree, as
-    if it began with a colon.
+    A line may contain several messages, which are separated by ``;``. Each message begins at the root of the command
+    tree, as if it began with a colon.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     channel : int
         The channel that feeds the coil.
 
     Attributes
     ----------
-    questions, commands : dict
-        The action of each header, in capitals and in the shortest form that the standard permits.
+    questions : dict
+        The function that returns the answer to a query, by the header of the query in its short form in capitals.
+    commands : dict
+        The function that obeys a command, by the header of the command in its short form in capitals. The function
+        takes the argument of the command and returns whether it was accepted.
     serial_line_begins_local : bool
-        Whether every message on a serial line is lost until ``SYST:REM`` or ``SYST:RWL`` has come.
+        True if every message on a serial line is lost until the message ``SYST:REM`` or ``SYST:RWL`` arrives.
     reset_current_A : float
         The current set-point (A) after ``*RST``.
     """
@@ -98,11 +101,11 @@ class ScpiDialect:
         self._is_local = False
 
     def connect_serially(self) -> None:
-        """Begin a connection over a serial line, see `serial_line_begins_local`."""
+        """Begin a connection over a serial line, on which messages may be lost, see `serial_line_begins_local`."""
         self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers to the lines that they complete."""
+        """Receive bytes, obey the complete lines, and return the answers to them."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         replies = (self._reply_to_line(line.decode("latin-1").strip().upper()) for line in lines)
         return b"".join(reply.encode("ascii") + b"\n" for reply in replies if reply)
@@ -112,12 +115,12 @@ class ScpiDialect:
         return ";".join(answer for answer in answers if answer is not None)
 
     def _parse(self, line: str) -> tuple[str, str]:
-        """Return the header and the argument of a message, as the tables contain them."""
+        """Return the header and the argument of a message, in the form used in `questions` and `commands`."""
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 
     def _shortened(self, line: str) -> str:
-        """Return a message with the header of the tables: words in short form, and without optional words."""
+        """Return a message with the words of its header in short form and without the optional words."""
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]
@@ -153,7 +156,7 @@ class ScpiDialect:
 
 
 def number(argument: str) -> float:
-    """Return the number in an argument. Raises Refused."""
+    """Return the number in the argument of a command. Raises Refused if the argument is not a number."""
     try:
         return float(argument)
     except ValueError:
@@ -161,7 +164,7 @@ def number(argument: str) -> float:
 
 
 def switch(argument: str) -> bool:
-    """Return True for ON or 1, and False for OFF or 0. Raises Refused."""
+    """Return True for the argument ON or 1, and False for OFF or 0. Raises Refused for any other argument."""
     if argument not in _SWITCH:
         raise Refused(DATA_TYPE_ERROR)
     return _SWITCH[argument]

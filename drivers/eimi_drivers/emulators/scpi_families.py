@@ -1,7 +1,7 @@
-"""Emulate families of SCPI supplies that have one channel, or name the channel in each message.
+"""Emulate families of SCPI supplies that have one channel or expect the channel in each message.
 
-The messages are written down independently of the drivers' profiles. A message for another channel than the coil's is
-answered with an error.
+This list of messages was written independently of the drivers' profiles. The coil is connected to one channel. A
+message for another channel causes an error.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
 class _SeveralChannels(ScpiDialect):
-    """Refuse messages for another channel than the coil's."""
+    """Emulated SCPI supply with several channels, which refuses messages for channels without the coil."""
 
     def _on_the_coil(self, channel: str) -> None:
         if channel != str(self.channel):
@@ -25,7 +25,7 @@ class _SeveralChannels(ScpiDialect):
 
 
 class KeysightE36312ADialect(_SeveralChannels):
-    """Answer as an E36312A, in which each message names its channels in a list such as ``(@1)``."""
+    """Emulated E36312A, in which each message for an output contains a list of channels such as ``(@1)``."""
 
     identification = "Keysight Technologies,E36312A,EMULATED,1.0"
     all_channels: tuple[str, ...] = ("*", "SYST:")
@@ -57,7 +57,7 @@ class KeysightE36312ADialect(_SeveralChannels):
 
 
 class KeysightE364xDialect(ScpiDialect):
-    """Answer as an E364x: over-voltage protection with a level, and no over-current protection."""
+    """Emulated E364x, which has an over-voltage protection with a level and no over-current protection."""
 
     identification = "Agilent Technologies,E3640A,0,1.7-5.0-1.0"
     serial_line_begins_local = True  # as the E3631A
@@ -78,7 +78,7 @@ class KeysightE364xDialect(ScpiDialect):
 
 
 class KeysightE3632ADialect(KeysightE364xDialect):
-    """Answer as an E3632A, which also has over-current protection with a level."""
+    """Emulated E3632A, which has an over-voltage and an over-current protection, each with a level."""
 
     identification = "HEWLETT-PACKARD,E3632A,0,1.1-5.0-1.0"
 
@@ -89,7 +89,10 @@ class KeysightE3632ADialect(KeysightE364xDialect):
 
 
 class SiglentSpdDialect(_SeveralChannels):
-    """Answer as a Siglent SPD: the header or the argument names the channel, and a status word reports the output."""
+    """Emulated Siglent SPD, whose status word reports the output.
+
+    A message contains the channel in its header or in its argument.
+    """
 
     identification = "Siglent Technologies,SPD3303X,EMULATED,1.01.01.02.05,V3.0"
     no_error = "0  No Error"
@@ -120,7 +123,7 @@ class SiglentSpdDialect(_SeveralChannels):
 
 
 class KepcoBopDialect(ScpiDialect):
-    """Answer as a Kepco BOP: bipolar, and after power-up in voltage mode with its output on, as the real supply."""
+    """Emulated Kepco BOP, a bipolar supply that is in voltage mode and has its output on after power-up."""
 
     identification = "KEPCO,BOP 1KW 36-28,EMULATED,2.38"
 
@@ -177,10 +180,11 @@ class KepcoBopDialect(ScpiDialect):
 
 
 class KepcoBit4886Dialect(ScpiDialect):
-    """Answer as a Kepco BOP of 50 W to 400 W with a BIT 4886 card, in voltage mode and with its output on at first.
+    """Emulated Kepco BOP of 50 W to 400 W with a BIT 4886 card.
 
-    In current mode ``CURR`` is the current and ``VOLT`` the limit of the voltage of both signs. In voltage mode
-    ``CURR`` is the limit of the current, which drives no coil here and has no sign.
+    After power-up the supply is in voltage mode and its output is on. In current mode ``CURR`` sets the current, and
+    ``VOLT`` limits the positive and the negative voltage. In voltage mode ``CURR`` is a limit without a sign and does
+    not change the current in the emulated coil.
     """
 
     identification = "KEPCO,BIT 4886,EMULATED,2.3"

@@ -1,4 +1,4 @@
-"""Serve an emulated sensor in the field of an emulated coil, with one fault that begins after some time."""
+"""Serve an emulated gaussmeter in the field of an emulated coil, with one fault that begins after a given time."""
 
 from __future__ import annotations
 
@@ -14,33 +14,37 @@ from eimi_drivers.emulators.serve import serve_pty, serve_tcp
 
 LOOK_EVERY_S = 0.05
 NOISE_MT = 0.005
-"""Standard deviation of a reading of the emulated sensor."""
+"""Standard deviation of the values of the emulated gaussmeter, mT."""
 
 SENSOR_FAULTS: dict[str, Fault | SensorFault] = {
     fault.word: fault for fault in (*sorted(LINE_FAULTS - {Fault.REENUMERATE}, key=lambda f: f.word), *SensorFault)
 }
-"""The faults of a sensor and its line, by their names on the command line."""
+"""The faults of a sensor and of its line, by their names in the options of commands."""
 
 
 class EmulatedSensorSession:
-    """Serve an emulated gaussmeter on a serial port or a TCP port.
+    """An emulated gaussmeter on a serial port or a TCP port.
+
+    The true field is ``offset_mT + mT_per_A * I``, where I is the current in the emulated coil (A).
 
     Parameters
     ----------
     driver : str
-        The dialect, see `SENSOR_DIALECTS`.
+        The name of the emulated sensor in `SENSOR_DIALECTS`.
     tcp : int or None
-        The TCP port, 0 for a free one; None serves on a pseudo-terminal.
+        The TCP port; 0 selects a free port. None serves the gaussmeter on a pseudo-terminal.
     coil : str or None
-        The address of an emulated coil, as `eimi emulate SUPPLY` prints it; None for no current.
-    mT_per_A, offset_mT : float
-        The true field at the probe.
+        The address of an emulated coil, as `eimi emulate SUPPLY` prints it. None means that no current flows.
+    mT_per_A : float
+        The coil constant at the probe, mT/A.
+    offset_mT : float
+        The field at the probe without a current, mT.
     fault : Fault, SensorFault or None
-        The fault.
+        The fault of the sensor or its line; None for no fault.
     after_s : float
-        Time (s) from the start until the fault begins.
+        The time from the start until the fault begins, s.
     say : callable
-        Receives the text for the user: the address, and the beginning of the fault.
+        Takes the texts for the user: the address, and a line when the fault begins.
 
     Raises
     ------
@@ -67,12 +71,12 @@ class EmulatedSensorSession:
         self._line = FaultyInstrument(emulate_sensor(driver, self._quantity), self._clock)
 
     def field_mT(self) -> float:
-        """Return the true field at the probe now."""
+        """Return the present true field at the probe, mT."""
         mT_per_A, offset_mT = self._field
         return offset_mT + mT_per_A * (self._coil.coil_current_A() if self._coil else 0.0)
 
     def serve(self) -> None:
-        """Serve until the program is interrupted."""
+        """Serve the emulated gaussmeter until the program is interrupted."""
         began_s = self._clock.now()
         with self._serve() as address:
             self._say(f'driver = "{self._driver}"\naddress = "{address}"')

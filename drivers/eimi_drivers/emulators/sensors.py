@@ -1,4 +1,4 @@
-"""Emulated gaussmeters and thermometers: a model of the measured quantity, and the dialect of each family."""
+"""Emulate gaussmeters and other sensors: the measured quantity with noise, and the answers of each family."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_drivers.supplies.transport import Responder
 
 
 class SensorFault(Enum):
-    """A fault of the sensor rather than of its line, with its effect and the behaviour of a correct program."""
+    """A fault of an emulated sensor itself, with its effect and the behaviour of a correct program."""
 
     STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice this fault")
     JUMP = ("the value is a hundred times too large", "ends the run if an interlock bounds the sensor")
@@ -26,23 +26,23 @@ class SensorFault(Enum):
 
     @property
     def word(self) -> str:
-        """Return the name of the fault on the command line."""
+        """Return the name of the fault in the options of commands, such as "stuck"."""
         return self.name.lower()
 
 
 class EmulatedQuantity:
-    """Model a quantity that a sensor measures: the true value and normal noise from a seeded generator.
+    """A quantity that an emulated sensor measures: a true value with normally distributed noise.
 
     Parameters
     ----------
     clock : Clock
         The clock of the sensor.
     true : callable
-        Returns the true value now, mT or °C.
+        Returns the present true value in `unit`.
     unit : str
         "mT" or "degC".
     noise : float
-        The standard deviation of a reading.
+        The standard deviation of the noise, in `unit`.
     seed : int
         The seed of the noise.
 
@@ -62,14 +62,14 @@ class EmulatedQuantity:
         self._last = 0.0
 
     def read(self) -> float:
-        """Return a reading."""
+        """Return a measured value, in `unit`, to which the present fault applies."""
         if self.fault is not SensorFault.STUCK:
             self._last = self._true() + float(self._random.normal(0.0, self.noise))
         return 100.0 * self._last if self.fault is SensorFault.JUMP else self._last
 
 
 class SensorDialect:
-    """Answer queries that end with a line feed, one line for each.
+    """Base class of emulated sensors, which answer each query with one line. A query ends with a line feed.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class SensorDialect:
         self._pending = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers; a query that is unknown to the family has no answer."""
+        """Receive bytes, and return the answers to the complete queries. An unknown query has no answer."""
         *queries, self._pending = (self._pending + data).split(b"\n")
         answers = (self._answer(query.decode("ascii", "replace").strip()) for query in queries)
         return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer)
@@ -99,27 +99,30 @@ class SensorDialect:
         return self.identification if query == "*IDN?" else self.answer(query)
 
     def answer(self, query: str) -> str:
-        """Return the answer to a query of the family; an empty text if there is no answer."""
-        raise InstrumentError(f"a dialect of a sensor has no answer to {query}")
+        """Return the answer to a query other than ``*IDN?``; an empty text if the query has no answer."""
+        raise InstrumentError(f"the emulated sensor {type(self).__name__} has no method that answers {query}")
 
 
 class LakeShoreDialect(SensorDialect):
-    """Answer as a Lake Shore 425: unit and field in the formats of its manual, section 6.3.1.
+    """Emulated Lake Shore 425, which answers in the formats of its manual, section 6.3.1.
 
-    Unit, range and mode can be set, as at the front panel; range and mode have no effect on the emulated field.
+    Unit, range and mode can be set. Range and mode have no effect on the emulated field.
     """
 
     identification = "LSCI,MODEL425,4250022,1.0"
     unit = 2
     per_mT: ClassVar[dict[int, float]] = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e4 / (4 * math.pi)}
-    """Field in gauss, tesla, oersted and A/m for 1 mT in air."""
+    """A field of 1 mT in air, in gauss (1), tesla (2), oersted (3) and A/m (4)."""
 
     def __init__(self, quantity: EmulatedQuantity) -> None:
         super().__init__(quantity)
         self._range, self._mode = "1", "1,0,1"
 
     def answer(self, query: str) -> str:
-        """Answer ``UNIT?``, ``RDGFIELD?``, ``RANGE?`` and ``RDGMODE?``, and obey the commands that set them."""
+        """Return the answer to ``UNIT?``, ``RDGFIELD?``, ``RANGE?`` or ``RDGMODE?``.
+
+        The commands ``UNIT``, ``RANGE`` and ``RDGMODE`` are obeyed. Their answer is an empty text.
+        """
         header, _, argument = query.partition(" ")
         match header:
             case "UNIT?":
@@ -140,14 +143,14 @@ class LakeShoreDialect(SensorDialect):
 
 
 class LakeShore475Dialect(LakeShoreDialect):
-    """Answer as a Lake Shore 475, in gauss."""
+    """Emulated Lake Shore 475, whose unit is gauss at the start."""
 
     identification = "LSCI,MODEL475,4750011,1.1"
     unit = 1
 
 
 class FWBellDialect(SensorDialect):
-    """Answer as an F.W. Bell 5080 in gauss."""
+    """Emulated F.W. Bell 5080, whose unit is gauss at the start."""
 
     identification = "FW BELL,5080,0,1.0"
     units: ClassVar[dict[str, tuple[float, str]]] = {"GAUSS": (10.0, "G"), "TESLA": (1e-3, "T")}
@@ -157,7 +160,10 @@ class FWBellDialect(SensorDialect):
         self._unit, self._range = "GAUSS", "1"
 
     def answer(self, query: str) -> str:
-        """Answer the queries for field, unit and range, also in short form, and obey the commands that set them."""
+        """Return the answer to a query for the field, the unit or the range, also in short form.
+
+        The commands that set unit and range are obeyed. Their answer is an empty text.
+        """
         words = query.upper().replace("MEASURE", "MEAS")
         header, _, argument = words.partition(" ")
         match header:
@@ -176,12 +182,12 @@ class FWBellDialect(SensorDialect):
 
 
 class TextLineDialect(SensorDialect):
-    """Answer as a board with the sketch of the documentation."""
+    """Emulated microcontroller board that runs the program of docs/howto/measure_the_field.md."""
 
     identification = "eimi-lab,hall-board,1,1.0"
 
     def answer(self, query: str) -> str:
-        """Answer ``READ?``."""
+        """Return value, unit and standard uncertainty for the query ``READ?``, and an empty text for other queries."""
         quantity = self.quantity
         return f"{quantity.read():.5f} {quantity.unit} {quantity.noise:.5f}" if query == "READ?" else ""
 
@@ -192,11 +198,11 @@ SENSOR_DIALECTS: dict[str, Callable[[EmulatedQuantity], SensorDialect]] = {
     "fwbell-5080": FWBellDialect,
     "text-line": TextLineDialect,
 }
-"""The dialect that the sensor driver of the same name understands."""
+"""The emulated sensor for the driver with the same name."""
 
 
 def emulate_sensor(driver: str, quantity: EmulatedQuantity) -> Responder:
-    """Return an emulated sensor with the dialect of a driver. Raises InstrumentError if no dialect has this name."""
+    """Return an emulated sensor for the driver with this name. Raises InstrumentError if there is no such sensor."""
     if driver not in SENSOR_DIALECTS:
         raise InstrumentError(
             f"there is no emulated sensor {driver!r}; the names are: {', '.join(SENSOR_DIALECTS)}"

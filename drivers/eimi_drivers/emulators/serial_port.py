@@ -14,23 +14,23 @@ from eimi_drivers.emulators.faults import FaultyInstrument
 from eimi_drivers.emulators.serve import open_terminal
 
 PLUGGED_IN_AFTER_S = 0.3
-"""Time (s) from a cut line until the port exists again."""
+"""Time (s) from a cut of the line until the port exists again."""
 
 
 @contextmanager
 def serve_port(line: FaultyInstrument, name: str = "ttyEMULATED0") -> Iterator[str]:
-    """Serve on a serial port while the context lasts; its value is the path of the port.
+    """Serve an emulated instrument on a serial port while the context lasts, and yield the path of the port.
 
-    The path is a link to a pseudo-terminal. A cut line removes the link and closes the terminal. Unless the line is
-    lost permanently, the link exists again after `PLUGGED_IN_AFTER_S` and leads to a new terminal. A driver can
-    therefore reopen the port, as it reopens the port of a USB adapter.
+    The path is a link to a pseudo-terminal. If a fault cuts the line, the link is removed and the terminal is closed.
+    Unless the line is cut permanently, the link exists again after `PLUGGED_IN_AFTER_S` (s) and leads to a new
+    terminal. A driver can then reopen the port like the port of a USB adapter.
 
     Parameters
     ----------
     line : FaultyInstrument
         The emulated instrument with its line.
     name : str
-        The file name of the port.
+        The name of the port in its folder.
 
     Raises
     ------

@@ -66,25 +66,25 @@ DIALECTS: dict[str, Callable[..., Responder]] = {
     "bk-xln": XlnDialect,
     "owon-spe": OwonSpeDialect,
 }
-"""The dialect that the driver of the same name understands."""
+"""The class of emulated supplies for the driver with the same name."""
 
 
 def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
-    """Add a command language to a supply.
+    """Return an emulated supply that answers the messages of one family of supplies.
 
     Parameters
     ----------
     dialect : str
-        A name in `DIALECTS`.
+        The name of the family in `DIALECTS`.
     supply : CoilSupply
-        The supply.
+        The model of the supply and its coil.
     address : str
-        The address that the driver will use. Its channel is the channel or the unit that feeds the coil.
+        The address that the driver will use. The channel in this address is the channel that feeds the coil.
 
     Returns
     -------
     Responder
-        The emulated instrument.
+        The emulated supply.
 
     Raises
     ------
@@ -113,7 +113,13 @@ def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSup
 
 
 def open_terminal() -> tuple[int, int, str]:
-    """Open a pseudo-terminal; return the instrument's end, the driver's end and its path.
+    """Open a pseudo-terminal for an emulated instrument.
+
+    Returns
+    -------
+    tuple of (int, int, str)
+        The file descriptor of the instrument's end, the file descriptor of the driver's end, and the path that the
+        driver opens.
 
     Raises
     ------
@@ -131,9 +137,10 @@ def open_terminal() -> tuple[int, int, str]:
 
 @contextmanager
 def serve_pty(instrument: Responder) -> Iterator[str]:
-    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port.
+    """Serve an emulated instrument on a pseudo-terminal while the context lasts, and yield the path of the port.
 
-    A cut line closes the terminal. Raises InstrumentError if the operating system has no pseudo-terminals.
+    If a fault cuts the line, the terminal is closed. Raises InstrumentError if the operating system has no
+    pseudo-terminals.
     """
     device_end, driver_end, path = open_terminal()
     wake_read, wake_write = os.pipe()
@@ -162,23 +169,23 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
 
 @contextmanager
 def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> Iterator[str]:
-    """Serve on a TCP port while the context lasts; its value is the VISA address of the socket.
+    """Serve an emulated instrument on a TCP port while the context lasts, and yield the VISA address of the socket.
 
-    A cut line closes the connection.
+    If a fault cuts the line, the connection is closed.
 
     Parameters
     ----------
     instrument : Responder
         The emulated instrument.
     host : str
-        The address of the interface.
+        The IP address of the network interface on which the port is opened.
     port : int
-        The port; 0 selects a free one.
+        The TCP port; 0 selects a free port.
 
     Raises
     ------
     InstrumentError
-        The port is in use.
+        The port is in use, or the address belongs to no interface of this computer.
     """
     lock = threading.Lock()
 

@@ -1,4 +1,7 @@
-"""Serve an emulated supply whose fault begins after its output was switched on, and report the true current."""
+"""Serve an emulated supply that can have a fault, and report the true current in its coil.
+
+The fault begins a given time after the output was switched on.
+"""
 
 from __future__ import annotations
 
@@ -16,42 +19,41 @@ from eimi_drivers.supplies.transport import Responder
 
 LOOK_EVERY_S = 0.05
 LEAST_CHANGE_A = 0.02
-"""A change of the true current (A) that is reported."""
+"""The smallest change (A) of the true current that is reported."""
 
 OPEN_OHM = 1e9
-"""Resistance (ohm) at an output to which nothing is connected."""
+"""Resistance (ohm) of an output to which nothing is connected."""
 
 AWAY_FOR_S = 1.0
-"""Time (s) until a supply returns at another address."""
+"""Time (s) for which a supply cannot be reached before it is served at another address."""
 
 
 class EmulatedSession:
-    """Serve an emulated supply on a serial port or a TCP port, with one fault.
-
-    The fault begins `after_s` after the output was switched on with a current.
+    """An emulated supply on a serial port or a TCP port, with at most one fault.
 
     Parameters
     ----------
     driver : str
-        The command language, see `DIALECTS`.
+        The name of the family of supplies in `DIALECTS`.
     tcp : int or None
-        The TCP port, 0 for a free one; None serves on a pseudo-terminal.
+        The TCP port; 0 selects a free port. None serves the supply on a pseudo-terminal.
     fault : Fault or None
-        The fault.
+        The fault; None for no fault.
     after_s : float
-        Time (s) from the moment at which the output is on with a current until the fault begins.
+        The time (s) until the fault begins. It is counted from the moment at which the output is on and the current
+        set-point is not zero.
     say : callable
-        Receives the text for the user: the addresses and, with a fault, its beginning and each change of the true
+        Takes the texts for the user: the addresses and, if there is a fault, its beginning and each change of the true
         current.
     coil : CoilSupply, optional
-        The supply with its coil; by default one with a coil of 4 ohm.
+        The model of the supply and its coil; by default a supply with a coil of 4 ohm.
     address : str
-        The address in the rig file, whose channel is the channel or unit that feeds the coil.
+        The address in the rig file. The channel in this address is the channel that feeds the coil.
     announce : callable, optional
-        Receives the address of the supply, and that of its coil for a virtual beam, each time that the supply is
-        reachable; by default the addresses are passed to ``say``.
+        Takes two texts each time that the supply becomes reachable: the address of the supply and the address of its
+        coil for a virtual beam. By default both addresses are passed to `say`.
     look : callable, optional
-        Is called repeatedly while the supply is served, and may raise an error, which ends the session.
+        A function that is called repeatedly while the supply is served. If it raises an error, the session ends.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class EmulatedSession:
         self._reported: tuple[bool, float, float] | None = None
 
     def serve(self) -> None:
-        """Serve until the program is interrupted."""
+        """Serve the emulated supply until the program is interrupted."""
         ports = 0
         with serve_coil(self._coil) as coil_line:
             while True:
@@ -99,7 +101,10 @@ class EmulatedSession:
         return serve_pty(self._line) if self._fault is None else serve_port(self._line, f"ttyEMULATED{ports}")
 
     def _watch(self) -> None:
-        """Begin the fault at its time and report changes of the current; return when the port of the supply is lost."""
+        """Begin the fault at its time, and report changes of the current.
+
+        The method returns only with the fault REENUMERATE, when the line of the supply is cut.
+        """
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):
             self._let_watchdog_act(self._line.instrument)

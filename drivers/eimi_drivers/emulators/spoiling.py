@@ -22,18 +22,18 @@ OTHER_SERIAL_NUMBER = "ANOTHER1"
 
 
 def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrument) -> None:
-    """Begin a fault of an emulated supply.
+    """Begin a fault of an emulated supply, of its coil or of its line.
 
     Parameters
     ----------
     fault : Fault
         The fault.
     driver : str
-        The name of the command language, see `DIALECTS`.
+        The name of the family of supplies in `DIALECTS`.
     coil : CoilSupply
-        The supply with its coil.
+        The model of the supply and its coil.
     line : FaultyInstrument
-        The line to the supply.
+        The emulated supply on its line.
     """
     match fault:
         case Fault.SHORTED:
@@ -61,7 +61,10 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 
 
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
-    """End the lasting faults of the coil and of its line. A supply that replaced another one stays in its place."""
+    """End the present faults of an emulated supply, its coil and its line.
+
+    After the fault SWAP the other supply continues to answer.
+    """
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False
     coil.drift(0.0, 0.0)
@@ -72,7 +75,7 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 def another_unit(driver: str, clock: Clock) -> Responder:
     """Return an emulated supply of the same model that is off and has another serial number.
 
-    A Korad has no serial number, so that the two units answer alike.
+    A Korad has no serial number. Its identity is therefore equal to the identity of the first supply.
     """
     unit = emulate(driver, CoilSupply(clock))
     if isinstance(unit, ScpiDialect):

@@ -1,4 +1,4 @@
-"""Model a supply that drives a coil with constant current, without a command language."""
+"""Model a supply that feeds a coil with a constant current. The model does not depend on a family of supplies."""
 
 from __future__ import annotations
 
@@ -13,32 +13,34 @@ COPPER_PER_K = 0.00393
 """Temperature coefficient of the resistance of annealed copper at 20 °C (IEC 60028)."""
 
 HUNTING_HZ = 0.7
-"""Frequency (Hz) of the swings of `CoilSupply.hunting_A`."""
+"""Frequency (Hz) of the oscillation of the current whose amplitude is `CoilSupply.hunting_A`."""
 
 LEAST_A = 1e-12
-"""A smaller difference (A) from the final current counts as zero, so that no meter answers 1E-200."""
+"""Smallest difference (A) from the final current. A smaller difference is set to 0, to avoid values such as 1E-200."""
 
 
 @dataclass(frozen=True)
 class SupplyState:
-    """Hold everything that a command can change.
+    """The state of an emulated supply and its coil since the last command or trip.
 
     Parameters
     ----------
     set_current_A, set_voltage_V : float
-        The set-points.
+        The set-points of the current (A) and the voltage (V).
     output : bool
         True if the output is on.
     armed : bool
-        True if over-current protection trips at the current set-point.
+        True if the over-current protection trips at the current set-point.
     tripped : bool
         True if a protection has switched the output off.
-    coil_current_A, at_s : float
-        The coil's current (A) when this state began, and the clock's time (s) then.
+    coil_current_A : float
+        The current in the coil at the time `at_s`, A.
+    at_s : float
+        The time on the clock of the supply at which this state began, s.
     trip_current_A, trip_voltage_V : float
-        The levels of the protections that have their own.
+        The current (A) and the voltage (V) above which a protection switches the output off; infinite without one.
     heating_K : float
-        The temperature of the coil above the room (K) when this state began.
+        The temperature of the coil above the temperature of the room at the time `at_s`, K.
     """
 
     set_current_A: float = 0.0
@@ -54,44 +56,51 @@ class SupplyState:
 
 
 class CoilSupply:
-    """Model a supply that feeds a copper coil of resistance R and inductance L through its regulator.
+    """Model of a supply that feeds a copper coil of resistance R and inductance L.
 
-    While the output is on, the current I tends to min(set-point, voltage set-point / R), otherwise to zero. It follows
-    1 - exp(-t/τ) with τ = L/R. It is computed from the clock on demand, so that no thread is needed. The voltage is
-    R I + L dI/dt. Readings have normal noise from a seeded generator; the true current has none. As on a bench supply,
-    both set-points are zero at first. Over-current protection, if armed, trips when the current reaches its set-point.
+    The final current is I₁ = min(current set-point, voltage set-point / R) while the output is on, and I₁ = 0 while the
+    output is off. At a time t after a change from the current I₀, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where
+    τ = L/R is the time constant. The voltage is R I + L dI/dt. The model computes these values from the time of the
+    clock when they are requested. Measured values have normally distributed noise; the true current has no noise. Both
+    set-points are zero at the start. If the over-current protection is armed, it trips when the current reaches the
+    current set-point.
 
-    The coil warms up by `thermal_resistance_K_per_W` times R I², with a first-order time constant. R is the cold
-    resistance in this product. The resistance grows with the temperature like the resistance of copper.
+    The final temperature of the coil above the room is `thermal_resistance_K_per_W` times R₀ I₁², where R₀ is the cold
+    resistance. The temperature approaches this value exponentially with `thermal_time_constant_s`. R increases with the
+    temperature like the resistance of copper.
 
     Parameters
     ----------
     clock : Clock
-        The clock that the current follows.
-    resistance_ohm, time_constant_s : float
-        The cold resistance R and the time constant τ.
+        The clock of the supply and the coil.
+    resistance_ohm : float
+        The cold resistance R₀, ohm.
+    time_constant_s : float
+        The time constant τ of the current, s.
     current_noise_A, voltage_noise_V : float
-        The standard deviations of the readings.
+        The standard deviations of the measured current (A) and voltage (V).
     seed : int
         The seed of the noise.
     max_current_A, max_voltage_V : float
-        The largest set-points that the supply accepts.
-    thermal_resistance_K_per_W, thermal_time_constant_s : float
-        The heating per power, and its time constant.
+        The largest set-points of current (A) and voltage (V) that the supply accepts.
+    thermal_resistance_K_per_W : float
+        The final heating of the coil divided by the power, K/W.
+    thermal_time_constant_s : float
+        The time constant of the heating, s.
 
     Attributes
     ----------
     bipolar : bool
         True if negative currents can be set.
     locked : bool
-        True if a person uses the front panel: no command is obeyed.
+        True if a person uses the front panel. The supply then obeys no command.
     hunting_A : float
-        The amplitude of an oscillation of the current that never ends.
+        The amplitude of a permanent oscillation of the current, A.
     shorted_A : float
-        The current through a shorted regulator, at any set-point and even if the output is off. Set-points and output
-        read back as they were set.
+        The current through a shorted regulator, A. It flows at any set-point and even if the output is off. Set-points
+        and output still read back as they were set.
     offset_A : float
-        The error that the meter adds to every current.
+        The error that the meter adds to every current, A.
     fallen : bool
         True if no current flows although the output reads back as on.
     """
@@ -130,11 +139,11 @@ class CoilSupply:
 
     @property
     def clock(self) -> Clock:
-        """Return the clock that the coil's current follows."""
+        """Return the clock of the supply and the coil."""
         return self._clock
 
     def coil_current_A(self) -> float:
-        """Return the true current (A) in the coil now, without noise."""
+        """Return the present true current in the coil, A, without noise."""
         energised = self.state.output and self.state.set_current_A
         swing_A = self.hunting_A * math.sin(2 * math.pi * HUNTING_HZ * self._clock.now()) if energised else 0.0
         current_A = 0.0 if self.fallen else self._settling_current_A() + swing_A
@@ -144,7 +153,11 @@ class CoilSupply:
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def coil_current_at_A(self, time_s: float) -> float:
-        """Return the true current (A) at a past time; for a time before the last change, the current at that change."""
+        """Return the true current in the coil at a past time, A.
+
+        For a time before the last change of the state, the result is the current at this change. While a fault changes
+        the current, the result is the present current.
+        """
         if time_s < self.state.at_s:
             return self.state.coil_current_A
         return self._settling_current_A(time_s - self.state.at_s) if self._is_plain() else self.coil_current_A()
@@ -153,17 +166,17 @@ class CoilSupply:
         return not (self.hunting_A or self.fallen or self._drift_A_per_s or self.shorted_A)
 
     def heating_K(self) -> float:
-        """Return the temperature of the coil above the room now, K."""
+        """Return the present temperature of the coil above the temperature of the room, K."""
         target_W = self._cold_ohm * self._target_A(self._cold_ohm) ** 2
         final_K = self._thermal_K_per_W * target_W
         return final_K + (self.state.heating_K - final_K) * math.exp(-self._age_s() / self._thermal_time_constant_s)
 
     def resistance_ohm(self) -> float:
-        """Return the coil's resistance at its present temperature, ohm."""
+        """Return the resistance of the coil at its present temperature, ohm."""
         return self._cold_ohm * (1 + COPPER_PER_K * self.heating_K())
 
     def read(self) -> Reading:
-        """Return the readings of the supply's own meters: true values, offset and noise."""
+        """Return the current (A) and the voltage (V) that the supply measures, with offset and noise."""
         self._protect()
         current_noise_A, voltage_noise_V = self._noise
         return Reading(
@@ -172,24 +185,33 @@ class CoilSupply:
         )
 
     def set_current(self, current_A: float) -> bool:
-        """Take a current set-point; return False without a change if it is out of range or the supply is locked."""
+        """Set the current (A), and return whether it was accepted.
+
+        A current that is out of range is not accepted. A locked supply accepts no command.
+        """
         lowest = -self.max_current_A if self.bipolar else 0.0
         return lowest <= current_A <= self.max_current_A and self._obey(set_current_A=current_A)
 
     def set_voltage(self, voltage_V: float) -> bool:
-        """Take a voltage set-point; return False without a change if it is out of range or the supply is locked."""
+        """Set the voltage (V), and return whether it was accepted.
+
+        A voltage that is out of range is not accepted. A locked supply accepts no command.
+        """
         return 0.0 <= voltage_V <= self.max_voltage_V and self._obey(set_voltage_V=voltage_V)
 
     def switch(self, on: bool) -> bool:
-        """Switch the output, unless locked. Switching on clears a trip."""
+        """Switch the output on or off, and return False if the supply is locked. Switching on clears a trip."""
         return self._obey(output=on, tripped=self.state.tripped and not on)
 
     def arm(self, armed: bool) -> bool:
-        """Arm or disarm over-current protection at the current set-point, unless locked."""
+        """Arm or disarm the over-current protection at the current set-point; return False if the supply is locked."""
         return self._obey(armed=armed)
 
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
-        """Set the trip levels of current and voltage, unless they are locked; None leaves a level unchanged."""
+        """Set the trip levels of the current (A) and the voltage (V), and return False if the supply is locked.
+
+        None leaves a level unchanged.
+        """
         state = self.state
         return self._obey(
             trip_current_A=state.trip_current_A if current_A is None else current_A,
@@ -197,23 +219,23 @@ class CoilSupply:
         )
 
     def clear_trip(self) -> bool:
-        """Clear a trip, unless locked; the output stays off."""
+        """Clear a trip, and return False if the supply is locked. The output stays off."""
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
-        """Let the current rise to `to_A` at this rate while the output is on; a rate of 0 ends the drift."""
+        """Let the current rise to `to_A` (A) at the given rate while the output is on. A rate of 0 ends the drift."""
         self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 
     def trip(self) -> None:
-        """Let a protection switch the output off."""
+        """Switch the output off as a protection does, and mark the protection as tripped."""
         self._change(output=False, tripped=True)
 
     def reset(self, current_A: float = 0.0) -> bool:
-        """Switch off, set 0 V and this current, and clear a trip, unless locked (``*RST``)."""
+        """Obey ``*RST``: switch off, set 0 V and `current_A` (A), and clear a trip. Return False if locked."""
         return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
 
     def restart(self) -> None:
-        """Return to the state after power-up: output off, set-points 0, no protection levels."""
+        """Go to the state after power-up: the output is off, the set-points are 0, and no protection is armed."""
         self._change(
             output=False,
             set_voltage_V=0.0,
@@ -225,12 +247,12 @@ class CoilSupply:
         )
 
     def output_on(self) -> bool:
-        """Return whether the output is on."""
+        """Return whether the output is on, after a protection that must trip has tripped."""
         self._protect()
         return self.state.output
 
     def constant_voltage(self) -> bool:
-        """Return whether the voltage set-point limits the current."""
+        """Return whether the voltage set-point limits the current, because it is below current set-point times R."""
         return self.state.set_voltage_V < abs(self.state.set_current_A) * self.resistance_ohm()
 
     def _age_s(self) -> float:

@@ -1,4 +1,4 @@
-"""Emulate a protection that has a level and a switch."""
+"""Emulate a protection of a supply that has a level and a switch."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class TripLevel:
-    """Switch the emulated output off when its voltage or its current exceeds a level.
+    """Protection that switches the output of an emulated supply off when its voltage or current exceeds a level.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     quantity : "voltage_V" or "current_A"
         The quantity that is compared with the level.
     level : float
-        The level after power-up.
+        The level after power-up, V or A.
     highest : float
-        The highest level that the supply accepts.
+        The highest level that the supply accepts, V or A.
     on : bool
         True if the protection is on after power-up.
     """
@@ -38,7 +38,10 @@ class TripLevel:
         self.apply(level, on)
 
     def apply(self, level: float, on: bool) -> bool:
-        """Set level and switch; return False if the level is out of range or the supply is locked."""
+        """Set the level (V or A) and the switch of the protection, and return whether both were accepted.
+
+        The result is False if the level is out of range or the supply is locked.
+        """
         if not 0 < level <= self._highest:
             return False
         taken = self._supply.set_trip_levels(**{self._quantity: level if on else math.inf})
@@ -47,9 +50,9 @@ class TripLevel:
         return taken
 
     def set_level(self, level: float) -> bool:
-        """Set a new level and keep the position of the switch."""
+        """Set the level (V or A), and return whether it was accepted. The switch stays unchanged."""
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:
-        """Switch the protection on or off."""
+        """Switch the protection on or off, and return False if the supply is locked."""
         return self.apply(self.level, on)

@@ -9,12 +9,12 @@ from eimi_drivers.emulators.trip_level import TripLevel
 
 
 class XlnDialect:
-    """Answer lines as an XLN. It ignores unknown messages and values out of range.
+    """Emulated BK Precision XLN, which ignores unknown messages and values that are out of range.
 
     Parameters
     ----------
     supply : CoilSupply
-        The emulated supply.
+        The model of the supply and its coil.
     """
 
     model, version = "XLN3640", "1.08"
@@ -48,7 +48,7 @@ class XlnDialect:
         }
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers to the lines that they complete."""
+        """Receive bytes, obey the complete lines, and return the answers to them."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         answers = (self._answer(line.decode("latin-1").strip().upper()) for line in lines)
         return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer)

@@ -1,4 +1,4 @@
-"""Implement what all sensor drivers share: queries that are answered by one line of text within a time limit."""
+"""Implement the functions of all sensor drivers: send a query, and read one line of text within a time limit."""
 
 from __future__ import annotations
 
@@ -18,35 +18,39 @@ from eimi_drivers.supplies.identity import serial_number_in
 from eimi_drivers.supplies.transport import SerialTransport, Transport, VisaTransport, is_serial_port
 
 LATE_ANSWER_S = 0.5
-"""After a query without an answer the next query waits for this time, to discard a late answer."""
+"""Wait (s) before a query if the previous query had no answer. An answer that arrives in this time is discarded."""
 
 LONGEST_LINE = 256
 IDENTITY = "*IDN?"
 
 
 class SensorBase(ABC):
-    """Read a sensor over a line on which every query has one line of text as its answer.
+    """Base class of drivers for sensors that answer every query with one line of text.
 
-    A line that was cut is opened again by the next query, and the instrument is then identified before its values are
-    used again.
+    If the line was cut, the next query opens the line again. The driver then checks the identity of the sensor before
+    it uses further values.
 
     Parameters
     ----------
     link : Transport
-        The line to the instrument. Nothing is sent when the sensor is opened.
+        The line to the sensor. The constructor sends nothing.
     clock : Clock
         The clock of the rig.
 
     Attributes
     ----------
     name : str
-        The name in a rig file.
+        The name of the driver in a rig file.
     timeout_s : float
-        The longest time until an answer, s.
-    baud_rate, data_bits, parity
-        The settings of a serial line.
+        The longest time that the driver waits for an answer, s.
+    baud_rate : int
+        The speed of a serial line, bit/s.
+    data_bits : int
+        The number of data bits on a serial line, 7 or 8.
+    parity : str
+        The parity on a serial line: "N" for none, "O" for odd, "E" for even.
     ends_with : bytes
-        The end of a query. An answer ends with a line feed.
+        The bytes at the end of a query. An answer ends with a line feed.
     """
 
     name: str
@@ -64,36 +68,37 @@ class SensorBase(ABC):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port with the settings of the family, or another VISA resource."""
+        """Open the serial port or the VISA resource at the address, and return the line."""
         if is_serial_port(address):
             return SerialTransport(address, cls.baud_rate, cls.data_bits, cls.parity)
         return VisaTransport(address)
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``. Raises AnotherSensor if the answer differs from the previous answer."""
+        """Return the identity from the answer to ``*IDN?``. Raises AnotherSensor if the answer has changed."""
         text = self._ask(IDENTITY).strip()
         if not text.isprintable() or not text:
             raise self._not_understood(IDENTITY, text, "a line of text")
         if self._bound is not None and text != self._bound:
             raise AnotherSensor(
-                f"{self._link.address}: the sensor identifies itself as {text!r}; it was {self._bound!r} before"
+                f"{self._link.address}: the sensor identifies itself as {text!r}, but earlier as {self._bound!r}; "
+                "connect the sensor of this run again"
             )
         self._bound, self._unconfirmed = text, False
         return Identity(self.name, text, self._link.address, serial_number_in(text))
 
     @abstractmethod
     def read(self) -> SensorReading:
-        """Ask for a new value. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
+        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
 
     def close(self) -> None:
-        """Close the line; closing twice is allowed."""
+        """Release the line. Closing twice is allowed."""
         self._link.close()
 
     def _reading(self, value: float, unit: str, standard_uncertainty: float | None = None) -> SensorReading:
         return SensorReading(value, unit, self._clock.now(), standard_uncertainty)
 
     def _ask(self, question: str) -> str:
-        """Send a query and return its answer without the end of the line."""
+        """Send a query, and return its answer as text without the line end."""
         if self._cut:
             if not self._link.reopen():
                 raise InstrumentDisconnected(f"{self._link.address}: the line was cut")
@@ -130,4 +135,6 @@ class SensorBase(ABC):
         return value
 
     def _not_understood(self, question: str, answer: bytes | str, expected: str) -> ReplyNotUnderstood:
-        return ReplyNotUnderstood(f"{self._link.address}: {question} was answered with {answer!r}, not with {expected}")
+        return ReplyNotUnderstood(
+            f"{self._link.address}: the answer to {question} must be {expected}, but it is {answer!r}"
+        )

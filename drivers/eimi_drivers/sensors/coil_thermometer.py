@@ -1,4 +1,7 @@
-"""The coil as a thermometer: the resistance of its copper, voltage over current, grows with the temperature."""
+"""Use the coil as a thermometer: the resistance of its copper increases with the temperature.
+
+The resistance is the measured voltage divided by the measured current.
+"""
 
 from __future__ import annotations
 
@@ -13,32 +16,38 @@ COPPER_PER_K = 0.00393
 COEFFICIENT_AT_DEGC = 20.0
 
 STEP_V, STEP_A = 0.01, 0.001
-"""Last digits of voltage and current, which are assumed: a Korad has these, and most other supplies have finer ones."""
+"""Resolution of the measured voltage (V) and current (A).
+
+These values are assumed: they are right for a Korad, and most other supplies have a finer resolution.
+"""
 
 READINGS_AT_REST = 10
 BETWEEN_READINGS_S = 0.2
 
 LEAST_SHARE = 0.2
-"""Below this fraction of the current at rest the resistance is too uncertain, and the last temperature is returned."""
+"""Smallest current with which the resistance is measured, divided by `CoilThermometer.at_rest_A`."""
 
 
 class CoilThermometer:
-    """Compute the mean temperature of a copper coil from the supply's own readings of voltage and current.
+    """Sensor for the mean temperature of a copper coil, computed from the voltage and current that the supply measures.
 
-    With R = R₂₀ (1 + α (T - 20 °C)), the temperature is T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The
-    resistance at rest R₀ is measured before the run, when the coil is at T₀. The leads are assumed not to change. While
-    hardly any current flows, the resistance cannot be measured; the last value with its time is then returned.
+    The resistance R of copper is R = R₂₀ (1 + α (T - 20 °C)), where T is the temperature, R₂₀ the resistance at 20 °C,
+    and α = `COPPER_PER_K`. Before the run the coil has the known temperature T₀ and the measured resistance R₀. Then
+    T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The resistance of the leads is assumed to stay constant.
+
+    The resistance is measured only while the current is at least `LEAST_SHARE` times `at_rest_A`. With a smaller
+    current `read` returns the last temperature with its time.
 
     Parameters
     ----------
     measure : callable
-        Measures the output of the supply.
+        Returns the measured output of the supply, a `Reading`.
     clock : Clock
         The clock of the rig.
     at_rest_degC : float
-        The temperature T₀ of the coil before the run, which is that of the room.
+        The temperature T₀ of the coil before the run, °C. It is the temperature of the room.
     at_rest_A : float
-        The current with which the resistance at rest is measured.
+        The current with which the resistance R₀ is measured before the run, A.
     """
 
     name: str = "coil-resistance"
@@ -52,21 +61,24 @@ class CoilThermometer:
         self._last = SensorReading(at_rest_degC, "degC", clock.now())
 
     def identify(self) -> Identity:
-        """Return the identity of the thermometer, which has no line to an instrument."""
+        """Return an identity that describes the coil. No instrument is asked."""
         return Identity(self.name, f"copper coil, {self.at_rest_degC:g} °C at rest", "supply")
 
     def measure_at_rest(self, between_readings: Callable[[], None]) -> None:
-        """Measure the resistance of the coil at rest, while the current `at_rest_A` flows.
+        """Measure the resistance R₀ of the coil before the run, while the current `at_rest_A` flows.
+
+        R₀ is the mean of `READINGS_AT_REST` measurements.
 
         Parameters
         ----------
         between_readings : callable
-            Called before each reading, so that the caller can watch the supply; it may raise.
+            A function that is called before each measurement, so that the caller can watch the supply. It may raise
+            an error.
 
         Raises
         ------
         InstrumentError
-            If the supply shows no voltage or no current.
+            The measured voltage or current is zero, or their signs differ.
         """
         readings = []
         for _ in range(READINGS_AT_REST):
@@ -80,7 +92,7 @@ class CoilThermometer:
         self._share_at_rest = math.hypot(self._scatter / math.sqrt(READINGS_AT_REST), _digits_share(readings[-1]))
 
     def read(self) -> SensorReading:
-        """Return the temperature; while hardly any current flows, return the last temperature."""
+        """Return the temperature of the coil (°C); if the current is too small, return the last temperature."""
         reading = self._measure()
         if self._at_rest_ohm is None or abs(reading.current_A) < LEAST_SHARE * self.at_rest_A:
             return self._last
@@ -92,18 +104,21 @@ class CoilThermometer:
         return self._last
 
     def close(self) -> None:
-        """Do nothing: the supply is closed by its own user."""
+        """Do nothing, because the thermometer does not own the supply."""
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the standard uncertainty of a resistance from the last digits, as a fraction (JCGM 100:2008, F.2.2.1)."""
+    """Return the relative standard uncertainty of a resistance that the resolution of the supply causes.
+
+    A resolution d causes the standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
+    """
     return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 
 
 def _resistance_ohm(reading: Reading) -> float:
     if not reading.current_A or reading.voltage_V / reading.current_A <= 0:
         raise InstrumentError(
-            f"supply: {reading.voltage_V:g} V and {reading.current_A:g} A give no positive resistance of the coil; "
-            "measure its temperature with another sensor"
+            f"supply: the measured {reading.voltage_V:g} V and {reading.current_A:g} A give no positive resistance of "
+            "the coil; measure the temperature of the coil with another sensor"
         )
     return reading.voltage_V / reading.current_A

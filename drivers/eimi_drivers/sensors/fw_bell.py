@@ -1,4 +1,4 @@
-"""F.W. Bell 5080 gaussmeters."""
+"""Read F.W. Bell 5080 gaussmeters."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ _MILLITESLA = {"G": 0.1, "T": 1000.0}
 
 
 class FWBell5080(SensorBase):
-    """Read the field of an F.W. Bell 5080 over its serial port (2400 baud, 8 data bits, no parity).
+    """Driver of an F.W. Bell 5080 gaussmeter on a serial port (2400 bit/s, 8 data bits, no parity).
 
-    ``:MEASure:FLUX?`` answers with the field and its unit, such as ``12.34G``; a semicolon may follow. The query and
-    the form of its answer are taken from PyMeasure 0.16 (class FWBell5080), because the manual was not available. The
-    unit is set at the front panel to gauss or tesla; ampere per metre is refused. The meter states no uncertainty.
+    The answer to ``:MEASure:FLUX?`` is the field with its unit, such as ``12.34G``. A semicolon may follow. The query
+    and the form of the answer are taken from PyMeasure 0.16 (class FWBell5080), because the manual was not available.
+    The user must select gauss or tesla at the front panel; a value in A/m raises ReplyNotUnderstood. The meter reports
+    no uncertainty.
     """
 
     name: str = "fwbell-5080"
@@ -25,7 +26,7 @@ class FWBell5080(SensorBase):
     ends_with: ClassVar[bytes] = b"\r\n"
 
     def read(self) -> SensorReading:
-        """Ask for the field, mT."""
+        """Return the measured field, mT."""
         answer = self._ask(":MEASure:FLUX?")
         if not (match := _FIELD.fullmatch(answer)):
             raise self._not_understood(":MEASure:FLUX?", answer, "a field in gauss or tesla such as 12.34G")

@@ -1,7 +1,7 @@
-"""Lake Shore 425 and 475 gaussmeters.
+"""Read Lake Shore 425 and 475 gaussmeters.
 
-Every query is in the manuals. The drivers change no setting: range, filter, unit and the zero of the probe keep the
-values of the front panel.
+The queries are taken from the manuals. The drivers change no setting: the user sets range, filter, unit and the zero
+of the probe at the front panel.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ from eimi_drivers.interfaces import SensorReading
 from eimi_drivers.sensors.base import SensorBase
 
 MILLITESLA: dict[str, float] = {"1": 0.1, "2": 1000.0, "3": 0.1, "4": 4e-4 * 3.141592653589793}
-"""Millitesla for each unit that ``UNIT?`` can name: gauss, tesla, oersted and A/m (of air)."""
+"""One unit of the field in mT, by the answer to ``UNIT?``: gauss, tesla, oersted and A/m (in air)."""
 
 
 class LakeShore425(SensorBase):
-    """Read the field of a Lake Shore 425 over USB, a serial port of 57600 baud, 7 data bits and odd parity.
+    """Driver of a Lake Shore 425 gaussmeter on USB, a serial port with 57600 bit/s, 7 data bits and odd parity.
 
-    ``*IDN?`` answers with maker, model, serial number and firmware (Model 425 User's Manual, section 6.3.1, page 52),
-    ``UNIT?`` with the unit of all readings (page 57), ``RDGFIELD?`` with the field, such as ``+123.450E-03`` (section
-    6.3.1, table of commands). The meter states no uncertainty of a reading; the rig file can state one.
+    The answer to ``*IDN?`` contains maker, model, serial number and firmware (Model 425 User's Manual, section 6.3.1,
+    page 52). The answer to ``UNIT?`` is the unit of all values (page 57). The answer to ``RDGFIELD?`` is the field,
+    such as ``+123.450E-03`` (section 6.3.1, table of commands). The meter reports no uncertainty. An uncertainty can be
+    given in the rig file.
     """
 
     name: str = "lakeshore-425"
@@ -29,9 +30,9 @@ class LakeShore425(SensorBase):
     parity: ClassVar[str] = "O"
 
     def read(self) -> SensorReading:
-        """Ask for the unit and for the field, mT.
+        """Return the measured field, mT.
 
-        The unit is asked each time, because a person can change it at the front panel.
+        The driver asks for the unit each time, because a person can change the unit at the front panel.
         """
         unit = self._ask("UNIT?").strip()
         if unit not in MILLITESLA:
@@ -41,10 +42,10 @@ class LakeShore425(SensorBase):
 
 
 class LakeShore475(LakeShore425):
-    """Read the field of a Lake Shore 475 over its serial port (9600 baud, 7 data bits, odd parity) or over GPIB.
+    """Driver of a Lake Shore 475 gaussmeter on a serial port (9600 bit/s, 7 data bits, odd parity) or on GPIB.
 
-    The queries are those of the 425. The serial interface has the commands of the IEEE-488 interface (Model 475 User's
-    Manual, sections 6.0 and 6.3, pages 6-1 and 6-37 f.).
+    The queries are the same as for the 425. The serial port has the same commands as GPIB (Model 475 User's Manual,
+    sections 6.0 and 6.3, pages 6-1 and 6-37 f.).
     """
 
     name: str = "lakeshore-475"

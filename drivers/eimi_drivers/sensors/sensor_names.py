@@ -19,11 +19,11 @@ SENSORS: Drivers[SensorDriver] = Drivers(
     "eimi_drivers.sensors",
     {driver.name: driver for driver in (LakeShore425, LakeShore475, FWBell5080, TextLine)},
 )
-"""Sensor drivers by name: those of this package, of other installed packages, and those added by a program."""
+"""Sensor drivers by name: drivers of this package, of other installed packages, and drivers added by a program."""
 
 
 def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor:
-    """Open the sensor at an address. No message is sent.
+    """Open the sensor at an address without sending a message.
 
     Parameters
     ----------
@@ -46,13 +46,17 @@ def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor
     InstrumentDisconnected
         The address cannot be opened.
     InstrumentError
-        The driver raised an error of its own.
+        The driver of another package raised an error.
     """
     return open_with(SENSORS[driver], driver, address, clock or WallClock())
 
 
 def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Sensor:
-    """Open a sensor with a driver that is not in `SENSORS`; `name` is used in messages. See `open_sensor`."""
+    """Open a sensor with a driver that is given as an object, and return the sensor.
+
+    The driver need not be in `SENSORS`. `name` is the name of the driver in messages. The other parameters and the
+    errors are those of `open_sensor`.
+    """
     check_sensor_driver(name, driver)
     connect = getattr(driver, "connect", None)
     with ExitStack() as opened:
@@ -67,7 +71,7 @@ def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Se
         except InstrumentError:
             raise
         except Exception as error:
-            raise InstrumentError(f"{name} sensor {address}: its driver raised {raised(error)} when opened") from error
+            raise InstrumentError(f"{name} sensor {address}: its driver raised {raised(error)} on opening") from error
         check_sensor(name, driver, sensor)
         opened.pop_all()
     return sensor

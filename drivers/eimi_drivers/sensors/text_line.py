@@ -1,4 +1,4 @@
-"""A microcontroller with a sensor that answers in lines of text; see docs/howto/measure_the_field.md."""
+"""Read a microcontroller board with a sensor that answers in lines of text; see docs/howto/measure_the_field.md."""
 
 from __future__ import annotations
 
@@ -9,24 +9,28 @@ from eimi_drivers.interfaces import Identity, InstrumentTimeout, SensorReading
 from eimi_drivers.sensors.base import SensorBase
 
 STARTS_WITHIN_S = 3
-"""Many boards restart when their port is opened, and answer only after their boot loader, within this time (s)."""
+"""Time (s) within which a board answers after its port was opened, because many boards then restart."""
 
 _UNIT = re.compile(r"[A-Za-z%/°]{1,12}")
 
 
 class TextLine(SensorBase):
-    """Read a sensor over a serial port (115200 baud, 8 data bits, no parity) with two queries.
+    """Driver of a board with a sensor on a serial port (115200 bit/s, 8 data bits, no parity).
 
-    ``*IDN?`` is answered by one line, such as ``my lab,hall-board,1,1.0``. ``READ?`` is answered by a line with value,
-    unit and standard uncertainty, separated by spaces: ``1.2345 mT 0.02``. The uncertainty may be left out. Every line
-    ends with a line feed; a carriage return before it is ignored.
+    The board answers two queries. The answer to ``*IDN?`` is one line, such as ``my lab,hall-board,1,1.0``. The answer
+    to ``READ?`` is a line with value, unit and standard uncertainty, separated by spaces: ``1.2345 mT 0.02``. The
+    uncertainty is optional. Every line ends with a line feed. A carriage return before the line feed is ignored.
     """
 
     name: str = "text-line"
     baud_rate: ClassVar[int] = 115200
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``; a board that has just been opened has `STARTS_WITHIN_S` to start."""
+        """Return the identity from the answer to ``*IDN?``.
+
+        The first query after opening is repeated for about `STARTS_WITHIN_S` (s), until the board has started. Raises
+        AnotherSensor if the answer has changed.
+        """
         if self._bound is None:
             for _ in range(STARTS_WITHIN_S - 1):
                 try:
@@ -36,7 +40,7 @@ class TextLine(SensorBase):
         return super().identify()
 
     def read(self) -> SensorReading:
-        """Ask for the value with its unit and its standard uncertainty."""
+        """Return a new value of the board, with its unit and, if the board sends it, its standard uncertainty."""
         answer = self._ask("READ?")
         parts = answer.split()
         if len(parts) not in (2, 3) or not _UNIT.fullmatch(parts[1]):

@@ -1,14 +1,14 @@
-"""Conformance suites for people who write a driver of a supply, a camera or a sensor. No test framework is needed.
+"""Check a new driver of a supply, a camera or a sensor. No test framework is needed.
 
-supply_checks   the checks of a supply; `check_supply` runs them all
-camera_checks   the checks of a camera; `check_camera` runs them all
-sensor_checks   the checks of a sensor; `check_sensor` runs them all
-supply_bench    a supply driver on an emulated instrument with a coil
-claims          the claim of a check, and the error if the claim does not hold
+supply_checks   the checks of a supply driver; `check_supply` runs all of them
+camera_checks   the checks of a camera driver; `check_camera` runs all of them
+sensor_checks   the checks of a sensor driver; `check_sensor` runs all of them
+supply_bench    connect a supply driver to an emulated instrument with a coil
+claims          raise an error if a driver does not do what a check requires
 
 `check_supply`, `check_camera` and `check_sensor` raise one AssertionError that lists every failed check.
-`SUPPLY_CHECKS`, `CAMERA_CHECKS` and `SENSOR_CHECKS` are the single checks, for a test framework that reports each of
-them separately.
+`SUPPLY_CHECKS`, `CAMERA_CHECKS` and `SENSOR_CHECKS` are tuples of the single checks. A test framework can use these
+tuples to report each check separately.
 """
 
 from eimi_drivers.testing.camera_checks import CAMERA_CHECKS, check_camera

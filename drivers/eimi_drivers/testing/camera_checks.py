@@ -1,4 +1,4 @@
-"""Check the behaviour that every camera driver must have; the name of each check states the behaviour."""
+"""Check the behaviour that every camera driver must have. The name of each check describes the required behaviour."""
 
 from __future__ import annotations
 
@@ -27,16 +27,20 @@ from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
 FRAME_WITHIN_S = 10.0
 SHORT_S = 0.2
 ENDS_WITHIN_S = 30.0
-"""A call that takes longer than this (s) counts as hanging."""
+"""Time limit (s) of a call, after which the check fails."""
 
 FRAMES = 3
 STORED = 8
-"""Largest number of stored frames that a camera may still return after it hung or was unplugged."""
+"""Largest number of stored frames that a camera may return after it stopped to deliver frames or was unplugged."""
 
 
 @dataclass
 class CameraBench:
-    """Hold the camera to be checked and the functions that disturb it; see `check_camera` for the fields."""
+    """An open camera of the driver that is checked, and the functions that disturb the camera.
+
+    The fields are the parameters of `check_camera`, except `camera`, which is the open camera, and `open`, which opens
+    the camera again.
+    """
 
     open: Callable[..., Camera]
     camera: Camera
@@ -47,10 +51,10 @@ class CameraBench:
 
 
 def says_who_it_is(bench: CameraBench) -> None:
-    """Check that `identify` returns the driver and the camera."""
+    """Check that `identify` returns the name of the driver and a text that describes the camera."""
     identity = bench.camera.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
-    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
+    claim(bool(identity.driver and identity.text), f"identify() should return a driver and a text, not {identity}")
 
 
 def gives_frames_in_order(bench: CameraBench) -> None:
@@ -58,27 +62,27 @@ def gives_frames_in_order(bench: CameraBench) -> None:
     frames = _grab(bench.camera)
     for frame in frames:
         _is_a_frame(frame)
-    claim(len({frame.image.shape for frame in frames}) == 1, "the frames have different shapes")
+    claim(len({frame.image.shape for frame in frames}) == 1, "all frames should have the same shape, but differ")
     numbers = [frame.number for frame in frames]
-    claim(all(a < b for a, b in pairwise(numbers)), f"frame numbers should grow, but are {numbers}")
+    claim(all(a < b for a, b in pairwise(numbers)), f"frame numbers should increase, but are {numbers}")
     stamps_s = [frame.timestamp_s for frame in frames]
-    claim(all(a <= b for a, b in pairwise(stamps_s)), f"time stamps should not go back, but are {stamps_s} s")
+    claim(all(a <= b for a, b in pairwise(stamps_s)), f"time stamps should not decrease, but are {stamps_s} s")
 
 
 def keeps_frames_apart(bench: CameraBench) -> None:
-    """Check that the next frame does not overwrite a frame that was returned."""
+    """Check that the next frame does not overwrite the image of a frame that was returned earlier."""
     first = bench.camera.grab(FRAME_WITHIN_S).image
     before = first.copy()
     _grab(bench.camera, FRAMES - 1)
-    claim(np.array_equal(first, before), "a frame changed when the next was grabbed; its image should be a copy")
+    claim(np.array_equal(first, before), "a frame changed when the next frame was grabbed; its image should be a copy")
 
 
 def goes_on_after_a_flush(bench: CameraBench) -> None:
-    """Check that `grab` returns a later frame after `flush`."""
+    """Check that the first frame after `flush` has a larger number than the last frame before it."""
     before = bench.camera.grab(FRAME_WITHIN_S).number
     bench.camera.flush()
     after = bench.camera.grab(FRAME_WITHIN_S).number
-    claim(after > before, f"after flush() came frame {after}, which is not after frame {before}")
+    claim(after > before, f"the frame after flush() should have a number above {before}, but it is frame {after}")
 
 
 def reads_its_settings_back(bench: CameraBench) -> None:
@@ -87,11 +91,14 @@ def reads_its_settings_back(bench: CameraBench) -> None:
     if bench.settings.region is not None:
         width, height = bench.settings.region[2:]
         shape = bench.camera.grab(FRAME_WITHIN_S).image.shape
-        claim(shape[:2] == (height, width), f"a region of {width} x {height} pixels gives images of shape {shape}")
+        claim(
+            shape[:2] == (height, width),
+            f"a region of {width} x {height} pixels should give images of this size, not {shape}",
+        )
 
 
 def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
-    """Check that an empty region raises InstrumentError, and that the camera can be opened afterwards."""
+    """Check that an empty region raises InstrumentError, and that the camera then opens with valid settings."""
     bench.camera.close()
     impossible = CameraSettings(region=(0, 0, 0, 0))
     must_raise((InstrumentError,), f"opening with {impossible}", lambda: bench.open(settings=impossible))
@@ -100,7 +107,7 @@ def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
 
 
 def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
-    """Check that the camera works outside the main thread, because the suite calls it from another thread."""
+    """Check that the camera works outside the main thread. The suite calls every camera from another thread."""
     bench.camera.close()
     camera = TimedCamera("the camera", bench.open)
     try:
@@ -111,7 +118,10 @@ def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
 
 
 def is_closed_when_it_is_closed(bench: CameraBench) -> None:
-    """Check that closing twice is allowed, and that a closed camera raises InstrumentError and can be reopened."""
+    """Check that closing twice is allowed, that `grab` of a closed camera fails, and that it can be opened again.
+
+    `grab` must raise InstrumentError.
+    """
     bench.camera.close()
     bench.camera.close()
     must_raise((InstrumentError,), "grab() of a closed camera", lambda: _in_time(bench.camera))
@@ -120,7 +130,7 @@ def is_closed_when_it_is_closed(bench: CameraBench) -> None:
 
 
 def says_that_no_camera_is_there(bench: CameraBench) -> None:
-    """Check that opening a source without a camera raises InstrumentDisconnected."""
+    """Check that opening raises InstrumentDisconnected if no camera is at the source."""
     if bench.absent is not None:
         must_raise(
             (InstrumentDisconnected,), f"opening {bench.absent!r}", lambda: bench.open(source=bench.absent).close()
@@ -131,7 +141,7 @@ def gives_up_on_a_camera_that_hangs(bench: CameraBench) -> None:
     """Check that `grab` raises InstrumentTimeout if the camera delivers no frame."""
     if bench.freeze is not None:
         bench.freeze()
-        must_raise((InstrumentTimeout,), "grab() of a camera that hangs", lambda: _grab_on(bench.camera))
+        must_raise((InstrumentTimeout,), "grab() of a camera without new frames", lambda: _grab_on(bench.camera))
 
 
 def says_that_it_was_unplugged(bench: CameraBench) -> None:
@@ -167,7 +177,7 @@ def check_camera(
     unplug: Callable[[], object] | None = None,
     checks: Iterable[Callable[[CameraBench], None]] = CAMERA_CHECKS,
 ) -> None:
-    """Check a camera driver with a camera or a replacement for one.
+    """Check a camera driver with a camera, or with an object or program that takes the place of a camera.
 
     Parameters
     ----------
@@ -178,17 +188,19 @@ def check_camera(
     settings : CameraSettings, optional
         Settings that the camera accepts and reads back.
     absent : str or int, optional
-        A source at which there is no camera.
-    freeze, unplug : callable, optional
-        Functions that stop the frames of the open camera, or make it disappear. A check whose function is omitted does
-        nothing.
+        A source at which no camera exists. If it is omitted, the check that needs it does nothing.
+    freeze : callable, optional
+        A function after whose call the open camera delivers no new frames. If it is omitted, the check that needs it
+        does nothing.
+    unplug : callable, optional
+        A function that disconnects the open camera. If it is omitted, the check that needs it does nothing.
     checks : iterable of functions, optional
-        A selection of `CAMERA_CHECKS`; the default is all. The camera is reopened for each check.
+        A selection of `CAMERA_CHECKS`; the default is all checks. The camera is reopened for each check.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message names every failed check and the correct behaviour.
+        At least one check failed. The message contains the name of every failed check and the correct behaviour.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "camera")))
 
@@ -215,7 +227,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Grab frames: one more than the camera may have stored before the disturbance."""
+    """Return a frame that the camera cannot have stored before it was disturbed: the frame after `STORED` others."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

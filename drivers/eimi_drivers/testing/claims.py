@@ -1,4 +1,4 @@
-"""State what a check requires of a driver, and report requirements that are not met."""
+"""Run checks of a driver, and raise an error that describes each unmet requirement."""
 
 from __future__ import annotations
 
@@ -13,31 +13,34 @@ Bench = TypeVar("Bench")
 Check = Callable[[Bench], None]
 
 LONGEST = 60
-"""Largest number of characters of a returned value that a message shows."""
+"""Largest number of characters of a returned value that a message contains."""
 
 
 def claim(holds: bool, otherwise: str) -> None:
-    """Raise AssertionError with the message `otherwise` unless `holds` is true, even if Python runs with -O."""
+    """Raise AssertionError with the message `otherwise` if `holds` is false.
+
+    Unlike the `assert` statement, this function also works if Python runs with the option -O.
+    """
     if not holds:
         raise AssertionError(otherwise)
 
 
 def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[], object]) -> Exception:
-    """Return the error that `act` raises.
+    """Call `act`, which must raise one of the permitted errors, and return this error.
 
     Parameters
     ----------
     errors : tuple of exception classes
         The permitted errors.
     doing : str
-        The action in words, for messages.
+        A description of the call for messages.
     act : callable
-        The action.
+        The function that is called.
 
     Raises
     ------
     AssertionError
-        The action raised no error, or an error that is not permitted.
+        `act` raised no error, or an error that is not permitted.
     """
     wanted = " or ".join(error.__name__ for error in errors)
     try:
@@ -52,9 +55,21 @@ def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[]
 
 
 def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
-    """Run `act` in a thread and return its value or raise its error.
+    """Call `act` in a new thread, and return its value or raise its error.
 
-    Raises AssertionError, which contains the words `doing`, if `act` takes longer than `seconds`.
+    Parameters
+    ----------
+    seconds : float
+        The time limit, s.
+    doing : str
+        A description of the call for messages.
+    act : callable
+        The function that is called.
+
+    Raises
+    ------
+    AssertionError
+        `act` did not end within the time limit.
     """
     ends: queue.SimpleQueue[tuple[list[Value], BaseException | None]] = queue.SimpleQueue()
 
@@ -77,7 +92,22 @@ def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
 def run_checks(
     subject: str, checks: Iterable[Check[Bench]], open_bench: Callable[[], AbstractContextManager[Bench]]
 ) -> None:
-    """Run every check on a new bench. Raises one AssertionError that lists the failed checks."""
+    """Run every check with a new bench.
+
+    Parameters
+    ----------
+    subject : str
+        The driver that is checked, for the message.
+    checks : iterable of functions
+        The checks. Each check takes the bench and raises an error if it fails.
+    open_bench : callable
+        Returns a context manager that opens a new bench.
+
+    Raises
+    ------
+    AssertionError
+        At least one check failed. The message lists all failed checks.
+    """
     failures: list[str] = []
     cause: Exception | None = None
     for check in checks:

@@ -1,4 +1,4 @@
-"""The checks of a sensor driver, on an emulated or a fake instrument."""
+"""Check the behaviour that every sensor driver must have, with an emulated instrument."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
 
 PATIENCE_S = 60.0
 CALL_WITHIN_S = 2.0
-"""The longest permitted duration of a call, s on the clock of the sensor."""
+"""The longest permitted duration of a call, s, on the clock of the sensor."""
 
 
 @dataclass
 class SensorBench:
-    """Hold an open sensor, the emulated instrument that it reads, and the true value.
+    """An open sensor of the driver that is checked, the emulated instrument, and the true value of the quantity.
 
     Parameters
     ----------
     sensor : Sensor
         The sensor that the driver opened.
     true : list of float
-        The true value is its last element, in the unit of the emulated quantity.
+        The true values of the quantity in `unit`. The last element is the present value.
     unit : str
-        The unit of the true value.
+        The unit of the true values.
     line : FaultyInstrument
-        The instrument; it can be made to fail.
+        The emulated instrument. Faults can be injected into it.
     clock : Clock
-        The clock of the driver and the instrument.
+        The clock of the driver and of the emulated instrument.
     address : str
         The address at which the sensor was opened.
     """
@@ -61,36 +61,50 @@ class SensorBench:
     address: str
 
     def reads(self, value: float) -> None:
-        """Claim that the sensor reads a new true value."""
+        """Change the true value to `value`, and check that the sensor returns it. Raises AssertionError."""
         self.true.append(value)
         before_s = self.clock.now()
         reading = self.sensor.read()
         claim(isinstance(reading, SensorReading), f"read() should return a SensorReading, not {reading!r}")
-        claim(reading.unit == self.unit, f"read() gives the unit {reading.unit!r}, not {self.unit!r}")
+        claim(reading.unit == self.unit, f"read() should return the unit {self.unit!r}, not {reading.unit!r}")
         tolerance = 1e-4 * abs(value) + 1e-3
-        claim(abs(reading.value - value) <= tolerance, f"read() gives {reading.value:g} where the value is {value:g}")
-        claim(before_s <= reading.time_s <= self.clock.now(), "read() should give the time at which the value came")
+        claim(
+            abs(reading.value - value) <= tolerance,
+            f"read() should return the true value {value:g}, not {reading.value:g}",
+        )
+        claim(
+            before_s <= reading.time_s <= self.clock.now(), "read() should return the time at which the value arrived"
+        )
         sigma = reading.standard_uncertainty
-        claim(sigma is None or 0 <= sigma < math.inf, f"read() gives the standard uncertainty {sigma!r}")
+        claim(
+            sigma is None or 0 <= sigma < math.inf,
+            f"the standard uncertainty should be None or a finite number of 0 or above, not {sigma!r}",
+        )
 
 
 def states_its_identity(bench: SensorBench) -> None:
-    """Check that `identify` returns the driver, the instrument and the address, and that `timeout_s` is positive."""
+    """Check the driver's name, the instrument's text and the address that `identify` returns, and `timeout_s`."""
     identity = bench.sensor.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
-    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
-    claim(identity.address == bench.address, f"identify() gives the address {identity.address!r}")
-    claim(0 < bench.sensor.timeout_s <= CALL_WITHIN_S, f"timeout_s = {bench.sensor.timeout_s!r} should be up to 2 s")
+    claim(bool(identity.driver and identity.text), f"identify() should return a driver and a text, not {identity}")
+    claim(
+        identity.address == bench.address,
+        f"identify() should return the address {bench.address!r}, not {identity.address!r}",
+    )
+    claim(
+        0 < bench.sensor.timeout_s <= CALL_WITHIN_S,
+        f"timeout_s should be above 0 s and at most {CALL_WITHIN_S:g} s, not {bench.sensor.timeout_s!r}",
+    )
 
 
 def reads_values_of_either_sign(bench: SensorBench) -> None:
-    """Check that `read` returns each new value with its unit and its time."""
+    """Check that `read` returns positive and negative values with their unit and their time."""
     for value in (0.0, 3.2915, -3.2915, 29.9):
         bench.reads(value)
 
 
 def gives_up_on_a_silent_line(bench: SensorBench) -> None:
-    """Check that a query without an answer raises InstrumentTimeout in time, and that the next query works."""
+    """Check that a query without an answer raises InstrumentTimeout in time, and that later queries work."""
     bench.reads(1.0)
     bench.line.inject(Fault.SILENCE)
     for _ in range(2):
@@ -111,7 +125,7 @@ def understands_no_garbage(bench: SensorBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
-    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after the time limit."""
+    """Check that the driver waits for an answer for 0.3 s, and discards an answer that arrives after its time limit."""
     bench.line.inject(Fault.SLOW)
     bench.reads(1.0)
     bench.line.late_s = bench.sensor.timeout_s + 0.3
@@ -122,7 +136,7 @@ def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
 
 
 def reports_a_cut_line(bench: SensorBench) -> None:
-    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout at the first and at the second read."""
+    """Check that the first and the second `read` on a cut line raise InstrumentDisconnected or InstrumentTimeout."""
     bench.reads(1.0)
     bench.line.inject(Fault.DISCONNECT)
     for _ in range(2):
@@ -132,7 +146,7 @@ def reports_a_cut_line(bench: SensorBench) -> None:
 
 
 def closes_twice(bench: SensorBench) -> None:
-    """Check that closing twice is allowed, and that a closed sensor raises InstrumentError or still reads."""
+    """Check that closing twice is allowed, and that `read` of a closed sensor raises no error but InstrumentError."""
     bench.sensor.close()
     bench.sensor.close()
     with suppress(InstrumentError):
@@ -158,7 +172,10 @@ def sensor_bench(
     unit: str = "mT",
     serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
 ) -> Iterator[SensorBench]:
-    """Open a sensor driver on an emulated instrument. See `check_sensor` for the parameters."""
+    """Connect a sensor driver to an emulated instrument while the context lasts, and yield both as a `SensorBench`.
+
+    The parameters are those of `check_sensor`.
+    """
     name = str(getattr(open, "name", getattr(open, "__name__", "sensor")))
     with ExitStack() as stack:
         simulated = serve is None and hasattr(open, "connect")
@@ -185,7 +202,7 @@ def check_sensor(
     serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
     checks: Iterable[Callable[[SensorBench], None]] = SENSOR_CHECKS,
 ) -> None:
-    """Check a sensor driver against an emulated instrument.
+    """Check a sensor driver with an emulated instrument.
 
     Parameters
     ----------
@@ -195,18 +212,18 @@ def check_sensor(
         Takes an `EmulatedQuantity` and returns an object whose `receive(data: bytes) -> bytes` answers queries.
         Example: ``lambda quantity: emulate_sensor("text-line", quantity)``.
     unit : str
-        The unit of the values: "mT", "degC" or another one.
+        The unit of the values, such as "mT" or "degC".
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and returns its address: `serve_pty`,
-        `serve_tcp` or another one. If it is omitted, a driver with `connect` is checked in this process in simulated
-        time, and a driver without `connect` on a pseudo-terminal.
+        A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
+        such as `serve_pty` or `serve_tcp`. If it is omitted, a driver with `connect` is checked in this process in
+        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
     checks : iterable of functions, optional
-        A selection of `SENSOR_CHECKS`; the default is all.
+        A selection of `SENSOR_CHECKS`; the default is all checks.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message names every failed check and the correct behaviour.
+        At least one check failed. The message contains the name of every failed check and the correct behaviour.
     """
     subject = f"the sensor driver {getattr(open, '__name__', open)}"
     run_checks(subject, checks, lambda: sensor_bench(open, emulator, unit, serve))
@@ -220,4 +237,4 @@ def _in_time(bench: SensorBench) -> SensorReading:
     finally:
         if simulated:
             took_s = bench.clock.now() - began_s
-            claim(took_s <= CALL_WITHIN_S, f"read() took {took_s:g} s, longer than {CALL_WITHIN_S:g} s")
+            claim(took_s <= CALL_WITHIN_S, f"read() should end within {CALL_WITHIN_S:g} s, but took {took_s:g} s")

@@ -20,33 +20,33 @@ RESISTANCE_OHM = 4.0
 TIME_CONSTANT_S = 0.01
 SETTLED_AFTER_S = 20 * TIME_CONSTANT_S
 PATIENCE_S = 60.0
-"""Largest real duration of a call if the driver runs in simulated time, s."""
+"""Largest duration (s of real time) of a call of a driver that runs in simulated time."""
 
 
 @dataclass
 class SupplyBench:
-    """Hold an open supply, the emulated instrument that it controls, and the coil.
+    """An open supply of the driver that is checked, and the emulated instrument with a coil to which it is connected.
 
     Parameters
     ----------
     supply : PowerSupply
         The supply that the driver opened with `LIMITS`.
     coil : CoilSupply
-        The model of the instrument and its coil, without a command language.
+        The model of the emulated supply and its coil.
     line : FaultyInstrument
-        The instrument with its command language; it can be made to fail.
+        The emulated instrument with its command language. Faults can be injected into it.
     clock : Clock
-        The clock of the driver and the instrument.
+        The clock of the driver and of the emulated instrument.
     bipolar : bool
         True if the driver can set negative currents.
     address : str
         The address at which the supply was opened.
     sent : list of bytes
-        The messages sent so far if the driver uses a Transport in this process; otherwise empty.
+        The messages that the driver has sent. Always empty if the emulated instrument is served at an address.
     open_again : callable
-        Opens the instrument once more.
+        Opens the emulated instrument with the driver once more and returns the supply.
     answer_within_s : float
-        The longest permitted duration of a query on a silent line, s.
+        The longest permitted duration of a query without an answer, s.
     """
 
     supply: PowerSupply
@@ -60,14 +60,17 @@ class SupplyBench:
     answer_within_s: float
 
     def energise(self, current_A: float = 0.7) -> None:
-        """Set voltage and current (A), switch the output on, and wait until the coil's current has settled."""
+        """Set the voltage and the current (A), switch the output on, and wait until the coil's current is constant."""
         self.supply.set_voltage(LIMITS.voltage_V)
         self.supply.set_current(current_A)
         self.supply.set_output(True)
         self.clock.sleep(SETTLED_AFTER_S)
 
     def energised(self) -> bool:
-        """Return whether the model drives a current. Some supplies are off with the output on and a current of zero."""
+        """Return whether the output of the emulated supply is on and its current set-point is not zero.
+
+        Some drivers switch off by setting the current to zero while the output stays on.
+        """
         return self.coil.state.output and self.coil.state.set_current_A != 0.0
 
 
@@ -78,7 +81,10 @@ def supply_bench(
     serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
     answer_within_s: float = 5.0,
 ) -> Iterator[SupplyBench]:
-    """Open a driver on an emulated instrument. See `check_supply` for the parameters."""
+    """Connect a supply driver to an emulated instrument while the context lasts, and yield both as a `SupplyBench`.
+
+    The parameters are those of `check_supply`.
+    """
     with ExitStack() as stack:
         sent: list[bytes] = []
         name = str(getattr(open, "name", getattr(open, "__name__", "supply")))

@@ -1,4 +1,4 @@
-"""Check the behaviour that every supply driver must have; the name of each check states the behaviour."""
+"""Check the behaviour that every supply driver must have. The name of each check describes the required behaviour."""
 
 from __future__ import annotations
 
@@ -35,21 +35,22 @@ from eimi_drivers.testing.supply_bench import (
 
 CURRENT_WITHIN_A, VOLTAGE_WITHIN_V = 0.01, 0.05
 LATE_S = 1.3
-"""Delay of a late answer, s; longer than the drivers of this package wait for an answer."""
+"""Delay of a late answer, s. The drivers of this package wait for a shorter time."""
 
 
 def says_who_it_is(bench: SupplyBench) -> None:
-    """Check that `identify` returns the driver, the instrument and the address."""
+    """Check that `identify` returns the name of the driver, the instrument's text and the address."""
     identity = bench.supply.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
-    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
+    claim(bool(identity.driver and identity.text), f"identify() should return a driver and a text, not {identity}")
     claim(
-        identity.address == bench.address, f"identify() gives the address {identity.address!r}, not {bench.address!r}"
+        identity.address == bench.address,
+        f"identify() should return the address {bench.address!r}, not {identity.address!r}",
     )
 
 
 def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
-    """Check that set-points reach the coil, that `measure` reads them, and that the output switches off."""
+    """Check that the set current flows in the coil, that `measure` returns it, and that the output switches off."""
     bench.energise(0.7)
     claim(bench.supply.output_on() is True, "output_on() should be True after set_output(True)")
     _flows(bench, 0.7)
@@ -58,14 +59,17 @@ def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
     bench.clock.sleep(SETTLED_AFTER_S)
     _flows(bench, 0.2)
     bench.supply.set_output(False)
-    claim(not bench.energised(), "the instrument's output is on after set_output(False)")
+    claim(not bench.energised(), "the instrument's output should be off after set_output(False), but it is on")
     claim(bench.supply.output_on() is False, "output_on() should be False after set_output(False)")
     bench.supply.check()
 
 
 def refuses_set_points_outside_its_limits(bench: SupplyBench) -> None:
-    """Check that a set-point outside the limits or not finite raises SetPointRefused and is not sent."""
-    claim(bench.supply.limits == LIMITS, f"limits should be {LIMITS} as it was opened with, not {bench.supply.limits}")
+    """Check that a set-point that is outside the limits or not finite raises SetPointRefused and is not sent."""
+    claim(
+        bench.supply.limits == LIMITS,
+        f"limits should be the value with which the supply was opened, {LIMITS}, not {bench.supply.limits}",
+    )
     before = bench.coil.state
     for share in (-1.0001, 1.0001, math.nan, math.inf, -math.inf):
         for setter, limit in (("set_current", LIMITS.current_A), ("set_voltage", LIMITS.voltage_V)):
@@ -76,7 +80,7 @@ def refuses_set_points_outside_its_limits(bench: SupplyBench) -> None:
 
 
 def reverses_its_current_only_if_it_is_bipolar(bench: SupplyBench) -> None:
-    """Check that negative currents are set if `bipolar` is true and refused otherwise."""
+    """Check that the driver sets negative currents if `bipolar` is true, and refuses them otherwise."""
     if not bench.bipolar:
         must_raise((SetPointRefused,), "set_current(-0.001)", lambda: bench.supply.set_current(-0.001))
         claim(bench.sent == [], f"a refused set-point was sent: {bench.sent}")
@@ -87,15 +91,23 @@ def reverses_its_current_only_if_it_is_bipolar(bench: SupplyBench) -> None:
 
 
 def reads_its_set_points_back(bench: SupplyBench) -> None:
-    """Check that a set-point which the instrument does not accept raises InstrumentError."""
+    """Check that a set-point that the instrument does not accept raises InstrumentError."""
     bench.coil.max_current_A = 0.5
-    must_raise((InstrumentError,), "set_current(0.7) of 0.5 A at most", lambda: bench.supply.set_current(0.7))
+    must_raise(
+        (InstrumentError,),
+        "set_current(0.7) on an instrument that accepts 0.5 A at most",
+        lambda: bench.supply.set_current(0.7),
+    )
     bench.coil.max_voltage_V = 5.0
-    must_raise((InstrumentError,), "set_voltage(12) of 5 V at most", lambda: bench.supply.set_voltage(12.0))
+    must_raise(
+        (InstrumentError,),
+        "set_voltage(12) on an instrument that accepts 5 V at most",
+        lambda: bench.supply.set_voltage(12.0),
+    )
 
 
 def notices_a_locked_front_panel(bench: SupplyBench) -> None:
-    """Check that every setter and `safe_off` report an instrument that ignores all commands."""
+    """Check that `set_current`, `set_output` and `safe_off` raise an error if the instrument ignores all commands."""
     bench.energise(0.7)
     bench.coil.locked = True
     must_raise((InstrumentError,), "set_current(0.2) of a locked supply", lambda: bench.supply.set_current(0.2))
@@ -111,7 +123,10 @@ def reports_a_protection_trip(bench: SupplyBench) -> None:
 
 
 def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
-    """Check that `safe_off` sets zero current and switches the output off from every state, also when called twice."""
+    """Check that `safe_off` sets the current to zero and switches the output off in every state of the supply.
+
+    One of the states is a supply on which `safe_off` was called before.
+    """
 
     def set_points() -> None:
         bench.supply.set_voltage(LIMITS.voltage_V)
@@ -122,32 +137,33 @@ def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
         bench.coil.trip()
 
     states: dict[str, Callable[[], object]] = {
-        "as it was opened": lambda: None,
-        "with set-points and the output off": set_points,
+        "just opened": lambda: None,
+        "off with set-points other than zero": set_points,
         "on at 0.7 A": bench.energise,
         "on at 0 A": lambda: bench.energise(0.0),
         "off already": bench.supply.safe_off,
     }
     if bench.bipolar:
         states["on at -0.7 A"] = lambda: bench.energise(-0.7)
-    states["after a trip"] = tripped
+    states["off after a trip"] = tripped
     for state, bring_about in states.items():
         bring_about()
         bench.supply.safe_off()
-        claim(not bench.energised(), f"the output is on after safe_off() from the state: {state}")
+        where = f"after safe_off() of a supply that was {state}"
+        claim(not bench.energised(), f"the output should be off {where}, but it is on")
         claim(
             bench.coil.state.set_current_A == 0.0,
-            f"safe_off() from the state: {state}: left a set-point of {bench.coil.state.set_current_A:g} A",
+            f"the current set-point should be 0 A {where}, but it is {bench.coil.state.set_current_A:g} A",
         )
-        claim(bench.supply.output_on() is False, f"output_on() should be False after safe_off() from: {state}")
+        claim(bench.supply.output_on() is False, f"output_on() should be False {where}")
         if bring_about is not tripped:  # an instrument may still report the trip
             bench.supply.check()
     bench.clock.sleep(SETTLED_AFTER_S)
-    claim(abs(bench.coil.coil_current_A()) < 1e-4, "current flows after safe_off()")
+    claim(abs(bench.coil.coil_current_A()) < 1e-4, "no current should flow in the coil after safe_off()")
 
 
 def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
-    """Check that `safe_off` sends its other messages if the first one is lost."""
+    """Check that `safe_off` switches the output off even if the first message of `safe_off` is lost."""
     bench.energise()
     lost: list[bytes] = []
 
@@ -158,35 +174,33 @@ def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
     bench.line.inject(Fault.SILENCE, is_the_first)
     with suppress(SwitchOffFailed):  # safe_off may report that a stage failed
         bench.supply.safe_off()
-    claim(not bench.energised(), f"safe_off() left the output on after {lost[:1]} was lost")
+    claim(not bench.energised(), f"safe_off() should switch off although the message {lost[:1]} was lost")
 
 
 def gives_up_on_a_silent_line(bench: SupplyBench) -> None:
-    """Check that a query without an answer raises InstrumentTimeout in time, and that the next query works."""
+    """Check that a query without an answer raises InstrumentTimeout in time, and that later queries work."""
     bench.line.inject(Fault.SILENCE)
     must_raise(
         (InstrumentTimeout,), "output_on() on a silent line", lambda: _in_time(bench, "output_on()", "output_on")
     )
     must_raise((InstrumentTimeout,), "measure() on a silent line", lambda: _in_time(bench, "measure()", "measure"))
     bench.line.inject(None)
-    claim(bench.supply.output_on() is False, "output_on() should be False once the line answers again")
+    claim(bench.supply.output_on() is False, "output_on() should be False after the instrument answers again")
 
 
 def understands_no_garbage(bench: SupplyBench) -> None:
-    """Check that an unreadable answer raises ReplyNotUnderstood and is not used for the next query."""
+    """Check that an unreadable answer raises ReplyNotUnderstood and does not affect the next query."""
     bench.line.inject(Fault.GARBAGE)
-    must_raise((ReplyNotUnderstood,), "identify() that is answered by garbage", bench.supply.identify)
+    must_raise((ReplyNotUnderstood,), "identify() with an unreadable answer", bench.supply.identify)
     bench.line.inject(None)
     claim(bench.supply.output_on() is False, "output_on() should be False after an unreadable answer to identify()")
 
 
 def understands_no_half_answers(bench: SupplyBench) -> None:
-    """Check that half an answer raises InstrumentTimeout or ReplyNotUnderstood, and that the next query works."""
+    """Check that an incomplete answer raises InstrumentTimeout or ReplyNotUnderstood, and that the next query works."""
     bench.energise()
     bench.line.inject(Fault.PARTIAL)
-    must_raise(
-        (InstrumentTimeout, ReplyNotUnderstood), "measure() that is answered by half an answer", bench.supply.measure
-    )
+    must_raise((InstrumentTimeout, ReplyNotUnderstood), "measure() with an incomplete answer", bench.supply.measure)
     bench.line.inject(None)
     _reads(bench, 0.7)
 
@@ -199,7 +213,7 @@ def waits_for_a_slow_answer(bench: SupplyBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
-    """Check that an answer which arrives after an InstrumentTimeout is not used for the next query."""
+    """Check that an answer that arrives after an InstrumentTimeout is not used for the next query."""
     bench.energise()
     bench.line.late_s = LATE_S
     bench.line.inject(Fault.SLOW)
@@ -211,7 +225,10 @@ def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
 
 
 def reports_a_cut_line(bench: SupplyBench) -> None:
-    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout, and that `safe_off` then fails."""
+    """Check that a query on a cut line raises InstrumentDisconnected or InstrumentTimeout, and `safe_off` an error.
+
+    `safe_off` must raise SwitchOffFailed.
+    """
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)
     # PyVISA reports a socket that the other side closed as a timeout.
@@ -224,16 +241,16 @@ def reports_a_cut_line(bench: SupplyBench) -> None:
 
 
 def leaves_the_output_alone_when_it_is_opened_or_closed(bench: SupplyBench) -> None:
-    """Check that opening and closing leave the instrument unchanged, and that closing twice is allowed."""
+    """Check that opening and closing do not change the instrument, and that closing twice is allowed."""
     bench.energise()
     before = bench.coil.state
     bench.supply.close()
     bench.supply.close()
-    claim(bench.coil.state == before, "close() changed the instrument; only safe_off() switches off")
+    claim(bench.coil.state == before, "close() should not change the instrument; only safe_off() switches off")
     again = bench.open_again()
     try:
-        claim(bench.coil.state == before, "opening changed the instrument; a supply that is on should stay on")
-        claim(again.output_on() is True, "output_on() should be True of a supply that was on when it was opened")
+        claim(bench.coil.state == before, "opening should not change the instrument; an output that is on stays on")
+        claim(again.output_on() is True, "output_on() should be True for a supply that was on when it was opened")
     finally:
         again.close()
 
@@ -267,7 +284,7 @@ def check_supply(
     answer_within_s: float = 5.0,
     checks: Iterable[Callable[[SupplyBench], None]] = SUPPLY_CHECKS,
 ) -> None:
-    """Check a supply driver against an emulated instrument.
+    """Check a supply driver with an emulated instrument.
 
     Parameters
     ----------
@@ -277,19 +294,19 @@ def check_supply(
         Takes a `CoilSupply` and returns an object whose `receive(data: bytes) -> bytes` answers messages in the
         instrument's command language. Example: ``lambda coil: emulate("scpi", coil)``.
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and returns the address that the driver opens:
-        `serve_pty`, `serve_tcp`, or another one. If it is omitted, a driver with `connect` is checked in this process
-        in simulated time, and a driver without `connect` on a pseudo-terminal.
+        A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
+        such as `serve_pty` or `serve_tcp`. If it is omitted, a driver with `connect` is checked in this process in
+        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
     answer_within_s : float
-        The longest permitted duration of a query on a silent line, s. The suite treats a run without progress for 5 s
-        as hanging and switches the supply off.
+        The longest permitted duration of a query without an answer, s. During a measurement, the suite switches the
+        supply off if the run makes no progress for 5 s.
     checks : iterable of functions, optional
-        A selection of `SUPPLY_CHECKS`; the default is all. Each check opens a new `SupplyBench`.
+        A selection of `SUPPLY_CHECKS`; the default is all checks. Each check opens a new `SupplyBench`.
 
     Raises
     ------
     AssertionError
-        At least one check failed. The message names every failed check and the correct behaviour.
+        At least one check failed. The message contains the name of every failed check and the correct behaviour.
     """
     subject = f"the supply driver {getattr(open, '__name__', open)}"
     run_checks(subject, checks, lambda: supply_bench(open, emulator, serve, answer_within_s))
@@ -304,14 +321,16 @@ def _in_time(bench: SupplyBench, doing: str, question: str) -> object:
         if simulated:
             took_s = bench.clock.now() - began_s
             claim(
-                took_s <= bench.answer_within_s, f"{doing} took {took_s:g} s, longer than {bench.answer_within_s:g} s"
+                took_s <= bench.answer_within_s,
+                f"{doing} should end within {bench.answer_within_s:g} s, but took {took_s:g} s",
             )
 
 
 def _flows(bench: SupplyBench, current_A: float) -> None:
     true_A = bench.coil.coil_current_A()
     claim(
-        abs(true_A - current_A) <= CURRENT_WITHIN_A, f"{true_A:g} A flow in the coil at a set-point of {current_A:g} A"
+        abs(true_A - current_A) <= CURRENT_WITHIN_A,
+        f"the current in the coil should be {current_A:g} A as set, but it is {true_A:g} A",
     )
     _reads(bench, current_A)
 
@@ -322,5 +341,5 @@ def _reads(bench: SupplyBench, current_A: float) -> None:
     claim(
         abs(reading.current_A - current_A) <= CURRENT_WITHIN_A
         and abs(reading.voltage_V - current_A * RESISTANCE_OHM) <= VOLTAGE_WITHIN_V,
-        f"measure() gives {reading} where {current_A:g} A and {current_A * RESISTANCE_OHM:g} V are in the coil",
+        f"measure() should return {current_A:g} A and {current_A * RESISTANCE_OHM:g} V, the true values, not {reading}",
     )
