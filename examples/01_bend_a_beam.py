@@ -1,4 +1,7 @@
-"""Bend a beam by a small force at its tip, and compare it with beam theory: deflection = F L^3 / (3 E I)."""
+"""Bend a beam by a small force F at its tip, and compare its deflection with beam theory, F L^3 / (3 E I).
+
+L is the length of the beam, E Young's modulus and I the second moment of area.
+"""
 
 import numpy as np
 
@@ -6,7 +9,7 @@ from eimi_fitting import LAWS, BeamModel, Loads, Specimen
 
 
 def main() -> float:
-    """Return the deflection of the tip divided by that of beam theory."""
+    """Return the simulated deflection of the tip divided by the deflection from beam theory."""
     length_mm, width_mm, depth_mm, modulus_Pa, force_N = 60.0, 3.0, 5.0, 46e3, 2e-6
     specimen = Specimen(length_mm, width_mm, depth_mm, 0.0, "plane-stress")
     model = BeamModel(specimen).refined()

@@ -1,4 +1,4 @@
-"""Run a quick protocol on the virtual rig, fit a law to the pictures, and compare it with the hidden material."""
+"""Run a quick protocol on the virtual rig, fit a law to the pictures, and compare the law with the hidden material."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -7,7 +7,7 @@ import eimi_lab as eimi
 
 
 def main() -> float:
-    """Return the identified initial shear modulus divided by the true one."""
+    """Return the identified initial shear modulus divided by the true initial shear modulus."""
     with (
         TemporaryDirectory() as folder,
         eimi.acquire("dragon_skin_10_quick", "type1", "virtual", Path(folder) / "run.h5") as run,
@@ -15,7 +15,7 @@ def main() -> float:
         fit = eimi.fit(run, "neo-hookean")
         truth = run.truth()  # read the true material only after the fit, to score it
     assert truth is not None
-    (modulus_Pa,) = truth["parameters"].values()  # a Neo-Hookean material has one
+    (modulus_Pa,) = truth["parameters"].values()  # a Neo-Hookean material has one parameter
     ratio = fit.initial_shear_modulus.value / modulus_Pa
     print(fit.summary())
     print(f"{ratio:.4f} times the true modulus")

@@ -1,4 +1,4 @@
-"""Fit every law to a tensile curve, as is conventional. Here the curve is that of a Yeoh material."""
+"""Fit every law to the curve of a tensile test, the usual test of a material. Here a Yeoh law gives the curve."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +12,7 @@ TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa; the initial shear m
 
 
 def main() -> float:
-    """Return the initial shear modulus in Pa of the law with the smallest error."""
+    """Return the initial shear modulus (Pa) of the law with the smallest root mean square error."""
     strain = np.linspace(0.02, 1.0, 50)
     stress_kPa = 1e-3 * engineering_stress(eimi.LAWS["yeoh"], TRUTH, strain)
     with TemporaryDirectory() as folder:

@@ -6,7 +6,7 @@ from eimi_fitting import LAWS, Material, material_card
 
 
 def main() -> float:
-    """Return C10 in MPa as the card states it."""
+    """Return the value of C10 (MPa) in the card."""
     modulus_Pa = 46e3
     material = Material(
         law=LAWS["neo-hookean"],

@@ -1,4 +1,4 @@
-"""Print what a run would do, including the messages to the supply, without any instrument."""
+"""Print the steps of a run and the messages to the supply, without any instrument."""
 
 import eimi_lab as eimi
 

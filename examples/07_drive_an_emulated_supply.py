@@ -1,4 +1,4 @@
-"""Drive an emulated Korad supply with a coil through a pseudo-terminal, exactly as a real one."""
+"""Control an emulated Korad supply with a coil. The commands are the same as for a real supply on a serial port."""
 
 import time
 
@@ -9,7 +9,7 @@ from eimi_drivers.supplies import open_supply
 
 
 def main() -> float:
-    """Return the measured current in A at a set-point of 0.7 A."""
+    """Return the measured current (A) at a set-point of 0.7 A."""
     coil = CoilSupply(WallClock(), resistance_ohm=4.0, time_constant_s=0.01)
     with serve_pty(emulate("korad", coil)) as address:
         supply = open_supply("korad", address, Limits(current_A=1.0, voltage_V=12.0))

@@ -1,4 +1,4 @@
-"""Measure the error of edges: compare those found in a picture of a virtual beam with its simulated outline."""
+"""Measure the error of detected edges: compare the edges in a picture of a virtual beam with the simulated outline."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ PROTOCOL = "dragon_skin_10_quick"
 
 
 def main() -> float:
-    """Return the root mean square distance in pixels in the last state."""
+    """Return the root mean square distance (px) between detected and simulated edges in the last state."""
     with (
         TemporaryDirectory() as folder,
         eimi.segment(eimi.acquire(PROTOCOL, "type1", "virtual", Path(folder) / "run.h5")) as run,
@@ -28,7 +28,7 @@ def main() -> float:
         nearest = start + np.clip(along, 0, 1)[..., None] * side
         distances.append(np.linalg.norm(edge[:, None] - nearest, axis=-1).min(axis=1))
     error_px = calibration.pixels_per_mm * float(np.sqrt(np.mean(np.concatenate(distances) ** 2)))
-    print(f"{error_px:.3f} px (RMS) over {sum(map(len, distances))} points")
+    print(f"error of {sum(map(len, distances))} edge points: {error_px:.3f} px (root mean square)")
     return error_px
 
 

@@ -1,13 +1,14 @@
-"""Add a law from outside the package: fit the eight-chain law of Arruda and Boyce to rubber, beside the four laws.
+"""Add a hyperelastic law that the package does not contain: the eight-chain law of Arruda and Boyce, fitted to rubber.
 
     python -m examples.arruda_boyce
 
-A law is one class with its energy, its coordinates in a search, and its constants in other programs. The base class
-`InvariantLaw` scans for stability and fits tensile curves.
+A law is one class. It contains the energy, the coordinates in a search, and the constants of the law in other programs.
+The base class `InvariantLaw` tests the stability of the law and fits tensile curves. The script also fits the laws of
+the package, for comparison.
 
-Energy: E. M. Arruda and M. C. Boyce 1993, J. Mech. Phys. Solids 41:389. The inverse Langevin function is represented by
-the first five terms of its series, as in Abaqus, ANSYS and CalculiX. Curve: L. R. G. Treloar 1944, Trans. Faraday Soc.
-40:59, simple tension up to a stretch of 5.36, nominal stress in kgf/cm².
+Source of the energy: E. M. Arruda and M. C. Boyce 1993, J. Mech. Phys. Solids 41:389. The inverse Langevin function is
+replaced by the first five terms of its series, as in Abaqus, ANSYS and CalculiX. Source of the curve: L. R. G. Treloar
+1944, Trans. Faraday Soc. 40:59, simple tension up to a stretch of 5.36, nominal stress in kgf/cm².
 """
 
 from __future__ import annotations
@@ -38,9 +39,10 @@ _C = np.array([1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750])  # factor of 
 
 @dataclass(frozen=True)
 class ArrudaBoyce(InvariantLaw):
-    """Arruda-Boyce law: psi = mu sum over i = 1..5 of C_i / lambda_m^(2 i - 2) (I1^i - 3^i).
+    """Arruda-Boyce law with the energy W = mu sum over i = 1..5 of C_i / lambda_m^(2 i - 2) (I1^i - 3^i).
 
-    The chains lock at the stretch lambda_m.
+    mu (Pa) and lambda_m are the parameters, I1 is the first invariant, and C_1 to C_5 are 1/2, 1/20, 11/1050, 19/7000
+    and 519/673750. lambda_m is the stretch at which the molecular chains are fully extended.
     """
 
     name: str = "arruda-boyce"
@@ -49,20 +51,24 @@ class ArrudaBoyce(InvariantLaw):
     units: tuple[str, ...] = ("Pa", "1")
     coordinates: tuple[Coordinate, ...] = (
         Coordinate("initial shear modulus", *SHEAR_MODULUS_PA),
-        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in it, which suits the intervals
+        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in this one
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return mu and lambda_m. Short chains stiffen rubber at rest, so that mu is less than the shear modulus."""
+        """Return the parameters for K points of a search, shape (K, 2): mu (Pa) and lambda_m.
+
+        `x` contains the initial shear modulus (Pa) and 1/lambda_m^2, shape (K, 2). mu is smaller than the initial shear
+        modulus, see `initial_shear_modulus`.
+        """
         locking = x[:, 1] ** -0.5
         return np.column_stack([x[:, 0] / _stiffening(locking), locking])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...) in Pa."""
+        """Return the initial shear modulus, mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), Pa."""
         return parameters[..., 0] * _stiffening(parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy, its derivatives in I1 and I2, and its second derivative in I1, at I1 = x + 3."""
+        """Return the energy W, dW/dI1, dW/dI2 and d²W/dI1² at I1 = x + 3 and I2 = y + 3, Pa each."""
         mu, over = parameters[..., 0], parameters[..., 1] ** -2
         first = x + 3
         series = [c * over**i for i, c in enumerate(_C)]
@@ -72,7 +78,13 @@ class ArrudaBoyce(InvariantLaw):
         return mu * energy, mu * slope, np.zeros_like(x), mu * curvature
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of a program; SOFA has no such law, because its chains have a fixed length."""
+        """Return the constants of the law in the program `solver`.
+
+        Raises
+        ------
+        NotInSolver
+            The program has no such law. The law of SOFA has chains of one fixed length.
+        """
         mu, locking = p["mu"], p["lambda_m"]
         match solver:
             case "abaqus" | "calculix":
@@ -101,18 +113,18 @@ class ArrudaBoyce(InvariantLaw):
                     ],
                 )
             case "sofa":
-                raise NotInSolver("sofa's arruda-boyce law has one fixed length of chains: lambda_m has no place in it")
+                raise NotInSolver("the arruda-boyce law cannot be exported to sofa: SOFA's law has a fixed lambda_m")
             case _:
                 raise NotInSolver(f"the arruda-boyce law cannot be exported to {solver}")
 
 
 def _stiffening(locking: Array) -> Array:
-    """Return the initial shear modulus divided by mu; the quotient is 2 W' / mu at I1 = 3."""
+    """Return the initial shear modulus divided by mu for the values lambda_m: (2 / mu) dW/dI1 at I1 = 3."""
     return np.asarray(sum(2 * i * c * 3.0 ** (i - 1) * locking ** (2 - 2 * i) for i, c in enumerate(_C, 1)))
 
 
 def _difference(x: Array, i: int) -> Array:
-    """Return (x + 3)^i - 3^i without cancellation for small x."""
+    """Return (x + 3)^i - 3^i. The sum that is used is accurate for small x, where the difference is not."""
     return np.asarray(x * sum((x + 3) ** k * 3.0 ** (i - 1 - k) for k in range(i)))
 
 
@@ -121,14 +133,16 @@ STRESS_PA = 9.80665e4 * np.array([0.26, 1.37, 2.3, 3.23, 4.16, 5.1, 6.0, 6.9, 8.
 
 
 def main() -> None:
-    """Fit every law to the curve, and print a card of the new law."""
+    """Fit every law to Treloar's curve, and print a material card of the new law."""
     law = ArrudaBoyce()
-    LAWS[law.name] = law  # from here on it is a law like the others, in eimi_lab too
+    LAWS[law.name] = law  # from here on eimi_fitting and eimi_lab use the new law like the other laws
     for each in LAWS.values():
         fit = fit_tensile(each, STRETCH - 1, STRESS_PA)
         modulus, rmse = 1e-3 * fit.initial_shear_modulus_Pa, 1e-3 * fit.rmse_Pa
-        limit = "no limit met" if fit.stable_to is None else f"stable up to {fit.stable_to:.2f}"
-        print(f"{each.name:14} {modulus:6.1f} kPa, RMSE {rmse:5.1f} kPa, {limit}")
+        limit = (
+            "no limit of stability found" if fit.stable_to is None else f"stable up to a stretch of {fit.stable_to:.2f}"
+        )
+        print(f"{each.name:14} {modulus:6.1f} kPa, root mean square error {rmse:5.1f} kPa, {limit}")
     fit = fit_tensile(law, STRETCH - 1, STRESS_PA)
     bulk = 2000 * fit.initial_shear_modulus_Pa
     print(material_card("calculix", Material(law, fit.parameters, bulk, "RUBBER", ("Treloar 1944, simple tension",))))

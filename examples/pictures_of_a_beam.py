@@ -1,10 +1,11 @@
-"""Write pictures of a silicone beam as a user would take them, and print the load of each. The tutorials use them.
+"""Write simulated pictures of a silicone beam for the tutorials, and print the load in each picture.
 
     python examples/pictures_of_a_beam.py FOLDER            # hanging in a coil, with a magnet at its tip
-    python examples/pictures_of_a_beam.py FOLDER --weights  # level, with weights at its tip, without a coil
+    python examples/pictures_of_a_beam.py FOLDER --weights  # horizontal, with weights at its tip, without a coil
 
-The beam is a simulated solid of 46 kPa in front of a cloth. The pictures show a clamp and a scale of 20 mm. Those with
-weights show it in perspective, and state the focal length of the lens as a phone does.
+The beam is simulated as a solid with a shear modulus of 46 kPa. The pictures show the beam, a clamp and a scale of
+20 mm in front of a cloth. With --weights, the pictures show the beam in perspective. They then contain the focal length
+of the lens, like the pictures of a phone.
 """
 
 import argparse
@@ -30,15 +31,15 @@ def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarr
 
     Parameters
     ----------
-    outline_px, clamp_px
-        Corners of the beam and of the clamp, (n, 2): x to the right, y down.
-    seed
-        Seed of the noise.
+    outline_px, clamp_px : np.ndarray, shape (n, 2)
+        The corners of the beam and of the clamp, px: x to the right, y down. Each array has its own n.
+    seed : int
+        The seed of the noise.
 
     Returns
     -------
-    np.ndarray
-        (height, width, 3), blue, green and red.
+    np.ndarray, shape (height, width, 3), uint8
+        The picture with the colours blue, green and red.
     """
     rng = np.random.default_rng(seed)
     image = np.full((SIZE[1], SIZE[0], 3), [150.0, 140.0, 60.0]) + rng.normal(0, 3, (SIZE[1], SIZE[0], 1))
@@ -51,7 +52,17 @@ def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarr
 
 
 def write(path: Path, image: np.ndarray, in_perspective: bool) -> None:
-    """Write a picture (height, width, 3: blue, green, red), with the focal length that gives the stand-off."""
+    """Write a picture to a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    image : np.ndarray, shape (height, width, 3)
+        The picture with the colours blue, green and red.
+    in_perspective : bool
+        True if the file must contain a focal length. Its value belongs to the distance `STAND_OFF_MM` of the camera.
+    """
     exif = Image.Exif()
     exif[Base.Make] = "simulated"
     if in_perspective:  # 43.27 mm is the diagonal of a frame of 36 x 24 mm
@@ -62,7 +73,7 @@ def write(path: Path, image: np.ndarray, in_perspective: bool) -> None:
 
 
 def main(folder: Path, weights: bool) -> None:
-    """Write four pictures to a folder, with weights at the tip or in the field of a coil."""
+    """Write four pictures to a folder: of a beam with weights at its tip, or of a beam in the field of a coil."""
     folder.mkdir(parents=True, exist_ok=True)
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "solid", None if weights else MAGNET)
     steps = np.array([0.0, 0.5, 1.0, 1.5])  # grams or amperes

@@ -1,8 +1,9 @@
-"""Animate a run on the virtual rig for the home page: ``python docs/scripts/animation.py DATASET FITS``.
+"""Make the animation of a virtual run on the home page: ``python docs/scripts/animation.py DATASET FITS``.
 
-``eimi demo -o DEMO`` writes both files, ``DEMO/dataset.h5`` and ``DEMO/fits.json``. Each frame shows one state: the
-picture with the edges, and the mean deflection against the field of the last point of both edges against
-the field. Look at the picture before you commit it.
+``eimi demo -o DEMO`` writes both files, ``DEMO/dataset.h5`` and ``DEMO/fits.json``. Each frame of the animation shows
+one state of the run. The left part is the picture of the beam with its edges. The right part is a plot of the
+deflection against the field, where the deflection is the mean over the last points of both edges. Look at the animation
+before you commit it.
 """
 
 from __future__ import annotations
@@ -37,7 +38,15 @@ Array = NDArray[np.float64]
 
 
 def _beside(measured: list[Array], simulated: Array) -> float:
-    """Return the mean y of the simulated edges (2, n, 2) beside the last measured points."""
+    """Return the mean y of both simulated edges at the place of the last measured points, mm.
+
+    Parameters
+    ----------
+    measured : list of ndarray, shape (m, 2)
+        The measured points of the left and of the right edge, mm.
+    simulated : ndarray, shape (2, n, 2)
+        The simulated left and right edges, mm.
+    """
     along = np.linspace(0, simulated.shape[1] - 1, _FINE)
     at = np.arange(simulated.shape[1])
     fine = [np.column_stack([np.interp(along, at, part) for part in edge.T]) for edge in simulated]
@@ -46,7 +55,10 @@ def _beside(measured: list[Array], simulated: Array) -> float:
 
 
 def frame(contents: DatasetContents, shown: ShownFit, last: int, fitted: bool) -> Image.Image:
-    """Return the frame of state `last`; `fitted` adds the simulated edges and the result."""
+    """Return the frame of the animation for the state with the index `last`.
+
+    `fitted` adds the simulated edges and the result of the fit.
+    """
     simulated = contents.predictions[0]
     crop, to_px = crop_of(contents), frame_of(contents).to_px
     states = contents.evidence.states
@@ -82,7 +94,7 @@ def frame(contents: DatasetContents, shown: ShownFit, last: int, fitted: bool) -
 
 
 def main(dataset: Path, fits: Path) -> None:
-    """Write the animation."""
+    """Write the animation to docs/pictures/run.gif."""
     shown = read_shown([fits])[:1]
     evidence, on = evidence_for_fits(dataset, shown, flagged=False)
     assert isinstance(evidence.experiment.observed, EdgeObservation)

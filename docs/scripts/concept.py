@@ -19,7 +19,7 @@ SIZE_IN = (8.6, 5.2)
 
 
 def measured_beam(axes: Axes) -> None:
-    """Draw the frame of the camera with the beam, its axes, its angles, its edges and its loads."""
+    """Draw the frame of the camera with the beam: its axes, its angle at the tip, its edges and its loads."""
     axes.add_patch(Rectangle((-12, -38.5), 41, 45.5, facecolor="#F4F4F4", edgecolor=GREY))
     axes.text(-11.3, 5.3, "frame of the camera", fontsize=9, color=GREY)
     _, rest_left, rest_right = strip(0.0, 30, 3)
@@ -57,7 +57,7 @@ def measured_beam(axes: Axes) -> None:
 
 
 def what_is_fitted(axes: Axes) -> None:
-    """Draw one edge at large scale, and the loop from a candidate law to its error."""
+    """Draw one magnified edge, and the steps of the search from the parameters of a law to its error."""
     bare(axes, (0, 30), (-37, 8))
     x = np.linspace(1.5, 27, 60)
     simulated = -3 - 0.012 * (x - 1.5) ** 2
@@ -70,7 +70,7 @@ def what_is_fitted(axes: Axes) -> None:
     axes.text(1.5, 5.3, "an edge, magnified", fontsize=9, color=GREY)
     axes.text(1.5, 1.4, "measured points", fontsize=9, color=BLUE)
     axes.text(12.5, -12.6, "simulated edge", fontsize=9, color=ORANGE)
-    axes.text(1.5, -14.6, "error = mean length of the thin lines", fontsize=9)
+    axes.text(1.5, -14.6, "error = root mean square length of thin lines", fontsize=9)
     steps = (
         ("law with parameters, such as C10", "what is fitted"),
         ("finite elements: beam, magnet, field, weight", "stated, with uncertainty"),
@@ -91,7 +91,7 @@ def what_is_fitted(axes: Axes) -> None:
 
 
 def main() -> None:
-    """Write the sketch."""
+    """Write the sketch to docs/pictures/concept.svg."""
     plt.rcParams.update({"svg.hashsalt": "eimi-lab", "font.size": 9})
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE_IN, layout="constrained", width_ratios=[43, 31])
     measured_beam(left)

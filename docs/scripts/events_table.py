@@ -1,4 +1,4 @@
-"""Write the tables of the page on events from the events' dataclasses: ``python docs/scripts/events_table.py``."""
+"""Write the tables in docs/howto/events.md from the classes of the events: ``python docs/scripts/events_table.py``."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ COMMON = {field.name for field in dataclasses.fields(Event)}
 
 
 def meaning(kind: type[Any]) -> str:
-    """Return the docstring of an event in one line."""
+    """Return the docstring of an event's class as one line of a table."""
     return " ".join(inspect.getdoc(kind).split()).replace("|", "\\|")  # type: ignore[union-attr]
 
 
 def fields(kind: type[Any]) -> str:
-    """Return the names of an event's fields, without the fields that every event has."""
+    """Return the names of an event's fields as text, without the fields that all events have."""
     return ", ".join(f"`{field.name}`" for field in dataclasses.fields(kind) if field.name not in COMMON)
 
 
 def tables() -> dict[str, str]:
-    """Return the tables by the name of their place in the page."""
+    """Return the two tables of the page as Markdown, by the names of their places: "events" and "changes"."""
     rows = [f"| `{name}` | {fields(kind)} | {meaning(kind)} |" for name, kind in EVENTS.items()]
     change = f"| {fields(ShapeChange)} | {meaning(ShapeChange)} |"
     return {
@@ -34,11 +34,11 @@ def tables() -> dict[str, str]:
 
 
 def page() -> str:
-    """Return the page with new tables, made from the dataclasses of the events."""
+    """Return the text of the page with new tables."""
     text = PAGE.read_text(encoding="utf-8")
     for place, table in tables().items():
-        before, _, rest = text.partition(f"<!-- {place} -->\n")
-        _, end, after = rest.partition(f"<!-- end of {place} -->")
+        before, _, following = text.partition(f"<!-- {place} -->\n")
+        _, end, after = following.partition(f"<!-- end of {place} -->")
         text = f"{before}<!-- {place} -->\n\n{table}\n\n{end}{after}"
     return text
 

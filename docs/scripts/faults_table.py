@@ -1,4 +1,4 @@
-"""Write the table of the page on faults from the emulator: ``python docs/scripts/faults_table.py``."""
+"""Write the table in docs/howto/faults.md from the faults of emulators: ``python docs/scripts/faults_table.py``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ BEGIN, END = "<!-- faults -->\n", "<!-- end of faults -->"
 
 
 def page() -> str:
-    """Return the page with the table of all faults."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
+    """Return the text of the page with a new table of all faults."""
+    before, _, following = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = following.partition(END)[2]
     rows = [f"| `{fault.word}` | {fault.effect} | {fault.correct} |" for fault in Fault]
     table = "\n".join(["| name | what it does | a correct program |", "| --- | --- | --- |", *rows])
     return f"{before}{BEGIN}\n{table}\n\n{END}{after}"

@@ -1,9 +1,9 @@
-"""Write docs/file_formats.md: every key of every file that a person edits, from the models that check the files.
+"""Write docs/file_formats.md, which lists every key of every file that a person edits.
 
     python docs/scripts/file_formats.py
 
-The meaning of a key is the text below its field, its unit is the ending of its name, and its example comes from a
-shipped file.
+The keys come from the classes that check the files. The meaning of a key is the text below its field in the class. The
+unit of a key is the ending of its name. The example of a key comes from a shipped file.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ def _document(model: type[Document]) -> str:
 
 
 def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
-    """Return the table [uncertainty]; its keys come from the registry of sources."""
+    """Return the Markdown of the table [uncertainty] of a file, with one row for each source of uncertainty."""
     meanings = {key: f"Standard uncertainty of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
     if file == "calibration":
         meanings[FOCAL_LENGTH] = "Standard uncertainty of the focal length; `eimi calibrate` writes it."
@@ -220,12 +220,12 @@ def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
 def _example(path: str, examples: Mapping[str, str]) -> str:
     example = examples.get(path) or FURTHER_EXAMPLES.get(path)
     if not example:
-        raise ValueError(f"{path} has no example: add one to a shipped file")
+        raise ValueError(f"{path} has no example: add the key to a file in protocols/")
     return example
 
 
 def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
-    """Yield the tables of a document with their names; the document comes first."""
+    """Yield the name and the class of each table in a file, first "" and the class of the file itself."""
     yield name, model
     for key, annotation in _keys(model).items():
         inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)
@@ -313,7 +313,7 @@ def _unit(key: str) -> str:
 
 
 def _meanings(table: type) -> dict[str, str]:
-    """Return the text below each field of a class."""
+    """Return the text below each field of a class, by the name of the field."""
     (node,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
     assert isinstance(node, ast.ClassDef)
     meanings = {}
@@ -325,7 +325,7 @@ def _meanings(table: type) -> dict[str, str]:
 
 
 def _examples(names: tuple[str, ...]) -> dict[str, str]:
-    """Return the keys and values of shipped files, including those in comments."""
+    """Return an example value of each key in the shipped files with these names. Comments are searched too."""
     examples: dict[str, str] = {}
     for name in names:
         table = ""

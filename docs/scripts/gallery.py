@@ -1,4 +1,4 @@
-"""Write docs/gallery.md: the docstring, the picture and the code of every script of examples/.
+"""Write docs/gallery.md, which shows the docstring, the picture and the code of each numbered script in examples/.
 
 python docs/scripts/gallery.py
 """
@@ -27,7 +27,7 @@ def page() -> str:
 
 
 def _entry(script: Path) -> str:
-    """Return the part of the page about one script."""
+    """Return the section of the page about one script."""
     text = script.read_text(encoding="utf-8")
     words = ast.get_docstring(ast.parse(text)) or ""
     title = script.stem[3:].replace("_", " ").capitalize()

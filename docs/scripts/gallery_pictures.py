@@ -1,6 +1,9 @@
-"""Draw the pictures of the gallery: ``python docs/scripts/gallery_pictures.py``, one for each script of examples/.
+"""Draw the pictures of the gallery, one for each numbered script in examples/.
 
-The beams are planar, or solids on a coarse mesh, so that all ten pictures take seconds.
+    python docs/scripts/gallery_pictures.py
+
+The beams are simulated in plane stress or plane strain, or as solids on a coarse mesh. All ten pictures therefore take
+only seconds.
 """
 
 from __future__ import annotations
@@ -40,7 +43,10 @@ NEO_HOOKEAN = LAWS["neo-hookean"]
 
 
 def edges_mm(field_mT: np.ndarray, modulus_Pa: float = 46e3) -> np.ndarray:
-    """Return the left and right edges of K states in mm, (K, 2, m, 2)."""
+    """Return the edges of a Neo-Hookean beam in K fields, mm, shape (K, 2, m, 2).
+
+    The second index is 0 for the left and 1 for the right edge. Each edge has m points.
+    """
     model = BeamModel(BEAM)
     return points_on(
         edge_curves(model, model.solve(NEO_HOOKEAN, np.array([[modulus_Pa]]), Loads.along(field_mT)))[0], 4
@@ -48,7 +54,7 @@ def edges_mm(field_mT: np.ndarray, modulus_Pa: float = 46e3) -> np.ndarray:
 
 
 def draw_hanging(axes: Axes, edges: np.ndarray, **style: object) -> None:
-    """Draw both edges as a camera sees them: y to the right, x down."""
+    """Draw both edges (2, m, 2) of a hanging beam as a camera sees them: y to the right, x down."""
     for edge in edges:
         axes.plot(edge[:, 1], edge[:, 0], **style)  # type: ignore[arg-type]
     axes.set(aspect="equal", xlabel="y, mm", ylabel="x, mm")

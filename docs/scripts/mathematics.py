@@ -1,7 +1,8 @@
-"""Draw the equations of the site: a hook of MkDocs, named in mkdocs.yml.
+"""Draw the equations in the pages of the documentation: a hook of MkDocs, listed in mkdocs.yml.
 
-An equation is a fenced block of the kind ``math`` and holds TeX. GitHub draws such blocks when it shows a Markdown
-file. On the site matplotlib draws them as SVG inside the page, so that a page loads nothing from another host.
+An equation is a fenced block of the kind ``math`` that contains TeX. GitHub draws the equation when it shows the
+Markdown file. For the web site, this hook draws the equation with matplotlib as SVG inside the page. A page therefore
+loads nothing from another host.
 """
 
 from __future__ import annotations
@@ -20,19 +21,19 @@ COMMANDS = {Path.MOVETO: "M", Path.LINETO: "L", Path.CURVE3: "Q", Path.CURVE4: "
 
 
 def on_config(config: Any) -> Any:
-    """Register the drawing of blocks of the kind ``math`` with the Markdown of the site."""
+    """Add the drawing of ``math`` blocks to the configuration of MkDocs, and return the configuration."""
     fences = config["mdx_configs"].setdefault("pymdownx.superfences", {}).setdefault("custom_fences", [])
     fences.append({"name": "math", "class": "math", "format": block})
     return config
 
 
 def block(source: str, *_: object, **__: object) -> str:
-    """Return the HTML of one block; its lines are one equation."""
+    """Return the HTML of a ``math`` block, whose lines together are one equation."""
     return f'<div class="math">{equation(" ".join(source.split()))}</div>'
 
 
 def equation(tex: str) -> str:
-    """Return one equation as an SVG picture in the colour of the text, with its TeX for those who cannot see it."""
+    """Return an equation in TeX as the text of an SVG picture, with the TeX as its description for screen readers."""
     with rc_context({"mathtext.fontset": "stix"}):
         outline = TextPath((0.0, 0.0), f"${tex}$", size=FONT_SIZE_PT)
     box = outline.get_extents().padded(MARGIN_PT)

@@ -1,7 +1,7 @@
-"""Take the pictures of the live page with a headless Chromium: ``python docs/scripts/page_pictures.py``.
+"""Take the pictures of the live page for the documentation: ``python docs/scripts/page_pictures.py``.
 
-The rig is a smaller virtual one with an emulated supply, so no instrument is needed. Look at every picture before you
-commit it.
+The script controls a Chromium browser without a window. The rig is the virtual rig with smaller frames and an emulated
+supply, so that no instrument is needed. Look at every picture before you commit it.
 """
 
 from __future__ import annotations
@@ -39,11 +39,21 @@ WITHOUT_FOLDER = """(body, place) => {
     if (node.data.includes(place)) node.data = node.data.replace(/\\S*\\/(my_runs)/, "$1");
   }
 }"""
-SCALE = 2  # the pictures have half the width and half the height of those of the virtual rig
+SCALE = 2  # the frames have half the width and half the height of the frames of the virtual rig
 
 
 def small_bench(folder: Path, supply: str, coil: str) -> None:
-    """Write the files of the virtual rig with smaller pictures and a coarse beam in the coil of an emulated supply."""
+    """Write the files of a virtual rig with smaller frames and a coarse mesh, whose supply is emulated.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder for the files.
+    supply : str
+        The address of the emulated supply.
+    coil : str
+        The address of its emulated coil, in which the virtual beam hangs.
+    """
     rig = load_rig("virtual")
     assert rig.virtual is not None
     wide, high = (side // SCALE for side in rig.virtual.frame_size_px)
@@ -64,7 +74,7 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
 
 
 def keep(page: Any, name: str) -> None:
-    """Save a picture of the window without the path of the temporary folder."""
+    """Save a picture of the page, in which the path of the temporary folder is removed from all texts."""
     page.locator("body").evaluate(WITHOUT_FOLDER, tempfile.gettempdir())
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     # A palette of fewer colours would be visible in the picture of the camera.
@@ -72,7 +82,7 @@ def keep(page: Any, name: str) -> None:
 
 
 def of_the_bench(browser: Browser, address: str) -> None:
-    """Take the pictures of the bench: idle, running and stopped."""
+    """Take the pictures of the page for runs: before a run, during a run and after a stop."""
     page = browser.new_page(viewport=SIZE)
     page.set_default_timeout(120_000)
     page.goto(address)
@@ -100,7 +110,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
 
 
 def of_a_fit(browser: Browser, address: str) -> None:
-    """Take the picture of a fit."""
+    """Take the picture of the page with the result of a fit."""
     page = browser.new_page(viewport={**SIZE, "height": 1100})
     page.set_default_timeout(300_000)
     page.goto(f"{address}#runs")
@@ -115,7 +125,10 @@ def of_a_fit(browser: Browser, address: str) -> None:
 
 
 def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
-    """Take the picture of calibrating images by hand in dark colours; the frames of the run replace a user's images."""
+    """Take the picture of the page on which a user calibrates pictures by hand, in dark colours.
+
+    The frames of the run take the place of a user's pictures.
+    """
     (folder / "my_pictures").mkdir()
     with open_dataset(folder / "run.h5") as dataset:
         for state in dataset.states:
@@ -137,7 +150,7 @@ def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
 
 
 def main() -> None:
-    """Take all pictures."""
+    """Take all pictures of the live page."""
     FOLDER.mkdir(exist_ok=True)
     emulated = CoilSupply(WallClock())
     with (

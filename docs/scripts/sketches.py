@@ -1,8 +1,8 @@
 """Draw the sketches at the top of the pages under docs/why: ``python docs/scripts/sketches.py [FOLDER]``.
 
-Each is an SVG with its letters as outlines, so that it looks the same everywhere. Sketches explain and contain no
-results, except `paper` and `planning`: the first computes its curves, the second repeats a table of its page. Look at
-every picture before you commit it.
+Each sketch is an SVG file. Its letters are outlines, so that the sketch looks the same on every computer. The sketches
+explain a principle and contain no results, with two exceptions: `paper` computes its curves, and `planning` shows the
+values of a table on its page. Look at every sketch before you commit it.
 """
 
 from __future__ import annotations
@@ -35,27 +35,31 @@ Drawing = Callable[[Axes], None]
 
 
 def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colour: str, style: str = "-|>") -> None:
-    """Draw an arrow between two points."""
+    """Draw an arrow from `start` to `end`."""
     axes.annotate(
         "", end, start, arrowprops={"arrowstyle": style, "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
     )
 
 
 def box(axes: Axes, place: tuple[float, float], size: tuple[float, float], words: str, colour: str) -> None:
-    """Draw a labelled box; place is its lower left corner."""
+    """Draw a box with a text. `place` is the lower left corner of the box."""
     shape = FancyBboxPatch(place, *size, boxstyle="round,pad=0.04", facecolor=colour, edgecolor="black", alpha=0.85)
     axes.add_patch(shape)
     axes.text(place[0] + size[0] / 2, place[1] + size[1] / 2, words, ha="center", va="center", fontsize=9)
 
 
 def bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
-    """Set the limits, hide the axes and make both scales equal."""
+    """Set the limits of both axes, make their scales equal, and hide the axes."""
     axes.set(xlim=x, ylim=y, aspect="equal")
     axes.axis("off")
 
 
 def strip(curvature: float, length: float, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the middle line, the left edge and the right edge of a hanging arc, (n, 2) each: to the right, and up."""
+    """Return the middle line, the left edge and the right edge of a hanging beam that is bent to an arc.
+
+    Each curve has the shape (n, 2), with x to the right and y up. The units are those of `length` and `width`;
+    `curvature` is the inverse of the radius of the arc.
+    """
     s = np.linspace(0, length, 60)
     turn = curvature * s
     step = s[1] - s[0]
@@ -65,7 +69,7 @@ def strip(curvature: float, length: float, width: float) -> tuple[np.ndarray, np
 
 
 def physics(axes: Axes) -> None:
-    """Draw a beam that hangs in a coil, at rest and bent, with the loads and the beam frame."""
+    """Draw a beam that hangs in a coil, both straight and bent, with its loads and the axes of the beam frame."""
     for curvature, alpha in ((0.0, 0.35), (0.032, 1.0)):
         _, left, right = strip(curvature, 30, 3)
         axes.add_patch(Polygon(np.vstack([left, right[::-1]]), facecolor=SILICONE, edgecolor="black", alpha=alpha))
@@ -112,7 +116,7 @@ def section(axes: Axes) -> None:
 
 
 def metric(axes: Axes) -> None:
-    """Draw observed points, the simulated edge and the distances between them."""
+    """Draw measured points, the simulated edge, and the distances of the points from the edge."""
     random = np.random.default_rng(4)
     _, left, right = strip(0.03, 30, 5)
     for edge, colour in ((left, BLUE), (right, ORANGE)):
@@ -134,7 +138,10 @@ def metric(axes: Axes) -> None:
 
 
 def statistics(axes: Axes) -> None:
-    """Draw two densities of the modulus: with noise and mesh only, and with the stated sources."""
+    """Draw two probability densities of the modulus.
+
+    The narrow density contains noise and mesh only. The wide density contains all stated sources of uncertainty.
+    """
     x = np.linspace(-4, 4, 400)
     for width, offset, height, colour, words in (
         (0.25, 0.0, -0.12, BLUE, "noise and mesh alone: interval_95_fit"),
@@ -153,7 +160,7 @@ def statistics(axes: Axes) -> None:
 
 
 def edges(axes: Axes) -> None:
-    """Draw the grey values along a normal of the edge, and the blurred step that is fitted to them."""
+    """Draw the grey values along a normal of the edge, and the blurred step that is fitted to these values."""
     random = np.random.default_rng(2)
     s = np.arange(-8.0, 8.5, 0.5)
     fine = np.linspace(-8, 8, 300)
@@ -171,7 +178,7 @@ def edges(axes: Axes) -> None:
 
 
 def planning(axes: Axes) -> None:
-    """Draw three choices of six fields with the resulting intervals, which are also in the table on the page."""
+    """Draw three choices of six fields, each with the resulting interval. The page has the same values in a table."""
     rows = (
         ("hanging, equal steps: ± 1.27 %", np.linspace(0, 7.05, 6), GREY),
         ("hanging, planned: ± 0.78 %", np.array([2.58, 2.82, 3.06, 3.29, 3.52, 3.76]), BLUE),
@@ -185,7 +192,7 @@ def planning(axes: Axes) -> None:
 
 
 def verification(axes: Axes) -> None:
-    """Draw the stable and unstable equilibria of a straight beam in a field against its magnet."""
+    """Draw the stable and the unstable equilibria of a straight beam in a field opposite to its magnet."""
     axes.plot([0, 1], [0, 0], color=BLUE, lw=2.2, label="stable: a beam stays there")
     axes.plot([1, 2], [0, 0], color=RED, lw=2.2, ls="--", label="unstable: status BUCKLED")
     field = np.linspace(1, 2, 200)
@@ -199,7 +206,7 @@ def verification(axes: Axes) -> None:
 
 
 def speed(axes: Axes) -> None:
-    """Draw the tangents of a batch as blocks of one band matrix."""
+    """Draw the tangent stiffness matrices of several candidates as blocks of one band matrix."""
     for block in range(4):
         start = 3.2 * block
         corners = BLOCK + np.array([start, -start])
@@ -212,7 +219,7 @@ def speed(axes: Axes) -> None:
 
 
 def paper(axes: Axes) -> None:
-    """Draw one tensile curve, Neo-Hookean fits to three windows of it, and the strains of a bending beam."""
+    """Draw a tensile curve, Neo-Hookean fits to three parts of the curve, and the strains in a bending beam."""
     strain = np.linspace(0.005, 1.0, 200)
     law = LAWS["yeoh"]
     stress = engineering_stress(law, ECOFLEX_PA, strain)
@@ -250,7 +257,7 @@ def safety(axes: Axes) -> None:
 
 
 def file_format(axes: Axes) -> None:
-    """Draw the contents of one dataset."""
+    """Draw a list of the contents of a dataset."""
     box(axes, (0, 1.9), (1.7, 0.9), "run.h5", SKY)
     rows = (
         "specimen, protocol, rig, calibration: the text of the files",
@@ -267,7 +274,7 @@ def file_format(axes: Axes) -> None:
 
 
 def decisions(axes: Axes) -> None:
-    """Draw the three packages and their imports."""
+    """Draw the three packages and the imports between them."""
     box(axes, (1.6, 2), (3.4, 0.9), "eimi_lab\nfiles, runs, pictures, report", SKY)
     box(axes, (0, 0), (3.0, 0.9), "eimi_fitting\nnumpy, scipy, cma", SILICONE)
     box(axes, (3.6, 0), (3.0, 0.9), "eimi_drivers\npyserial, pyvisa, opencv", ORANGE)
@@ -278,7 +285,10 @@ def decisions(axes: Axes) -> None:
 
 
 def time(axes: Axes) -> None:
-    """Draw the place of the tip against the logarithm of time: bent, released, ringing, and creeping back."""
+    """Draw the position of the tip against the logarithm of the time.
+
+    The beam is bent, then released. It rings and then creeps back.
+    """
     before, after = np.linspace(-2.6, -2.0, 2), np.linspace(-2.0, 1.8, 4000)
     since = 10**after - 10**-2.0
     creep = 0.28 * np.exp(-since / 0.4) + 0.16 * np.exp(-since / 9.0)
@@ -313,7 +323,7 @@ SKETCHES: dict[str, tuple[Drawing, tuple[float, float]]] = {
 
 
 def main(folder: Path = FOLDER, kind: str = "svg") -> None:
-    """Write all sketches to a folder."""
+    """Write all sketches to a folder, as files of the given kind: "svg" or "png"."""
     folder.mkdir(exist_ok=True)
     plt.rcParams.update({"svg.hashsalt": "eimi-lab", "font.size": 9, "path.simplify_threshold": 0.5})
     for name, (draw, size_in) in SKETCHES.items():

@@ -95,7 +95,7 @@ def test_limits_of_a_delta_that_are_off_are_an_error(bench_of):
     answers = bench.line.receive
     question = b"SYSTEM:LIMITS:CURRENT?\n"
     bench.line.receive = lambda data: b"1.1000,OFF\n" if data == question else answers(data)
-    with pytest.raises(SetPointNotTaken, match=r"was not switched on \(SYSTEM:LIMITS:CURRENT\?\)"):
+    with pytest.raises(SetPointNotTaken, match=r"was not switched on, as the answer to SYSTEM:LIMITS:CURRENT\?"):
         bench.energise()
     assert not bench.coil.state.output
 

@@ -365,7 +365,7 @@ def test_an_aim_tti_is_locked_from_the_first_set_point_until_it_is_off() -> None
 def test_a_supply_of_another_series_is_refused(bench_of: Any) -> None:
     bench = bench_of("aim-tti in process")
     answering(bench, b"*IDN?\n", b"THURLBY THANDAR, PL303, 0, 1.00\r\n")
-    with pytest.raises(InstrumentError, match="none of the series QL, MX, QPX, CPX"):
+    with pytest.raises(InstrumentError, match="none of the series that the driver aim-tti supports: QL, MX, QPX, CPX"):
         bench.supply.identify()
 
 

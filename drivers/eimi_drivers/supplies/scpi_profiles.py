@@ -233,7 +233,7 @@ KEITHLEY_2200 = Profile(
         verify=(("OUTP:TIM:DEL?", None), ("OUTP:TIM?", 1)),
         disarm="OUTP:TIM 0",
         seconds=14400,
-        effect="a timer in the supply switches the output off {seconds} s after switching it on, also in a run",
+        effect="the supply's timer switches the output off {seconds} s after it was switched on, also during a run",
     ),
 )
 
