@@ -1,4 +1,8 @@
-"""Fixtures: an ordinary driver on an emulated supply, over every transport."""
+"""Fixtures that connect supply drivers to emulated supplies.
+
+A link is the text "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp": a driver and the connection to its
+emulated supply.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +24,14 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return every driver over every transport; combinations on real ports that are not in `quick` are marked slow."""
+    """Return the links of all drivers. Links on real ports are marked slow if `quick` does not contain them."""
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return the context that serves a link and gives the driver's address; None for a link within this process."""
+    """Return a function that serves an emulated supply on a link and yields its address; None for "in process"."""
     driver, _, where = link.partition(" ")
 
     @contextmanager
@@ -49,11 +53,11 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Run one check of the conformance suite on the driver and the transport of a link."""
+    """Return a function that runs one check of the conformance suite with the driver of a link."""
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
-        # A busy machine may be slow. The time of an answer is checked in simulated seconds only.
+        # A busy computer may be slow. The limit of 5 s is therefore checked in simulated time only.
         patience_s = 5.0 if link in IN_PROCESS else 60.0
         emulator = partial(emulate, driver)
         check_supply(SUPPLIES[driver], emulator, serve=served(link), answer_within_s=patience_s, checks=[check])
@@ -63,40 +67,40 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """The name of each driver and transport."""
+    """Each link of all drivers in turn."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """The name of each link for checks that wait for seconds on a real port."""
+    """Each link of all drivers in turn. Fewer of them run by default, for checks that wait for seconds."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """Open the bench of `waiting_link`."""
+    """The open bench of the fixture `waiting_link`."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """Open the bench of `link`."""
+    """The open bench of the fixture `link`."""
     with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """Open each driver on an emulator in the same process, in simulated time."""
+    """The open bench of each driver in turn, with an emulated supply in the same process and in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Open the bench of a link, which is named by driver and transport."""
+    """Return a function that opens the bench of a link."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

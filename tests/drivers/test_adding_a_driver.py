@@ -1,4 +1,4 @@
-"""The driver in the documentation works, and is found without a change to this package."""
+"""The driver in the documentation works, and the package finds the driver without a change."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class BenchDialect:
-    """Emulate the supply of the how-to."""
+    """Emulated supply for the driver in docs/howto/add_a_supply.md."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -66,7 +66,7 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
-    """Install the driver of the documentation in a package of its own and return its name."""
+    """Install the driver of the documentation as a separate package, and return the name of the driver."""
     code = next(block for block in blocks("python") if "class BenchSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
@@ -109,7 +109,7 @@ def test_the_shown_check_passes_and_reports_a_faulty_driver(shown_driver, monkey
 
 
 class Nonsense:
-    """Answer every query with an empty line."""
+    """Emulated supply that answers every query with an empty line."""
 
     def __init__(self, supply: CoilSupply) -> None:
         pass

@@ -1,4 +1,4 @@
-"""The driver of GigE Vision cameras over the real protocol: settings, pixel formats, triggers, discovery."""
+"""The driver aravis with an emulated GigE Vision camera: settings, pixel formats, triggers, discovery."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test has a GigE camera, and keep other tests waiting."""
+    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this one."""
     with only_gige_camera():
         yield
 
 
 @pytest.fixture(scope="module")
 def still(alone: None) -> Iterator[CameraProcess]:
-    """Serve a camera whose pictures show a ramp; no test may disturb it."""
+    """An emulated camera whose pictures show a ramp of grey values. Several tests share it and must not change it."""
     with gige_camera(ramp, serial_number="EIMI01", shutter="Rolling") as process:
         yield process
 
@@ -128,7 +128,7 @@ def test_with_a_trigger_input_the_camera_waits_for_its_signal(still: CameraProce
     camera = opened(CameraSettings(trigger="Line0"))
     assert camera.settings.trigger == "Line0"
     with pytest.raises(InstrumentTimeout, match=r"camera 127\.0\.0\.1: no complete frame within 0\.3 s"):
-        camera.grab(0.3)  # nothing is connected to the input
+        camera.grab(0.3)  # nothing is connected to the trigger input
     camera.close()
 
 
@@ -146,7 +146,7 @@ def test_a_camera_that_another_program_controls_is_refused_until_that_program_is
         with pytest.raises(InstrumentError, match="another program controls this camera"):
             opened()
         other.kill()
-    opened().close()  # the camera ends the control of a program that is gone
+    opened().close()  # the camera ends the control by a program that has ended
 
 
 @needs_aravis

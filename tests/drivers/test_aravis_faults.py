@@ -1,4 +1,4 @@
-"""GigE Vision cameras that lose packets, vanish, come back, or have another camera in their place."""
+"""GigE Vision cameras that lose packets, disappear, return, or are replaced by another camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test has a GigE camera, and keep other tests waiting."""
+    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this module."""
     with only_gige_camera():
         yield
 
@@ -45,7 +45,7 @@ _opened: list[AravisCamera] = []
 
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    """Close the cameras of a test that failed, because the next test uses the same one."""
+    """Close all open cameras after a test. After a failed test, the next test could not open the camera otherwise."""
     yield
     while _opened:
         _opened.pop().close()
@@ -53,7 +53,7 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """Hold a camera that several tests use one after another, because the start of its process takes long."""
+    """A list with the emulated camera that several tests share, because the start of its process takes long."""
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -62,7 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """Serve a camera of numbered pictures; if the camera of the previous test still runs, return that camera."""
+    """The shared emulated camera, whose pictures contain their number. It is started again if it has ended."""
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -74,7 +74,7 @@ def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
 
 @pytest.fixture
 def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
-    """Serve a camera that has not exposed a picture yet."""
+    """A new emulated camera, which has not exposed a picture yet."""
     end(kept)
     with gige_camera(serial_number="EIMI01") as process:
         yield process
@@ -82,7 +82,7 @@ def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess
 
 @pytest.fixture
 def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
-    """End the camera of the previous test."""
+    """End the shared emulated camera, so that a test can serve its own camera."""
     end(kept)
 
 
@@ -117,7 +117,7 @@ def test_a_region_that_the_camera_rounds_is_an_error(none_served: None) -> None:
 
 @needs_aravis
 def test_frame_numbers_go_on_when_the_counter_of_the_camera_begins_again(fresh: CameraProcess) -> None:
-    camera = opened(CameraSettings(region=(0, 0, 8, 8)))  # the emulated counter begins at 65400
+    camera = opened(CameraSettings(region=(0, 0, 8, 8)))  # the counter of the emulated camera begins at 65400
     numbers = [camera.grab(GRAB_S).number for _ in range(150)]
     camera.close()
     assert numbers[0] < 65535 < numbers[-1]
@@ -137,7 +137,7 @@ def test_no_frame_with_lost_packets_is_returned_and_each_is_counted(
     lost = camera.lost_frames
     assert sum(lost.values()) == numbers[-1] - numbers[0] + 1 - frames + (numbers[0] - 65401)
     assert (sum(lost.values()) > 0) == (share == 0.02) or share == 0.001
-    for frame in taken:  # the picture of the exposure with this number, and nothing else
+    for frame in taken:  # every pixel contains the number of the exposure
         assert np.unique(frame.image).tolist() == [(frame.number - 65401) % 250]
     assert lost.keys() <= {"timeout before all packets came", "missing packets", "no packet"}
 
@@ -211,7 +211,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that takes half a second to return a picture."""
+    """Return a function that returns a picture after half a second."""
     picture = numbered()
 
     def slowly() -> np.ndarray:

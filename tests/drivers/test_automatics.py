@@ -1,6 +1,7 @@
-"""A camera's automatic exposure and gain are switched off before a value is set, and only where a value is asked for.
+"""The drivers switch automatic exposure and gain off before they set a value, and only if a value is requested.
 
-An automatic control would undo the setting after it was read back. The cameras are replaced by their settings.
+An automatic control would change the value after the driver has read it back. The tests use objects that contain only
+the settings of a camera.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """A stand-in for Aravis that records each call of a setter; `automatic` names the automatic controls."""
+    """Object that takes the place of Aravis and records the calls that set a value.
+
+    `automatic` contains the quantities with an automatic control: "exposure", "gain" or both.
+    """
 
     def __init__(self, *automatic: str) -> None:
         self._automatic = automatic
@@ -70,7 +74,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A feature of a GenICam camera; it records each value that is set in a log."""
+    """A feature of a GenICam camera that records each new value in a log."""
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value
@@ -87,7 +91,7 @@ class Node:
 
 
 class Nodes:
-    """The features of a GenICam camera."""
+    """The features of a GenICam camera, by their names."""
 
     def __init__(self, **values: Any) -> None:
         self.log: list[tuple[str, Any]] = []
@@ -110,7 +114,7 @@ FEATURES = {
 
 
 def gentl(nodes: Nodes) -> GenTLCamera:
-    """Return a GenTL camera with these features and nothing else."""
+    """Return a GenTL camera that has only the features in `nodes`."""
     camera = object.__new__(GenTLCamera)
     camera._nodes = nodes
     camera._api = SimpleNamespace(is_readable=lambda node: True, AccessException=KeyError)
@@ -132,7 +136,7 @@ def test_gentl_switches_automatic_controls_off(automatic: dict[str, str]) -> Non
 
 
 def test_a_gentl_region_is_set_with_its_offsets_at_zero_first() -> None:
-    """A larger size may not fit with the old offsets."""
+    """With the old offsets a larger region may not fit into the sensor."""
     nodes = Nodes(**FEATURES)
     read_back = gentl(nodes)._set_up(CameraSettings(region=(8, 16, 700, 500)))
     assert read_back.region == (8, 16, 700, 500)

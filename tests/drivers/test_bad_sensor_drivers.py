@@ -1,4 +1,4 @@
-"""Every check of a sensor driver fails for a driver that lacks the property, and the message names the check."""
+"""Every check of sensor drivers fails for a faulty driver, and the message contains the name of the check."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Slow(TextLine):
 
 
 class LastValue(TextLine):
-    """Answer with the last value if the instrument does not answer."""
+    """Faulty driver that returns the last value if the instrument does not answer."""
 
     errors: tuple[type[Exception], ...] = (InstrumentTimeout,)
     last: SensorReading | None = None
@@ -62,7 +62,7 @@ class LastValueForGarbage(LastValue):
 
 
 class Offended(TextLine):
-    """Never read again after one failure."""
+    """Faulty driver that reads no more values after one error."""
 
     failed: Exception | None = None
 
@@ -77,7 +77,7 @@ class Offended(TextLine):
 
 
 class KeepsLateAnswers(TextLine):
-    """Keep the bytes that came after the time limit for the next query."""
+    """Faulty driver that uses an answer after the time limit for the next query."""
 
     late: SensorReading | None = None
 
@@ -94,13 +94,13 @@ class KeepsLateAnswers(TextLine):
 
 
 class Hasty(TextLine):
-    """Wait for an answer for 0.1 s only."""
+    """Faulty driver that waits only 0.1 s for an answer."""
 
     timeout_s = 0.1
 
 
 class RaisesAnything(TextLine):
-    """Raise an error of Python where the instrument fails."""
+    """Faulty driver that raises RuntimeError instead of an InstrumentError."""
 
     def read(self) -> SensorReading:
         try:

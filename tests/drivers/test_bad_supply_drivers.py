@@ -1,4 +1,4 @@
-"""Checks of a supply driver fail for a driver that lacks the property, and the message names the check."""
+"""Checks of supply drivers fail for a faulty driver, and the message contains the name of the check."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class GivesUpAfterTheFirst(Scpi):
-    """Send nothing more if the first message of `safe_off` fails."""
+    """Faulty driver that sends nothing more if the first message of `safe_off` fails."""
 
     def safe_off(self) -> Any:
         self.set_current(0.0)
@@ -34,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """Switch off when the line is closed."""
+    """Faulty driver that switches the output off when the line is closed."""
 
     def close(self) -> None:
         self._send_output(False)
@@ -42,7 +42,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """Return the last reading if the instrument does not answer."""
+    """Faulty driver that returns the last measured values if the instrument does not answer."""
 
     last: Reading | None = None
 

@@ -1,4 +1,4 @@
-"""Basler cameras on Basler's own emulator, and the error without pypylon."""
+"""The driver of Basler cameras with Basler's own emulated cameras, and its error without pypylon."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.patience import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def two_cameras():
-    """Start Basler's emulator with two cameras; it reads its variable when pypylon is first used."""
+    """Request two emulated cameras from pypylon, which reads the environment variable when it is first used."""
     before = os.environ.get("PYLON_CAMEMU")
     os.environ["PYLON_CAMEMU"] = "2"
     pytest.importorskip("pypylon.pylon", reason="needs pypylon: pip install 'eimi-lab[basler]'")
@@ -102,7 +102,7 @@ def test_with_a_frame_rate_the_camera_runs_freely(two_cameras):
 
 def test_a_late_frame_is_not_returned_for_the_next_grab(camera):
     with pytest.raises(InstrumentTimeout, match=r"no frame within 0\.001 s"):
-        camera.grab(0.001)  # the emulator takes ten times that
+        camera.grab(0.001)  # the emulated camera takes ten times as long
     time.sleep(0.3)
     assert camera.grab(PATIENCE_S).number == 1
 

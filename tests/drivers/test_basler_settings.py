@@ -1,6 +1,6 @@
-"""Settings of a Basler camera on a replacement for pypylon that has only the nodes which the driver uses.
+"""Settings of Basler cameras, with a replacement for pypylon that has only the features that the driver uses.
 
-`test_basler_camera` tests the driver with pypylon and the emulator of Basler.
+`test_basler_camera` tests the driver with pypylon and the emulated cameras of Basler.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class OutOfRange(Exception):
 
 
 class Node:
-    """A setting that takes a new value, or keeps the old value."""
+    """A feature of a camera that accepts a new value, or keeps the old value."""
 
     def __init__(self, value: Any, stuck: bool = False) -> None:
         self._value, self._stuck = value, stuck
@@ -39,7 +39,7 @@ class Node:
 
 
 class Result:
-    """The result of a grab: a frame, or None if no frame came in time."""
+    """The result of a grab in pypylon. It contains the number of a frame, or None if no frame arrived in time."""
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -67,7 +67,10 @@ class Result:
 
 
 class Device:
-    """A camera with an exposure of 10 ms. A trigger gives one frame, which the first `late` polls do not find."""
+    """A camera with an exposure of 10 ms, which delivers one frame for each trigger.
+
+    If `late` is True, the next wait for a frame returns without the frame.
+    """
 
     def __init__(self, stuck: str = "") -> None:
         defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}
@@ -114,7 +117,7 @@ class Device:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    """Return the camera that the replacement of pypylon lists."""
+    """The camera that the replacement for pypylon lists."""
     camera = Device()
     attached = SimpleNamespace(GetSerialNumber=lambda: "4711")
     factory = SimpleNamespace(EnumerateDevices=lambda: [attached], CreateDevice=lambda device: device)
@@ -198,7 +201,7 @@ def test_a_frame_of_an_earlier_trigger_is_not_returned(device: Device) -> None:
     device.late = True
     with pytest.raises(InstrumentTimeout):
         camera.grab(0.01)
-    assert device.ready == [1]  # it came after its time was up
+    assert device.ready == [1]  # the frame arrived after the timeout
     frame = camera.grab(1.0)
     assert (frame.number, int(frame.image[0, 0]), frame.timestamp_s) == (2, 2, 5.0)
 

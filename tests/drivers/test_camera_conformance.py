@@ -1,4 +1,4 @@
-"""Cameras pass the conformance suite: on files, on a simulated device, and on Basler's emulator."""
+"""Camera drivers pass the conformance suite with files, with a simulated device and with Basler's emulated cameras."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
 class Device:
-    """Replace a device of OpenCV: a frame comes every millisecond, until the device hangs or is unplugged."""
+    """Simulated device for OpenCV that delivers a frame every millisecond until it is stopped or unplugged."""
 
     frozen, unplugged = False, False
 
@@ -88,7 +88,7 @@ def test_a_basler_camera_conforms(monkeypatch, check):
 
 
 class Sloppy:
-    """A camera that returns the same buffer for every frame, and is correct otherwise."""
+    """Camera that returns the same array for every frame. Everything else is correct."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if settings != CameraSettings():
@@ -114,14 +114,14 @@ class Sloppy:
 
 
 class Restarting(Sloppy):
-    """A camera that starts its frame numbers again at 1 after a flush."""
+    """Camera whose frame numbers begin at 1 again after a flush."""
 
     def flush(self) -> None:
         self.number = 0
 
 
 class Unending(Sloppy):
-    """A camera whose grab never returns after it was closed."""
+    """Camera whose `grab` does not return after `close`."""
 
     def grab(self, timeout_s: float) -> Frame:
         if self.closed:
@@ -130,7 +130,7 @@ class Unending(Sloppy):
 
 
 class Colourful(Sloppy):
-    """A camera that returns colours as floating-point numbers."""
+    """Camera that returns colours as floating-point numbers."""
 
     def grab(self, timeout_s: float) -> Frame:
         frame = super().grab(timeout_s)
@@ -138,14 +138,14 @@ class Colourful(Sloppy):
 
 
 class Crashing(Sloppy):
-    """A camera with a programming error."""
+    """Camera with a programming error in `identify`."""
 
     def identify(self) -> Identity:
         return self.nothing
 
 
 class Careless(Sloppy):
-    """A camera that ignores its settings."""
+    """Camera that ignores the requested settings."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         super().__init__(source, CameraSettings())

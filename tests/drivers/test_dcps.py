@@ -1,6 +1,6 @@
-"""The instrument classes of dcps, and messages from the manuals, work with the emulated supplies over TCP.
+"""The instrument classes of the package dcps, and messages from the manuals, work with the emulated supplies over TCP.
 
-dcps comes with the extra `bench`; without it the tests of its classes are skipped.
+dcps is installed with the extra `bench`. Without dcps the tests of its classes are skipped.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def test_the_class_for_the_pl_series_of_dcps_drives_an_aim_tti() -> None:
                 ("INST:NSEL?;:VOLT?", "2;5.000000E+00"),
                 ("OUTP:TRAC ON", None),
                 ("OUTP:TRAC?", "1"),
-                ("INST N25V;:VOLT -7", None),  # tracking: +25 V follows -25 V
+                ("INST N25V;:VOLT -7", None),  # while tracking is on, the output +25 V follows the output -25 V
                 ("INST P25V;:VOLT?", "7.000000E+00"),
                 ("OUTP ON;:OUTP?", "1"),
                 ("*RST;:OUTP:TRAC?;:OUTP?", "0;0"),

@@ -1,4 +1,4 @@
-"""The list of attached instruments."""
+"""The search for attached instruments lists them with their drivers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulated supply with its coil, in process, on a pseudo-terminal and on TCP."""
+"""The emulated supply with its coil: in the same process, on a pseudo-terminal and on a TCP port."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_current_follows_with_the_time_constant():
     assert coil.coil_current_A() == 0.0
     clock.sleep(0.5)
     assert coil.coil_current_A() == pytest.approx(0.8 * (1 - math.exp(-1)))
-    coil.set_current(0.2)  # on the way up: from where it is
+    coil.set_current(0.2)  # while the current still rises
     clock.sleep(1.0)
     assert coil.coil_current_A() == pytest.approx(0.2 + (0.8 * (1 - math.exp(-1)) - 0.2) * math.exp(-2))
     coil.switch(False)
@@ -166,7 +166,8 @@ def test_the_current_of_a_warm_coil_falls_at_the_voltage_limit():
 def test_the_inductance_shows_in_the_voltage():
     clock = SimulatedClock()
     coil = energised(clock)  # L = 4 ohm x 0.5 s = 2 H
-    assert coil.read().voltage_V == pytest.approx(2.0 * 0.8 / 0.5)  # no current yet: all of it is L dI/dt
+    # No current flows yet, so that the whole voltage is L dI/dt.
+    assert coil.read().voltage_V == pytest.approx(2.0 * 0.8 / 0.5)
     coil.set_current(0.0)
     clock.sleep(0.1)
     assert coil.read().voltage_V == pytest.approx(0.0, abs=1e-9)

@@ -120,7 +120,7 @@ def test_a_genesys_is_addressed_again_after_it_did_not_answer():
 
     supply = SUPPLIES["genesys"](InProcessTransport(Restarted(), clock), LIMITS, clock)
     supply.set_current(0.5)
-    del dialects[0]  # switched off and on
+    del dialects[0]  # the supply is switched off and on
     with pytest.raises(InstrumentTimeout):
         supply.measure()
     supply.set_current(0.2)
@@ -161,14 +161,14 @@ def test_an_error_that_a_genesys_answers_is_raised(bench_of):
         ("aim-tti", 13.2),
         *((driver, 13.2) for driver in ("keysight-e36312a", "keysight-n6700", "keysight-n6900", "keysight-rp7900")),
         *((driver, 13.2) for driver in ("keithley-2200", "keithley-2260b", "bk-xln", "owon-spe")),
-        ("genesys", 13.53),  # 5 % of its 30 V above the limit
+        ("genesys", 13.53),  # the limit plus 5.1 % of the rated 30 V
     ],
 )
 def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of, driver, level_V):
     bench = bench_of(f"{driver} in process")
     bench.energise()
     assert bench.coil.state.trip_voltage_V == pytest.approx(level_V)
-    bench.coil.set_voltage(20.0)  # as at the front panel
+    bench.coil.set_voltage(20.0)  # as a person does at the front panel
     bench.coil.set_current(4.0)
     bench.clock.sleep(1.0)
     with pytest.raises(ProtectionTripped):
@@ -192,7 +192,7 @@ LEVELS = {
     "bk-xln": b"OISET 1.100\r\n",
     "owon-spe": b"CURR:LIM 1.100\n",
 }
-"""The message that sets the level of a protection, for each family that has one; Genesys has a test of its own."""
+"""The message that sets the level of a protection, by family. A separate test checks Genesys."""
 
 SWITCHES = {
     "keysight-e3632a": b"CURR:PROT:STAT ON\n",
@@ -202,7 +202,7 @@ SWITCHES = {
     "keithley-2200": b"VOLT:PROT:STAT 1\n",
     "bk-xln": b"OCP 1\r\n",
 }
-"""The message that switches a protection on."""
+"""The message that switches a protection on, by family."""
 
 
 def test_every_family_with_protections_is_covered():
@@ -215,10 +215,10 @@ def test_a_protection_that_is_not_taken_is_an_error_and_the_output_stays_off(ben
     bench = bench_of(f"{driver} in process")
     if driver in {"keysight-e3632a", "keysight-e364x"} and message in SWITCHES.values():
         for word in (b"CURR", b"VOLT"):
-            bench.line.receive(word + b":PROT:STAT OFF\n")  # on after power-up
+            bench.line.receive(word + b":PROT:STAT OFF\n")  # the protection is on after power-up
             bench.line.receive(b"*CLS\n")
     bench.line.inject(Fault.SILENCE, lambda data: data == message)
-    with pytest.raises(SetPointNotTaken, match=r"its own protection|its voltage limit"):
+    with pytest.raises(SetPointNotTaken, match=r"the (protections?|protection level|voltage limit) of the supply"):
         bench.energise()
     assert message not in bench.sent[-1:]
     assert bench.coil.coil_current_A() == 0.0
@@ -307,7 +307,7 @@ def test_a_genesys_accepts_the_limits_with_any_earlier_level_of_its_protection(o
     supply.set_output(True)
     assert dialect.ovp_V == pytest.approx(13.53)
     supply.safe_off()
-    link.write(b"OVP 12.5\r")  # less than the voltage and 5 % of 30 V
+    link.write(b"OVP 12.5\r")  # less than the voltage set-point plus 5 % of 30 V
     assert link.read(16, 1.0, b"\r") == b"E04\r"
 
 
@@ -337,7 +337,7 @@ def test_a_supply_on_a_serial_line_is_moved_into_remote_mode(driver):
     with serve_pty(FaultyInstrument(emulate(driver, coil))) as address:
         with serial.Serial(address, timeout=0.1) as port:
             port.write(b"*IDN?\n")
-            assert port.read(100) == b""  # lost, as the supply is still in local mode
+            assert port.read(100) == b""  # the query is lost, because the supply is still in local mode
         supply = open_supply(driver, address, LIMITS)
         supply.set_voltage(5.0)
         supply.set_current(0.5)

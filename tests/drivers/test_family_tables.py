@@ -1,6 +1,6 @@
-"""The numbers of every table of the drivers, against tables that are written here from the manuals and standards.
+"""Compare the tables in the drivers with tables that were written here from the manuals and standards.
 
-A new family, format, unit or model fails until its numbers are added here.
+If a driver has a new family, format, unit or model, the tests fail until its numbers are added here.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from eimi_drivers.supplies.transport import InProcessTransport
 
 @dataclass(frozen=True)
 class Family:
-    """The numbers of a family.
+    """The numbers of a family of supplies.
 
-    channels: the lowest and the highest. off_A: largest current that a healthy emulated unit shows at zero. line: speed
-    (bit/s) and stop bits of its serial line. watchdog_s: time of its own timer; None without one. steps: of current (A)
-    and voltage (V).
+    channels : the lowest and the highest channel
+    off_A : the largest current with which an emulated supply counts as off, A
+    line : the speed (bit/s) and the number of stop bits of the serial line
+    watchdog_s : the time of the timer inside the supply, s; None without a timer
+    steps : the steps of the set-points of current (A) and voltage (V)
     """
 
     channels: tuple[int, int] = (1, 1)
@@ -62,7 +64,7 @@ FAMILIES = {
     "keithley-2260b": Family(off_A=0.072),  # 0.1 % of 72 A
     "delta-sm15k": Family(off_A=0.1, watchdog_s=10),
     "delta-psc-eth": Family(off_A=0.05, watchdog_s=10),
-    "genesys": Family(channels=(0, 30), default_channel=6, off_A=0.003 * 50.0, steps=(0.01, 0.01)),  # a GEN30-50
+    "genesys": Family(channels=(0, 30), default_channel=6, off_A=0.003 * 50.0, steps=(0.01, 0.01)),  # 0.3 % of 50 A
     "kepco-bop": Family(off_A=0.05, steps=(0.01, 0.01), bipolar=True),
     "kepco-bit4886": Family(off_A=0.05, steps=(0.01, 0.01), bipolar=True),
     "aim-tti": Family(channels=(1, 3), steps=(0.01, 0.01)),
@@ -110,7 +112,7 @@ def test_a_channel_beyond_those_of_the_family_is_refused(driver: str) -> None:
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """After a level is set, the driver asks for the level; after a protection is switched on, it asks for its state."""
+    """The driver asks for every level that it has set, and for every switch of a protection."""
     for profile in PROFILES:
         asked = {question for question, _ in profile.armed}
         for message in profile.protect:
@@ -217,7 +219,7 @@ def test_the_smallest_grey_format_of_a_depth_is_chosen() -> None:
 
 
 def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
-    """ArvBufferStatus, arvbuffer.h of Aravis 0.8."""
+    """Source: ArvBufferStatus in arvbuffer.h of Aravis 0.8."""
     assert {code: words.split()[0] for code, words in BUFFER_STATUS.items()} == {
         **{-1: "unknown", 0: "success", 1: "cleared", 2: "timeout", 3: "missing", 4: "wrong"},
         **{5: "size", 6: "still", 7: "aborted", 8: "payload"},
@@ -225,7 +227,7 @@ def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
 
 
 def test_the_units_of_gaussmeters() -> None:
-    """1 T = 1000 mT, 1 G = 0.1 mT; 1 Oe is 1 G in air; 1 A/m is mu0 in air."""
+    """1 T = 1000 mT and 1 G = 0.1 mT. In air, 1 Oe is 1 G, and 1 A/m is 4 pi 10^-7 T."""
     assert fw_bell._MILLITESLA == {"G": 0.1, "T": 1000.0}
     # Model 425 User's Manual, UNIT: 1 gauss, 2 tesla, 3 oersted, 4 ampere per metre
     assert lake_shore.MILLITESLA.keys() == {"1", "2", "3", "4"}
@@ -233,7 +235,7 @@ def test_the_units_of_gaussmeters() -> None:
 
 
 def test_the_numbers_of_usb_devices() -> None:
-    """The USB ID Repository (usb.ids), and cp210x.c of Linux for the gaussmeters."""
+    """Sources: the USB ID Repository (usb.ids), and cp210x.c of Linux for the gaussmeters."""
     assert {(0x0416, 0x5011)} == KORAD_USB_IDS
     assert SENSOR_USB_IDS == {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
     assert BOARD_USB_VENDORS == {

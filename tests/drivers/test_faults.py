@@ -1,4 +1,4 @@
-"""Faults of the emulated supplies: no driver reports a coil as off while a current flows."""
+"""With every fault of an emulated supply, no driver reports that the coil is off while a current flows."""
 
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ LIMITS = Limits(current_A=1.0, voltage_V=12.0)
 SWITCHED_OFF = {
     Fault.SLOW, Fault.DROP, Fault.DRIFT, Fault.FALLEN, Fault.OFFSET, Fault.HUNTING, Fault.TRIP, Fault.BROWNOUT
 }  # fmt: skip
-"""The faults with which a driver can switch the coil off and confirm it."""
+"""The faults with which a driver can switch the coil off and confirm that it is off."""
 
 
 class ReopenedTransport(InProcessTransport):
-    """A line that fails from a cut until it is reopened, which is impossible if it is lost for good."""
+    """Line on which every message fails after a cut, until the line is reopened.
+
+    If the emulated line is lost permanently, reopening raises InstrumentDisconnected.
+    """
 
     def __init__(self, line: FaultyInstrument, clock: SimulatedClock) -> None:
         super().__init__(line, clock)
@@ -100,7 +103,7 @@ def test_a_supply_that_slept_is_switched_off_when_it_answers_again(driver: str) 
 def test_a_supply_that_wakes_while_it_is_switched_off_is_identified() -> None:
     bench = Bench("genesys")
     bench.begin(Fault.SLEEP)
-    while bench.coil.state.output:  # an attempt takes longer than the rest of the sleep
+    while bench.coil.state.output:  # repeat until the supply answers again
         with suppress(SwitchOffFailed):
             bench.supply.safe_off()
     assert bench.supply.safe_off().current_A < off_limit_A(bench.supply)
@@ -168,7 +171,7 @@ def eimi_emulate(*arguments: str) -> subprocess.Popen[str]:
 
 
 def line_with(emulator: subprocess.Popen[str], pattern: str) -> str:
-    """Return the first group of the next line of output that matches."""
+    """Return the first group of `pattern` in the next line of the emulator's output that matches."""
     assert emulator.stdout is not None
     for text in emulator.stdout:
         if match := re.search(pattern, text):
@@ -218,7 +221,7 @@ def test_a_port_that_was_unplugged_can_be_reopened() -> None:
                 supply.set_output(True)
             assert line_with(emulator, "the fault (drop) begins")
             until = time.monotonic() + PATIENCE_S
-            while True:  # the port needs a moment to return
+            while True:  # the port exists again after a short time
                 try:
                     off = supply.safe_off()
                     break

@@ -1,4 +1,4 @@
-"""Errors of the driver of another package are raised as an InstrumentError in one line."""
+"""Every error of another package's driver is raised as an InstrumentError with one line of text."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class VendorError(Exception):
 
 
 class Vendor:
-    """A supply whose member `fails` raises an error."""
+    """Supply of another package. The member whose name is in `fails` raises `error`."""
 
     fails = ""
     error: BaseException = VendorError("code 7\nsee the manual")
@@ -93,7 +93,7 @@ class Vendor:
 
 @pytest.fixture
 def vendor(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return a function that sets attributes of the driver, which is added for this test."""
+    """Add the driver `Vendor` for one test, and return a function that sets attributes of this driver."""
     SUPPLIES["vendor"] = Vendor
     yield lambda **values: [monkeypatch.setattr(Vendor, name, value) for name, value in values.items()]
     del SUPPLIES["vendor"]

@@ -1,7 +1,7 @@
-"""Damaged replies through every driver: an error or the stated value, in time, and never a wrong set-point.
+"""Damaged replies never lead to a wrong set-point: a driver returns the value in the reply or raises an error in time.
 
-The emulated supply obeys every message, or none (a locked front panel); the replies are damaged on the line. The
-long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
+The emulated supply obeys every message, or no message if its front panel is locked. The replies are damaged on the
+line. The long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Found = TypeVar("Found")
 
 
 def flipped(bit: int) -> Spoil:
-    """Flip one bit of the reply."""
+    """Return a function that flips one bit of a reply."""
 
     def spoil(reply: bytes) -> bytes:
         if not reply:
@@ -77,7 +77,10 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """A line that damages the reply to every query, in one way after the other, and keeps the replies."""
+    """Line that damages the reply to every query and stores the damaged replies.
+
+    The functions in `spoils` are applied to the replies in turn.
+    """
 
     instrument: Responder
     spoils: list[Spoil]
@@ -95,7 +98,7 @@ class FuzzedLine:
 
 
 def said(reply: bytes, driver: str) -> float:
-    """Return the number that a whole reply states, as a person would read it."""
+    """Return the number in a complete reply, independently of the drivers."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")
@@ -106,7 +109,21 @@ def said(reply: bytes, driver: str) -> float:
 
 
 def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
-    """Give damaged replies to every method of a driver."""
+    """Call every method of a driver on a line with damaged replies, and check the results.
+
+    Parameters
+    ----------
+    driver : str
+        The name of the driver.
+    spoils : list of functions
+        The functions that damage the replies.
+    milliamperes : int
+        The current set-point that is requested, mA.
+    locked : bool
+        True if the supply obeys no command.
+    figures : Counter
+        Counts the outcomes.
+    """
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     line = FuzzedLine(emulate(driver, coil), spoils)
@@ -120,10 +137,13 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     asked_A = float(Decimal(milliamperes) / 1000 // step_A * step_A)
 
     has_modes = getattr(getattr(SUPPLIES[driver], "profile", None), "modes", ())
-    reset = (0.0,) if has_modes else ()  # a change of the mode sets both to zero
+    reset = (0.0,) if has_modes else ()  # a change of the mode sets both set-points to zero
 
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
-        """Return the value of `act`, None after a driver error; at most `questions` queries of `act` may time out."""
+        """Call `act`, and return its value or None after an InstrumentError.
+
+        The call must end within the time in which `questions` queries time out.
+        """
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()
         returned = None
@@ -141,7 +161,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
         taken = attempt(lambda: act() or True)
         assert in_force() in (before, asked, *reset), "a set-point that was not requested"
         if taken and in_force() != asked:
-            # The instrument took nothing, and its spoilt answer happened to claim that it had.
+            # The instrument did not accept the set-point, but the damaged reply is equal to the requested set-point.
             assert abs(said(line.handed_out[-1], driver) - asked) <= 1.001 * step
             figures["false confirmations on the wire"] += 1
 
@@ -162,7 +182,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Call the methods of a driver until this number of replies was damaged."""
+    """Call the methods of a driver until the given number of replies was damaged."""
     figures: Counter[str] = Counter()
 
     @given(

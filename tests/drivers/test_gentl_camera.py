@@ -1,4 +1,4 @@
-"""Cameras of a GenTL producer, on the test producer of the package genicam, which has no trigger and no exposure."""
+"""The driver gentl with the test producer of the package genicam, whose camera has no trigger and no exposure time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GRAB_S = 20.0
 
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the file of the test producer, which is named in the environment as a vendor's installer does it."""
+    """Set the environment variable of the GenTL producers as an installer does, and return the producer's file."""
     genicam = pytest.importorskip("genicam", reason="needs harvesters: pip install 'eimi-lab[gentl]'")
     folder = Path(genicam.__file__).parent
     if not list(folder.glob("*.cti")):

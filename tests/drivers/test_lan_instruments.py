@@ -1,4 +1,4 @@
-"""Instruments that announce themselves on the network are listed with their address and their driver."""
+"""The search lists instruments that announce themselves on the network, with their addresses and drivers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ TTI = announced(
 
 
 def announce_and_list(deadline: float) -> tuple[LanInstrument, ...]:
-    """Announce a TTi supply on the loopback, and list the instruments until one appears or the time is over."""
+    """Announce an Aim-TTi supply on the loopback interface, and repeat the search until it lists an instrument.
+
+    The search ends without an instrument at the time `deadline` (s, clock of `time.monotonic`).
+    """
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)
         instruments = list_lan_instruments(interfaces=LOOPBACK)
@@ -43,7 +46,7 @@ def test_an_instrument_on_the_network_is_listed_with_its_driver() -> None:
         try:
             instruments = announce_and_list(deadline)
             break
-        except EventLoopBlocked:  # zeroconf waits 10 s at most for its own thread, which a busy computer can delay
+        except EventLoopBlocked:  # zeroconf waits at most 10 s for its thread, which a busy computer can delay
             if time.monotonic() > deadline:
                 raise
     instrument = next(each for each in instruments if "521236" in each.text)

@@ -1,4 +1,4 @@
-"""Which answers of an instrument are accepted, and how long a line may take."""
+"""The drivers accept only answers within a tolerance, and every exchange on a line has a time limit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport,
 
 
 class Rounding(KoradDialect):
-    """A supply whose set-point reads back with an added error."""
+    """Emulated supply that reports its set-point with an added error."""
 
     more_A = 0.0
 
@@ -49,7 +49,7 @@ def test_a_read_back_may_differ_by_at_most_one_step(more_A: float, believed: boo
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
 def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "WRITE_TIMEOUT_S", 0.2)
-    far, near = os.openpty()  # the far end is not read
+    far, near = os.openpty()  # no program reads from the far end
     try:
         line = SerialTransport(os.ttyname(near))
         with pytest.raises(InstrumentTimeout, match="takes no more bytes"):

@@ -1,4 +1,4 @@
-"""A single fault of the line or of a driver leaves no output on, and no other program can use the port."""
+"""After a single fault of the line or of a driver the output is off, and no other program can use the port."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_line_that_was_dropped_once_is_reopened_and_the_output_goes_off(serve,
         supply.safe_off()
         assert not coil.state.output
         assert coil.state.set_current_A == 0.0
-        assert supply.measure().current_A == pytest.approx(0.0, abs=0.5)  # and the line is good for more
+        assert supply.measure().current_A == pytest.approx(0.0, abs=0.5)  # the line still works
 
 
 def test_a_dropped_hislip_line_is_an_error_of_the_instrument() -> None:

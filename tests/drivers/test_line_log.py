@@ -1,4 +1,7 @@
-"""The log of a line counts messages and faults and passes everything on; a cut answer is named in a message."""
+"""The log of a line counts messages and faults without a change of the messages.
+
+An incomplete answer appears in the message of its error.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """A line with a list of answers; an error in the list is raised in place of an answer."""
+    """Line that returns the answers in a list one after the other. An error in the list is raised."""
 
     address = "/dev/ttyX"
 
@@ -68,7 +71,7 @@ def test_a_logged_line_passes_everything_on_and_counts_it(caplog: pytest.LogCapt
     assert "/dev/ttyX < b'1.0\\n'" in said
     assert "/dev/ttyX: InstrumentTimeout: /dev/ttyX: no complete answer" in said
     assert "/dev/ttyX: InstrumentDisconnected: /dev/ttyX: unplugged" in said
-    assert said[-1].startswith("/dev/ttyX: 3 messages, 1 answers, the slowest after 0.250 s; 2 faults")
+    assert said[-1].startswith("/dev/ttyX: 3 messages, 1 answers, the slowest answer after 0.250 s; 2 faults")
     assert said[-1].endswith(" 1 times")
 
 

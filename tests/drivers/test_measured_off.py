@@ -45,7 +45,10 @@ def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("driver", DIALECTS)
 def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
-    """Genesys (0.3 % of the rating) and Kepco (50 mA) have assumed offsets; that of the E3631A is in its manual."""
+    """The offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA) are assumed.
+
+    The offset of the E3631A is from its manual.
+    """
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
     false_alarms, largest_A = [], 0.0
@@ -59,7 +62,8 @@ def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign,
             false_alarms.append(str(error))
             continue
         largest_A = max(largest_A, abs(off.current_A))
-        assert abs(coil.coil_current_A()) <= 2 * off.limit_A  # a meter that shows too little hides as much
+        # A meter that measures too little hides a current of the same size.
+        assert abs(coil.coil_current_A()) <= 2 * off.limit_A
     print(
         f"{driver}: {ends} ends at an offset of {coil.offset_A:+.4f} A, limit {off_limit_A(supply):g} A: "
         f"{len(false_alarms)} false alarms, largest reading {largest_A:.4f} A"
@@ -83,7 +87,7 @@ def test_the_limit_of_the_rig_replaces_that_of_the_family(coil):
     coil.offset_A = 0.05
     with pytest.raises(SwitchOffFailed, match=r"must be at most 0\.03 A"):
         supply.safe_off()
-    assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # the unit is a GEN30-50
+    assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # 0.3 % of 50 A, for a GEN30-50
 
 
 def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil):
@@ -105,7 +109,7 @@ def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil
 
 
 class Line(InProcessTransport):
-    """A line that leads to another instrument after it was reopened."""
+    """Line that leads to another instrument after it was reopened."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)
@@ -117,7 +121,7 @@ class Line(InProcessTransport):
 
 
 class Cut:
-    """An instrument whose line can be cut."""
+    """Emulated instrument whose line can be cut."""
 
     cut = False
 
@@ -159,7 +163,7 @@ def test_another_supply_at_the_same_address_is_reported_and_left_alone(coil):
 
 def test_the_same_supply_with_a_serial_number_may_be_found_off(coil):
     supply = on_a_line_that_is_cut(scpi(coil, "A1"), scpi(coil, "A1"), coil)
-    coil.switch(False)  # a person pressed its button
+    coil.switch(False)  # a person pressed the output button
     off = supply.safe_off()
     assert off.found_off
     assert off.current_A <= LEAST_OFF_A

@@ -1,4 +1,4 @@
-"""Cameras on real files, and on a simulated device with the faults of real ones."""
+"""The driver opencv with real files, and with a simulated device that has the faults of real devices."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_the_error_for_an_unknown_name_lists_the_drivers():
 
 
 class FakeDevice:
-    """Replace a device of OpenCV: each read blocks until the test exposes a frame or unplugs the device."""
+    """Simulated device for OpenCV. Each read waits until the test exposes a frame or unplugs the device."""
 
     def __init__(self, index: int) -> None:
         self._exposures = threading.Semaphore(0)
@@ -148,7 +148,7 @@ class FakeDevice:
     def set(self, prop: int, value: float) -> bool:
         if prop not in self.stuck:
             self.properties[prop] = value
-        return True  # always, as real devices do
+        return True  # real devices return True even if they refuse a value
 
     def getBackendName(self) -> str:
         return "V4L2"
@@ -194,7 +194,7 @@ def test_only_the_newest_frame_of_a_device_is_kept_and_the_gap_is_counted(device
     camera, fake = device
     for _ in range(3):
         fake.expose()
-    fake.waiting.acquire(timeout=PATIENCE_S)  # it reads the fourth: the third is stored
+    fake.waiting.acquire(timeout=PATIENCE_S)  # the camera reads the fourth frame, so that the third frame is stored
     fake.waiting.release()
     frame = camera.grab(PATIENCE_S)
     assert (frame.number, int(frame.image[0, 0])) == (2, 3)
@@ -209,7 +209,7 @@ def test_a_device_with_a_frame_rate_keeps_its_frames_in_order_until_its_ring_is_
     try:
         for _ in range(opencv.BUFFERS + 3):
             fake.expose()
-        fake.waiting.acquire(timeout=PATIENCE_S)  # it reads the next: all before are stored
+        fake.waiting.acquire(timeout=PATIENCE_S)  # the next frame is being read: all earlier frames are stored
         fake.waiting.release()
         assert [camera.grab(PATIENCE_S).number for _ in range(4)] == [3, 4, 5, 6]  # the first three were lost
         fake.expose()
@@ -227,7 +227,7 @@ def test_a_device_with_a_frame_rate_keeps_its_frames_in_order_until_its_ring_is_
 def test_flushing_a_device_also_drops_the_frame_under_exposure(device):
     camera, fake = device
     fake.expose()
-    fake.waiting.acquire(timeout=PATIENCE_S)  # frame 0 is stored, frame 1 under exposure
+    fake.waiting.acquire(timeout=PATIENCE_S)  # frame 0 is stored, frame 1 is being exposed
     fake.waiting.release()
     camera.flush()
     fake.expose()
@@ -242,7 +242,7 @@ def test_an_unplugged_device_is_disconnected(device):
     fake.expose()
     with pytest.raises(InstrumentDisconnected, match="unplugged"):
         camera.grab(PATIENCE_S)
-    fake.waiting.release()  # for the fixture, as no more reads follow
+    fake.waiting.release()  # the fixture waits for a read, but no read follows
 
 
 def test_a_device_without_its_node_is_disconnected_even_if_opencv_reports_success(device, tmp_path):
@@ -251,13 +251,13 @@ def test_a_device_without_its_node_is_disconnected_even_if_opencv_reports_succes
     fake.expose()
     with pytest.raises(InstrumentDisconnected, match="unplugged"):
         camera.grab(PATIENCE_S)
-    fake.waiting.release()  # for the fixture, as no more reads follow
+    fake.waiting.release()  # the fixture waits for a read, but no read follows
 
 
 def test_a_grab_from_a_closed_camera_is_an_error(device):
     camera, fake = device
     fake.unplugged = True
-    fake.waiting.acquire(timeout=PATIENCE_S)  # under exposure
+    fake.waiting.acquire(timeout=PATIENCE_S)  # a frame is being exposed
     closing = threading.Thread(target=camera.close)
     closing.start()
     with pytest.raises(InstrumentDisconnected, match="97"):
@@ -265,12 +265,12 @@ def test_a_grab_from_a_closed_camera_is_an_error(device):
     fake.waiting.release()
     fake.expose()
     closing.join()
-    fake.waiting.release()  # for the fixture
+    fake.waiting.release()  # the fixture waits for a read, but no read follows
 
 
 @pytest.fixture
 def bare_device(monkeypatch, tmp_path):
-    """Return a device that has not been opened."""
+    """A simulated device that is not open."""
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     fake = FakeDevice(97)
     monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)
@@ -287,8 +287,8 @@ def test_settings_are_set_and_read_back(bare_device):
     settings = CameraSettings(exposure_s=0.005, gain=12.0, gamma=100.0, bit_depth=16, frame_rate_Hz=60.0)
     camera = open_camera("opencv", 97, settings)
     assert camera.settings == settings
-    assert bare_device.properties[cv2.CAP_PROP_EXPOSURE] == 50  # of 100 µs
-    assert bare_device.properties[cv2.CAP_PROP_AUTO_EXPOSURE] == 1  # by hand
+    assert bare_device.properties[cv2.CAP_PROP_EXPOSURE] == 50  # in units of 100 µs
+    assert bare_device.properties[cv2.CAP_PROP_AUTO_EXPOSURE] == 1  # manual exposure
     close(camera, bare_device)
 
 
@@ -325,18 +325,18 @@ def test_impossible_settings_are_refused(bare_device, settings):
 
 
 def test_a_frame_that_was_ready_before_the_flush_is_skipped(bare_device):
-    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1000.0  # long ago
+    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1000.0  # a time stamp from long before the flush
     camera = open_camera("opencv", 97)
     bare_device.waiting.acquire(timeout=PATIENCE_S)
     bare_device.waiting.release()
     camera.flush()
-    for _ in range(3):  # under exposure, and two from a buffer that the device filled before
+    for _ in range(3):  # the frame that is being exposed, and two frames from the device's buffer
         bare_device.expose()
     bare_device.waiting.acquire(timeout=PATIENCE_S)
     bare_device.waiting.release()
     with pytest.raises(InstrumentTimeout):
         camera.grab(0.05)
-    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1e15  # after it
+    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1e15  # a time stamp after the flush
     bare_device.expose()
     frame = camera.grab(PATIENCE_S)
     assert (frame.number, frame.timestamp_s) == (3, 1e12)

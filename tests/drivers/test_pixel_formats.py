@@ -1,4 +1,4 @@
-"""Pixel formats of GenICam cameras, against bits that are laid out by hand as the standards define them."""
+"""Compare the decoding of pixel formats with data whose bits were placed here as the standards define them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CODES = {known.name: code for code, known in PIXEL_FORMATS.items()}
     [
         ("Mono8", b"\x01\x02\xff\x80", [1, 2, 255, 128]),
         ("Mono16", b"\x34\x12\xff\xff\x00\x80\x01\x00", [0x1234, 0xFFFF, 0x8000, 1]),
-        # GigE Vision: high bits of the first value, low bits of both, high bits of the second.
+        # GigE Vision: the high bits of the first value, the low bits of both values, the high bits of the second value.
         ("Mono12Packed", b"\xab\x5c\x12\xff\x0f\x00", [0xABC, 0x125, 0xFFF, 0x000]),
         ("Mono10Packed", b"\xff\x23\x00\x80\x10\x01", [0x3FF, 0x002, 0x200, 0x005]),
         # PFNC: a stream of bits, least significant first.

@@ -1,6 +1,6 @@
 """The instrument classes of PyMeasure work with the emulated supplies and sensors over TCP.
 
-PyMeasure comes with the extra `bench`; without it these tests are skipped.
+PyMeasure is installed with the extra `bench`. Without PyMeasure these tests are skipped.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ CLIENTS = {
     "keithley-2260b": ("keithley", "Keithley2260B"),
 }
 DEPRECATED = frozenset({"enabled", "error"})
-"""Properties of Keithley2260B that PyMeasure has replaced; its message about them cannot be formatted."""
+"""Properties of Keithley2260B that PyMeasure has replaced. Their use ends in an error of PyMeasure's message."""
 
 UNREADABLE = (LookupError, NotImplementedError)
 """The errors that PyMeasure raises for a property that its class does not have."""
 
 
 def open_client(driver: str, address: str) -> Any:
-    """Return PyMeasure's instrument, connected to the emulated supply."""
+    """Return the instrument of PyMeasure that is connected to the emulated supply at an address."""
     module, name = CLIENTS[driver]
     kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
     lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}
@@ -54,7 +54,7 @@ def asked(client: Any) -> dict[str, object]:
             continue
         try:
             answers[name] = getattr(client, name)
-        except KeyError:  # PyMeasure cannot map the answer
+        except KeyError:  # PyMeasure does not know the answer
             raise
         except UNREADABLE:
             continue
@@ -107,7 +107,7 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_the_class_for_the_pl_series_drives_an_aim_tti() -> None:
-    """The PL series has the commands of the other series, except for its range of currents."""
+    """The PL series has the same commands as the other series, except for the range of its currents."""
     aimtti = importlib.import_module("pymeasure.instruments.aimtti")
     coil = CoilSupply(WallClock(), resistance_ohm=1.0)
     with serve_tcp(emulate("aim-tti", coil)) as address:

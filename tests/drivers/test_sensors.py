@@ -1,4 +1,4 @@
-"""Sensor drivers on emulated gaussmeters and boards, in this process and over real lines."""
+"""Sensor drivers with emulated gaussmeters and boards, in the same process and over real lines."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_driver_that_raises_for_a_negative_value_fails_the_checks():
             return type(reading)(abs(reading.value), reading.unit, reading.time_s)
 
     with pytest.raises(
-        AssertionError, match=r"reads_values_of_either_sign: read\(\) should return the true value 3.2915"
+        AssertionError, match=r"reads_values_of_either_sign: read\(\) should return the true value -3.2915, not 3.2915"
     ):
         check_sensor(OneSided, TextLineDialect)
 

@@ -1,7 +1,7 @@
-"""Every row of every table of errors, trips and status bits is read as the manual states it.
+"""The drivers interpret every error number, trip and status bit as the manuals describe it.
 
-The tables of this file are written from the manuals, independently of the drivers. `test_every_row_has_a_case` fails if
-a driver has a row that this file does not have.
+The tables in this file were written from the manuals, independently of the drivers. `test_every_row_has_a_case` fails
+if a driver has a row that this file lacks.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ N6900_TRIPS = {
     ("keysight-rp7900", 1): {8: "sharing", 16: "group", 32: "safety", 64: "under-voltage"},  # page 242
 }
 REGISTERS = {(driver, 0): rows for driver, rows in SCPI_TRIPS.items()} | N6900_TRIPS
-"""The trips of each register, by driver and by the place of the register in the profile."""
+"""The trips of each register, by the driver and the index of the register in the profile."""
 
 NO_TRIPS = {
     ("keysight-n6700", 0): (8, 32, 128, 256, 1024, 8192),
@@ -77,7 +77,7 @@ NO_TRIPS = {
     ("keysight-rp7900", 0): (128, 256, 1024),
     ("keysight-rp7900", 1): (2, 4),
 }
-"""Bits of the same register that are no trips, such as constant current."""
+"""Bits of the same registers that do not report a trip but, for example, constant current."""
 
 TTI_MODELS = {"QL": QL355TP, "MX": MX100TP, "QPX": QPX1200SP, "CPX": CPX400DP}
 TTI_TRIPS = {
@@ -87,7 +87,7 @@ TTI_TRIPS = {
     "CPX": {4: "over-voltage", 8: "over-current", 64: "mains"},
 }
 TTI_NO_TRIPS = {"QL": (1, 2, 64), "MX": (1, 2), "QPX": (1, 2, 4), "CPX": (1, 2, 16)}
-"""Constant voltage, constant current, and the limit of the power."""
+"""Bits that do not report a trip: constant voltage, constant current, and the limit of the power."""
 
 _TTI_ERRORS = {
     100: "outside the permitted range",
@@ -128,7 +128,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Replace the instrument's answer to one query from now on."""
+    """Replace the answer of the emulated instrument to one query, from now on."""
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 
@@ -152,7 +152,7 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the query of a register."""
+    """Return the query for a register, which is given by the driver and the index of the register in the profile."""
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
     return profile.registers[place].question.format(channel=1).encode() + b"\n"
@@ -255,7 +255,7 @@ def test_positive_and_negative_numbers_of_scpi_errors_are_errors(bench_of: Any, 
 
 
 def tti(series: str) -> Any:
-    """Open the bench of an emulated Aim-TTi supply of this series."""
+    """Return a context manager that opens the bench of an emulated Aim-TTi supply of the series."""
     return supply_bench(SUPPLIES["aim-tti"], lambda coil: AimTtiDialect(coil, model=TTI_MODELS[series]))
 
 
@@ -266,7 +266,8 @@ def test_every_trip_bit_of_an_aim_tti_is_a_trip(series: str, bit: int) -> None:
         answering(bench, b"LSR1?\n", b"%d\r\n" % (bit | 2))
         with pytest.raises(ProtectionTripped, match=TTI_TRIPS[series][bit]):
             bench.supply.check()
-        answering(bench, b"LSR1?\n", b"0\r\n")  # reading the register has cleared it, and the trip is not forgotten
+        # The first query has cleared the register, but the driver must still report the trip.
+        answering(bench, b"LSR1?\n", b"0\r\n")
         with pytest.raises(ProtectionTripped, match=TTI_TRIPS[series][bit]):
             bench.supply.check()
 

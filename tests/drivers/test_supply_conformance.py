@@ -1,4 +1,4 @@
-"""Every supply driver passes the conformance suite over every transport, and reports errors in words."""
+"""Every supply driver passes the conformance suite on every kind of line, and describes errors in its messages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WAITING = (
     supply_checks.understands_no_half_answers,
     supply_checks.takes_no_late_answer_for_the_next,
 )
-"""Checks that wait for seconds on a real port."""
+"""Checks that take seconds on a real port."""
 
 
 @pytest.mark.parametrize("check", [check for check in SUPPLY_CHECKS if check not in WAITING])
@@ -71,7 +71,7 @@ def test_switching_off_a_locked_supply_reports_every_stage(waiting_bench):
 def test_a_cut_line_is_reported_with_its_cause(bench):
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)
-    # A socket that the other side closed is, to PyVISA, one on which nothing comes.
+    # PyVISA reports a socket that the other side has closed as a timeout.
     with pytest.raises((InstrumentDisconnected, InstrumentTimeout), match=bench.address) as caught:
         bench.supply.measure()
     assert caught.value.__cause__ is not None

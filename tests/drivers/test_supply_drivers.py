@@ -1,4 +1,4 @@
-"""Drivers on a failing line and with unexpected answers."""
+"""Supply drivers on a line with faults and with unexpected answers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ STAGES = {
     "bk-xln": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUT 0",), "verify": (b"STATUS?",)},
     "owon-spe": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
 }
-"""The first bytes of the messages of each stage; Kepco, which is off at zero, is in `test_families`."""
+"""The first bytes of the messages of each stage of switching off, by driver.
+
+`test_families` tests Kepco supplies, which are switched off by a current of zero.
+"""
 
 
 @pytest.fixture(params=STAGES)
@@ -106,7 +109,7 @@ def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.strip() in on)
     with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
         staged_bench.supply.set_output(True)
-    if staged_bench.supply.name != "genesys":  # a Genesys that obeys answers OK, so that the lost message is a timeout
+    if staged_bench.supply.name != "genesys":  # a Genesys answers commands, so that a lost message is a timeout
         assert "switched on, but the supply reports that the output is off" in str(caught.value)
 
 
@@ -124,12 +127,12 @@ def test_a_rounded_set_point_is_within_one_step_and_never_above_the_limit(driver
 
 
 def test_binary_fractions_do_not_cost_a_step(quick_bench):
-    quick_bench.supply.set_current(0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1)  # 0.7999999999999999
+    quick_bench.supply.set_current(0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1)  # the sum is 0.7999999999999999
     assert quick_bench.coil.state.set_current_A == 0.8
 
 
 class Babbler:
-    """Answer every message with the next of the given answers."""
+    """Emulated instrument that returns the answers in a list one after the other, whatever the message is."""
 
     def __init__(self, answers: list[bytes]) -> None:
         self._answers = answers
@@ -185,7 +188,7 @@ def test_an_endless_error_queue_does_not_block_the_driver():
 
 
 class SlowFirmware(KoradDialect):
-    """A supply on which a new current set-point reads back after 0.45 s."""
+    """Emulated supply that reports a new current set-point only after 0.45 s."""
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)
@@ -215,13 +218,13 @@ def test_the_korad_driver_leaves_a_gap_without_which_messages_fuse():
     coil = CoilSupply(clock)
     dialect = KoradDialect(coil, fuse_within_s=0.02)
     dialect.receive(b"ISET1:0.500")
-    dialect.receive(b"VSET1:5.00")  # at once: both are lost
+    dialect.receive(b"VSET1:5.00")  # without a pause: both messages are lost
     assert (coil.state.set_current_A, coil.state.set_voltage_V) == (0.0, 0.0)
     clock.sleep(MESSAGE_GAP_S)
     KoradSupply(InProcessTransport(dialect, clock), LIMITS, clock).set_current(0.5)
     assert coil.state.set_current_A == 0.5
     clock.sleep(MESSAGE_GAP_S)
-    dialect.receive(b"ISET1:0.100ISET1:0.200")  # fused already
+    dialect.receive(b"ISET1:0.100ISET1:0.200")  # two messages without a pause
     assert coil.state.set_current_A == 0.5
 
 
@@ -234,7 +237,7 @@ def test_a_korad_trip_is_recognised_by_either_bit(bit, output):
     supply.set_output(True)
     supply.check()
     coil.trip()
-    if output:  # the bit alone, with the output bit still set
+    if output:  # the protection bit is set although the output bit is still set
         coil.state = replace(coil.state, output=True)
     with pytest.raises(ProtectionTripped, match="status byte"):
         supply.check()
@@ -292,7 +295,7 @@ def test_a_port_that_fails_while_it_is_opened_is_reported_as_disconnected(bench_
     def hang_up(descriptor, *arguments):
         raise termios.error(5, "Input/output error")
 
-    monkeypatch.setattr(termios, "tcflush", hang_up)  # pyserial lets it through as it is
+    monkeypatch.setattr(termios, "tcflush", hang_up)  # pyserial does not convert this error
     with pytest.raises(InstrumentDisconnected, match=f"{port.address}: .*Input/output error"):
         open_supply("korad", port.address, LIMITS)
 

@@ -1,4 +1,4 @@
-"""A camera call that does not return raises an error at its deadline, and the program can still end."""
+"""A camera call that does not return in time raises an error, and the program can still end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """A camera whose call `stuck` does not return until `release` is set."""
+    """Camera whose method with the name in `stuck` does not return until the event `release` is set."""
 
     settings = NO_SETTINGS
 
@@ -76,7 +76,7 @@ def test_a_call_that_never_returns_raises_a_timeout(call: str) -> None:
         act()
     with pytest.raises(InstrumentTimeout, match=f"did not return from {call}"):
         camera.grab(1.0)
-    camera.close()  # nothing is left to be done
+    camera.close()  # returns at once, because an earlier call has not returned
     assert calls_under_way()
     inner.release.set()
 
@@ -136,7 +136,7 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """After a sleep of the computer, the deadline has passed, but the driver of the camera is not the cause."""
+    """After a sleep of the computer the time limit has passed, but the driver of the camera is not the cause."""
     inner, now = StubbornCamera("grab"), [0.0]
 
     def refuse() -> None:
@@ -154,13 +154,13 @@ def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_cam
 
 
 def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
-    """A busy host delays the camera beyond every deadline, but its processor time is short."""
+    """On a busy computer a simulated camera takes longer than its time limit, but it uses little processor time."""
     inner = StubbornCamera("grab")
     waits: list[bool] = []
 
     def wait() -> None:
         waits.append(True)
-        if len(waits) == 6:  # 0.6 s of the host's, where 0.2 s are allowed
+        if len(waits) == 6:  # after 0.6 s of real time, which is longer than the time limit
             inner.release.set()
 
     camera = TimedCamera("virtual", lambda: inner, seconds=lambda: 0.0, meanwhile=wait)

@@ -1,4 +1,4 @@
-"""A supply with its own watchdog: it is armed and verified, and switches off after the last message."""
+"""The driver arms and verifies the watchdog of a supply, and the watchdog switches off after the last message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_drivers.supplies import SUPPLIES
 
 N6700 = "keysight-n6700 in process"
 WATCHED = ("keysight-n6700", "keysight-n6900", "keysight-rp7900", "delta-sm15k", "delta-psc-eth")
-"""The families with a watchdog."""
+"""The families of supplies with a watchdog."""
 
 
 def test_the_watchdog_switches_off_after_messages_have_stopped(bench_of: Any) -> None:
@@ -22,7 +22,7 @@ def test_the_watchdog_switches_off_after_messages_have_stopped(bench_of: Any) ->
         bench.clock.sleep(4.0)
         bench.supply.check()
     assert bench.coil.coil_current_A() == pytest.approx(0.7, abs=0.01)
-    bench.clock.sleep(11.0)  # a pulled cable
+    bench.clock.sleep(11.0)  # the cable is pulled
     bench.line.instrument.watch()
     assert not bench.coil.state.output
     with pytest.raises(ProtectionTripped, match="watchdog"):
@@ -49,7 +49,7 @@ def test_the_earlier_current_does_not_return_when_the_watchdog_is_cleared(bench_
     bench.energise(0.7)
     bench.clock.sleep(11.0)
     bench.line.instrument.watch()
-    assert bench.supply.output_on()  # as the manual has it: the programmed state is not changed
+    assert bench.supply.output_on()  # according to the manual, the watchdog does not change the programmed state
     bench.supply.safe_off()
     assert not bench.supply.output_on()
     currents: list[float] = []

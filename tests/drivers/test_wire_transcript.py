@@ -1,4 +1,4 @@
-"""The transcript of a run, and its use as a test."""
+"""The messages of a run are recorded in a transcript, and a driver can be tested with the transcript."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drivers of another package that inherit nothing: conformance checks, whole runs, and errors for missing methods."""
+"""Drivers of another package that inherit no class of this project: checks, whole runs, errors for missing methods."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Return a folder that contains the package and is on Python's path; the package announces no driver."""
+    """Return a folder on Python's path that contains another package, which announces no driver."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """Return the module of the package."""
+    """Return the module of the other package."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Add the drivers of the package by program."""
+    """Add the drivers of the other package as a program does."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -71,7 +71,7 @@ def added(lab: Any) -> Iterator[None]:
 
 @pytest.fixture
 def rig(files: Path) -> Callable[..., Path]:
-    """Return a function that writes a rig file with both drivers."""
+    """Return a function that writes a rig file with the supply and the camera driver of the other package."""
 
     def write(address: str, supply: str = "mine", camera: str = "eye") -> Path:
         (files / "rig.toml").write_text(f"""
@@ -86,7 +86,7 @@ camera = {{ driver = "{camera}", source = "wall" }}
 
 
 def announce(folder: Path) -> None:
-    """Write the files by which an installed package announces its drivers."""
+    """Write the metadata with which an installed package announces its drivers."""
     information = folder / "mine_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine-lab\nVersion: 1.0\n")
@@ -240,7 +240,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove a method from a driver of the package."""
+    """Remove a method from a driver of the other package."""
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body
