@@ -132,7 +132,7 @@ def test_other_members_pass_and_their_errors_are_instrument_errors(vendor: Any) 
 @pytest.mark.parametrize("measured", [None, 0.5, (0.5, 2.0)])
 def test_a_measurement_that_is_no_reading_is_refused(vendor: Any, measured: object) -> None:
     vendor(measured=measured)
-    with pytest.raises(ReplyNotUnderstood, match="from measure, but should return a Reading"):
+    with pytest.raises(ReplyNotUnderstood, match="from measure; it should return a Reading"):
         open_supply("vendor", "here", LIMITS).measure()
 
 

@@ -1,4 +1,7 @@
-"""If a camera returns a frame that is unlike the first one, the run ends with one line of text and the coil off."""
+"""If a camera returns a frame with another size or type than the first frame, the run ends with the coil off.
+
+The error is one line of text.
+"""
 
 from __future__ import annotations
 

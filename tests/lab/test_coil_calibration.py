@@ -1,4 +1,4 @@
-"""`eimi calibrate-coil`: the field against the current, and the calibration that it writes."""
+"""`eimi calibrate-coil` measures the field against the current and writes a calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The coil as a thermometer: its temperature in the dataset, and an interlock on it."""
+"""The coil is used as a thermometer: the dataset contains its temperature, and an interlock can watch it."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
     supply.set_current(2.0)
     clock.sleep(600.0)
     reading = thermometer.read()
-    # The coil model takes its cold resistance as the one at 20 degC, and warmed a little while that was measured.
+    # In the model of the coil, R = R0 at 20 degC. The coil warmed a little while R0 was measured.
     assert reading.value == pytest.approx(20.0 + supply.heating_K(), abs=0.5)
     assert reading.value > 80.0
-    # 10 mV of 2 V at rest and of 9.9 V now, each as a uniform distribution, over 0.393 % per kelvin.
+    # 10 mV of 2 V at rest and of 9.9 V now, each with a uniform distribution, divided by 0.393 % per kelvin.
     digits_K = np.hypot(0.01 / 2.0, 0.01 / 9.9) / np.sqrt(12.0) / 0.00393
     assert reading.standard_uncertainty == pytest.approx(1.25 * digits_K, rel=0.2)
     supply.set_current(0.0)
@@ -51,7 +51,7 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
 
 
 def with_coil(setup: Any, more: str = "") -> None:
-    """Let the coil of a bench warm up quickly, and read it as a thermometer."""
+    """Change a bench: its coil warms up quickly, and the coil is read as a thermometer."""
     path = setup.path.with_name("rig.toml")
     path.write_text(f"{setup.rig.text}\n{COIL}\n{more}\n")
     setup.rig = load_rig(path)

@@ -29,7 +29,7 @@ WATCHDOG = (
 
 
 def restless(setup: Any) -> None:
-    """Return a beam that never settles, and a protocol that waits a minute for it."""
+    """Change a bench: its beam never comes to rest, and its protocol waits a minute for the beam."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5

@@ -1,4 +1,4 @@
-"""Runs with a GigE camera that loses packets, vanishes, comes back as another one, or takes another region."""
+"""Runs with a GigE camera that loses packets, disappears, is replaced by another camera, or changes its region."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Wait until no other test has a GigE camera, and keep other tests waiting."""
+    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this one."""
     with only_gige_camera():
         yield
 
@@ -73,7 +73,7 @@ def served(**camera: Any) -> Any:
 
 
 def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
-    """Compare every stored frame with the picture of its exposure, and return their number."""
+    """Compare every stored frame with the picture of its exposure, and return the number of frames."""
     count = 0
     with h5py.File(path) as file:
         for group in ("data", "transients"):

@@ -320,7 +320,9 @@ def test_drivers_are_added_and_removed_as_laws_are(drivers: Any, own: str) -> No
 
 @pytest.mark.parametrize("act", [SUPPLIES.__getitem__, partial(open_supply, address="a", limits=LIMITS)])
 def test_a_wrong_name_is_answered_with_the_nearest(act: Callable[[str], object]) -> None:
-    with pytest.raises(UnknownDriver, match=r"^there is no supply driver 'korat'; those .*did you mean 'korad'\?$"):
+    with pytest.raises(
+        UnknownDriver, match=r"^there is no supply driver 'korat'; the names are: .*did you mean 'korad'\?$"
+    ):
         act("korat")
     with pytest.raises(KeyError, match=r"the names are: [^?]*$"):
         act("polaroid")

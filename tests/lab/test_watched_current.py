@@ -18,18 +18,21 @@ from eimi_lab.config.toml import parse
 from tests.lab.conftest import BEGAN_S
 
 WITHIN_S = 3.0
-"""In the time of the emulator, from the fault to the output that is off."""
+"""Longest time from the fault until the output is off, s of simulated time."""
 
 
 def restless(setup: Any) -> None:
-    """Return a beam that never settles, and a protocol that waits a minute for it."""
+    """Change a bench: its beam never comes to rest, and its protocol waits a minute for the beam."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Cause a fault at the first frame of a set-point; return the times of the fault and of the switched-off output."""
+    """Cause a fault at the first frame at a set-point (A).
+
+    Return a list to which two times (s) are added: the time of the fault, and the time at which the output is off.
+    """
     times_s: list[float] = []
     switch = setup.coil.switch
 
@@ -128,7 +131,7 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
 
 
 def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
-    """Return an emulated supply and its coil at 0.5 A; later set-points need a given time (s) to read back."""
+    """Return an emulated supply and its coil with 0.5 A. Each later set-point takes `exchange_s` (s)."""
     clock = SimulatedClock()
     supply = CoilSupply(clock)
     coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)

@@ -1,6 +1,6 @@
-"""An emulated GigE Vision camera in a process of its own, one at a time on this computer.
+"""An emulated GigE Vision camera in a separate process. Only one test on this computer can use it at a time.
 
-GigE Vision prescribes the port of a camera, so that only one camera at a time can be served at an address.
+GigE Vision prescribes the port of a camera. Only one camera can therefore be served at an address.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
 
 @contextmanager
 def only_gige_camera() -> Iterator[None]:
-    """Wait until no other test on this computer has a GigE camera, and keep other tests waiting."""
+    """Wait until no other test on this computer uses a GigE camera, and let others wait while the context lasts."""
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
 
 
 def numbered() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function whose pictures are uniform and count from 0 to 249, again and again."""
+    """Return a function that returns uniform pictures. Their grey value counts from 0 to 249 and begins again at 0."""
     number = -1
 
     def picture() -> NDArray[np.uint8]:
@@ -45,7 +45,7 @@ def numbered() -> Callable[[], NDArray[np.uint8]]:
 
 
 def ramp() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function whose pictures show the column number plus twice the row number, modulo 256."""
+    """Return a function that returns a picture whose grey value is (column + 2 row) modulo 256."""
     columns, rows = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     picture = ((columns + 2 * rows) % 256).astype(np.uint8)
     return lambda: picture
@@ -55,13 +55,13 @@ def ramp() -> Callable[[], NDArray[np.uint8]]:
 def gige_camera(
     prepare: Callable[[], Callable[[], NDArray[np.uint8]]] = numbered, size_px: tuple[int, int] = SIZE_PX, **camera: Any
 ) -> Iterator[CameraProcess]:
-    """Serve a camera on the loopback interface, without the lock."""
+    """Serve a camera on the loopback interface while the context lasts. The caller must hold `only_gige_camera`."""
     with gige_process(prepare, size_px, address=LOOPBACK, **camera) as process:
         yield process
 
 
 class NoisyPictures:
-    """Draw a dark vertical beam with other noise at each exposure; the number of the exposure determines the noise."""
+    """Function object that returns pictures of a dark vertical beam with noise, see `noisy_picture`."""
 
     def __init__(self) -> None:
         self._number = 0
@@ -73,7 +73,7 @@ class NoisyPictures:
 
 
 def noisy_picture(number: int) -> NDArray[np.uint8]:
-    """Return the picture of an exposure; exposures are counted from 1."""
+    """Return the picture of the exposure with this number, which is the seed of its noise. The first number is 1."""
     across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
     profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
     noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])
@@ -81,4 +81,4 @@ def noisy_picture(number: int) -> NDArray[np.uint8]:
 
 
 FIRST_NUMBER = 65401
-"""The number that the emulated camera gives to its first exposure."""
+"""The frame number that the emulated camera gives to its first exposure."""

@@ -1,7 +1,7 @@
 """A camera whose frames come from another process at a constant rate, through a ring of buffers in shared memory.
 
-The frames are rendered before, with noise. A frame for which no buffer is free is lost, and its number is missing, as
-with the buffers of a real camera.
+The frames are rendered with noise before the test. If no buffer is free, a frame is lost and its number is missing, as
+for a real camera.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ PRE_RENDERED = 24
 
 
 def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np.uint8]:
-    """Return frames (PRE_RENDERED, height, width) of a dark beam on a bright background, each with its own noise."""
+    """Return frames of a dark beam on a bright background, shape (PRE_RENDERED, height, width).
+
+    Each frame has different noise.
+    """
     random = np.random.default_rng(0)
     across = np.abs(np.arange(width) - width / 2)
     still = np.tile(30 + 170 / (1 + np.exp(-(across - width / 25) / 1.0)), (height, 1))
@@ -34,7 +37,7 @@ def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np
 
 
 def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
-    """Write frames into the ring until the parent sets the last count: the whole work of the other process."""
+    """Write frames into the ring until the parent process sets the last count. The other process runs this function."""
     width, height = size
     images = noisy_frames(width, height)
     memory = shared_memory.SharedMemory(name)
@@ -55,7 +58,7 @@ def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, read
 
 
 class StreamingCamera:
-    """A camera whose `grab` copies the oldest frame out of the ring."""
+    """Camera whose `grab` returns a copy of the oldest frame in the ring."""
 
     def __init__(self, width: int, height: int, rate_Hz: float, buffers: int = 32) -> None:
         context = multiprocessing.get_context("spawn")

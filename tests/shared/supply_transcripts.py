@@ -1,15 +1,24 @@
-"""The exact messages of every supply driver, with replies that are written here and do not come from an emulator."""
+"""The exact messages of every supply driver, and replies that were written here independently of the emulators."""
 
 from __future__ import annotations
 
 NONE = '0,"No error"'
-"""The answer to SYST:ERR? without an error."""
+"""The answer to SYST:ERR? if the error queue is empty."""
 
 
 class Transcript:
-    """Replace an instrument by a list of messages with their replies; any other message is an error.
+    """List of expected messages with their replies, which takes the place of an instrument.
 
-    end: the end of every message. reply_end: the end of every reply.
+    Any other message raises AssertionError.
+
+    Parameters
+    ----------
+    exchanges : list of (str, str)
+        The messages in their order, each with its reply; empty if the message has no reply.
+    end : str
+        The end of every message.
+    reply_end : str
+        The end of every reply.
     """
 
     def __init__(self, exchanges: list[tuple[str, str]], end: str, reply_end: str) -> None:
@@ -37,11 +46,18 @@ def scpi(
     disarmed: tuple[tuple[str, str], ...] = (),
     **strings: str,
 ) -> list[tuple[str, str]]:
-    """Return the exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog.
+    """Return the messages and replies of a run with a SCPI supply.
 
-    protected?: the queries that read the protections back, each with its answer after an equals sign. mode: in the same
-    form, the queries of the settings that decide the meaning of a set-point. remote: the message that is sent before
-    all others on a serial line and to an emulator in the same process.
+    Parameters
+    ----------
+    select : str
+        The message that selects the channel; empty for a family without such a message.
+    armed, disarmed : tuple of (str, str)
+        The messages that start and stop the watchdog, each with its reply.
+    **strings : str
+        The messages of the family that differ from those in `family`. "protected?" contains the queries that read the
+        protections back, each with its answer after an equals sign. "mode" contains, in the same form, the queries of
+        the settings on which a set-point depends. "remote" is the message for the remote mode, which comes first.
     """
     family = {
         "volt": "VOLT 12.00",
