@@ -21,13 +21,13 @@ from eimi_drivers.interfaces import (
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if the call of a driver differs from `SupplyDriver`, or a class lacks a supply member."""
+    """Raise UnusableDriver if a driver cannot be called like `SupplyDriver`, or is a class without a needed member."""
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if the call of a driver differs from `CameraDriver`, or a class lacks a camera member."""
+    """Raise UnusableDriver if a driver cannot be called like `CameraDriver`, or is a class without a needed member."""
     _raise(
         "camera",
         name,
@@ -37,7 +37,7 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_sensor_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if the call of a driver differs from `SensorDriver`, or a class lacks a sensor member."""
+    """Raise UnusableDriver if a driver cannot be called like `SensorDriver`, or is a class without a needed member."""
     faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
     _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])
 
@@ -95,22 +95,22 @@ def _class_faults(driver: object, protocol: type) -> Iterator[str]:
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """Yield, for each member of a protocol that `subject` lacks or that is wrong, its name and the fault in words."""
+    """Yield the name and a description of each protocol member that `subject` lacks or that cannot be called."""
     for name, kind in protocol.__annotations__.items():
         if not hasattr(subject, name):
-            yield name, f"{name} is missing, which should be its {kind}"
+            yield name, f"{name} is missing (needed: an attribute of type {kind})"
     for name, member in vars(protocol).items():
         if name.startswith("_") or not inspect.isfunction(member):
             continue
         does = str(member.__doc__).splitlines()[0]
         if not hasattr(subject, name):
-            yield name, f"{name} is missing, which should be {_called(name, member)}: {does}"
+            yield name, f"{name} is missing (needed: {_called(name, member)}: {does})"
         else:
             yield from ((name, fault) for fault in _call_faults(name, getattr(subject, name), member, subject))
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a line of text if `subject` does not accept the arguments of `member`, its counterpart in the protocol."""
+    """Yield a description of the fault if `subject` does not accept the arguments of the protocol's `member`."""
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):
         yield f"{name} is {subject!r}, but should be {_called(name, member)}"

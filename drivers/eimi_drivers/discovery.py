@@ -150,7 +150,7 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """Return the serial ports, with the driver of the instrument if its USB numbers identify it.
+    """Return the serial ports of this computer, with the driver of each instrument that its USB numbers identify.
 
     Nothing is sent to a port. The instrument at the port may be in use, and may take any message for a command.
     """

@@ -116,8 +116,8 @@ def _instrument(host: str, announced: _Announced) -> LanInstrument:
 def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
     """Return the VISA resource through which the instrument at `host` can be opened.
 
-    A socket if the TCP port is announced in `ports` or known from `recognised`; otherwise HiSLIP, otherwise VXI-11.
-    Empty if the instrument offers none of the three.
+    The resource is a socket if `ports` or `recognised` contains its TCP port, otherwise HiSLIP, otherwise VXI-11. The
+    result is empty if the instrument announced none of the three.
     """
     if port := ports.get(RAW) or (recognised.port if recognised else 0):
         return f"TCPIP::{host}::{port}::SOCKET"

@@ -261,7 +261,7 @@ def spoil(outside: Path, driver: str, member: str) -> None:
             r"called as Mine\(address\), .*Mine\(link: Any, limits: Limits, clock",
         ),
         ({"connect": lambda: None}, r"connect cannot be called as connect\(address\)"),
-        ({"__init__": lambda self, *anything: None}, r"limits is missing, which should be its Limits"),
+        ({"__init__": lambda self, *anything: None}, r"limits is missing \(needed: an attribute of type Limits\)"),
     ],
 )
 def test_a_wrong_signature_is_named(lab: Any, change: dict[str, object], told: str) -> None:

@@ -40,7 +40,7 @@ class EmulatedSensorSession:
     offset_mT : float
         The field at the probe without a current, mT.
     fault : Fault, SensorFault or None
-        The fault of the sensor or its line; None for no fault.
+        The fault of the sensor or of the line; None for no fault.
     after_s : float
         The time from the start until the fault begins, s.
     say : callable

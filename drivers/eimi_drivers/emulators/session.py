@@ -43,8 +43,8 @@ class EmulatedSession:
         The time (s) until the fault begins. It is counted from the moment at which the output is on and the current
         set-point is not zero.
     say : callable
-        Takes the texts for the user: the addresses and, if there is a fault, its beginning and each change of the true
-        current.
+        Takes the texts for the user: the addresses and, with a fault, the beginning of the fault and each change of the
+        true current.
     coil : CoilSupply, optional
         The model of the supply and its coil; by default a supply with a coil of 4 ohm.
     address : str

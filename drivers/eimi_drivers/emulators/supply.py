@@ -38,7 +38,8 @@ class SupplyState:
     at_s : float
         The time on the clock of the supply at which this state began, s.
     trip_current_A, trip_voltage_V : float
-        The current (A) and the voltage (V) above which a protection switches the output off; infinite without one.
+        The current (A) and the voltage (V) above which a protection switches the output off. Infinite if the protection
+        is off.
     heating_K : float
         The temperature of the coil above the temperature of the room at the time `at_s`, K.
     """
@@ -61,7 +62,7 @@ class CoilSupply:
     The final current is I₁ = min(current set-point, voltage set-point / R) while the output is on, and I₁ = 0 while the
     output is off. At a time t after a change from the current I₀, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where
     τ = L/R is the time constant. The voltage is R I + L dI/dt. The model computes these values from the time of the
-    clock when they are requested. Measured values have normally distributed noise; the true current has no noise. Both
+    clock at each request. Measured values have normally distributed noise; the true current has no noise. Both
     set-points are zero at the start. If the over-current protection is armed, it trips when the current reaches the
     current set-point.
 

@@ -190,7 +190,10 @@ class AimTtiSupply(SupplyBase):
         return self._question(self._fill(question).encode("ascii") + b"\n", LONGEST_LINE, b"\n")
 
     def _value(self, question: str, name: str = "", unit: str = "") -> float:
-        """Return the number in an answer such as ``V1 12.00`` (`name` is V1) or ``0.700A`` (`unit` is A)."""
+        """Send a query, and return the number in an answer such as ``V1 12.00`` or ``0.700A``.
+
+        `name` is the text before the number, here V1. `unit` is the text after the number, here A.
+        """
         reply = self._ask(question)
         before, after = self._fill(f"{name} " if name else "").encode("ascii"), unit.encode("ascii")
         text = reply.strip()
@@ -229,7 +232,7 @@ class AimTtiSupply(SupplyBase):
         self._in_control = True
 
     def _disarm_watchdog(self) -> None:
-        """Release the exclusive control of the supply after switching off, if this interface has it."""
+        """Release exclusive control of the supply after switching off, if this interface has control."""
         self._in_control = False
         if self._ask("IFLOCK?").strip() == b"1":
             self._ask("IFUNLOCK")

@@ -36,7 +36,7 @@ READ_BACK_WITHIN_S = 0.6
 """Time (s) within which a supply must report a new set-point; some Korad firmware needs 0.45 s."""
 
 LATE_ANSWER_S = 1.0
-"""Time (s) after an unanswered query in which no other query is sent; a late answer to the first query is discarded."""
+"""Time (s) after the timeout of a query within which a late answer is expected and discarded."""
 
 PROTECTION_MARGIN = 1.1
 """Level of the protection inside the supply, divided by the limit of the driver.
@@ -52,7 +52,10 @@ STAYS_ON = "nothing switches the output off, it stays as it was set"
 
 
 def armed_in_words(protections: str) -> str:
-    """Return a text that names the armed protections, for the end of `without_contact`; empty without protections."""
+    """Return the last part of a text `without_contact`, which lists the armed protections; empty without protections.
+
+    `protections` describes the armed protections.
+    """
     return f"; armed in the supply: {protections}" if protections else ""
 
 
@@ -301,7 +304,7 @@ class SupplyBase(ABC):
         Returns
         -------
         bool
-            True if the output is off already; False if it is on or the supply does not answer.
+            True if the output is off already; False if the output is on or the supply does not answer.
 
         Raises
         ------
@@ -516,7 +519,7 @@ class SupplyBase(ABC):
         text : str
             The identification text that the supply sent.
         serial_number : str
-            The serial number that the supply sent; if it is empty, the serial number of the USB port is used.
+            The serial number that the supply sent. If this text is empty, the serial number of the USB port is used.
 
         Raises
         ------

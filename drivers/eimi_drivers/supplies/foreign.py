@@ -77,7 +77,10 @@ class ForeignSupply:
         self.limits: Limits = supply.limits
 
     def __getattr__(self, member: str) -> Any:
-        """Return an optional member of the supply, such as `without_contact`. Raises AttributeError if it is absent."""
+        """Return an optional member of the supply, such as `without_contact`.
+
+        Raises AttributeError if the supply has no such member.
+        """
         try:
             return getattr(self._supply, member)
         except (AttributeError, InstrumentError):

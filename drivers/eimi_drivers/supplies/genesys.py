@@ -77,8 +77,8 @@ class GenesysSupply(SupplyBase):
     current, and a supply that feeds a coil always works in constant current. The over-voltage protection is set above
     the voltage limit of the driver.
 
-    A supply whose front panel is in use answers ``OK`` to a command without obeying it. A set-point therefore counts as
-    verified only after two correct answers.
+    If a person uses the front panel, the supply answers ``OK`` to a command but does not obey the command. A set-point
+    therefore counts as verified only after two correct answers.
     """
 
     name = "genesys"

@@ -107,7 +107,7 @@ class Profile:
     errors : str
         The query for the oldest entry of the error queue. Empty if the family has no error queue.
     query_delay_s : float
-        The wait between a query and the reading of its answer, s.
+        The time between sending a query and reading the answer, s.
     watchdog : Watchdog, optional
         The watchdog or the output timer inside the supply.
     reads_zero_within_A : float

@@ -136,7 +136,7 @@ class ReplayedTransport:
         return TranscriptMismatch(f"{doing}, but line {number} of the transcript is: {kind} {text}")
 
     def write(self, message: bytes) -> None:
-        """Compare the message with the next event of the transcript. Raises TranscriptMismatch if they differ."""
+        """Compare the message with the next event of the transcript. Raises TranscriptMismatch if the two differ."""
         doing = f"sent {escaped(message)}"
         before = self._next
         sent = self._take(">", doing)
@@ -146,7 +146,7 @@ class ReplayedTransport:
         self._raise_fault(">!")
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes of the next event of the transcript. Raises TranscriptMismatch if it is not an answer."""
+        """Return the bytes of the next event. Raises TranscriptMismatch if the next event is not an answer."""
         self._raise_fault("<!")
         received = self._take("<", f"read {size} bytes")
         if received is None:

@@ -34,7 +34,10 @@ _sharing = False
 
 
 def share_ports() -> None:
-    """Let this process open ports that another process has locked, so that it can switch a supply off."""
+    """Let this process open ports that another process has locked.
+
+    The guardian needs this function to switch off the supply of a run that no longer responds.
+    """
     global _sharing
     _sharing = True
 
@@ -99,9 +102,9 @@ class Transport(Protocol):
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Return an address without its channel, and the channel.
+    """Return an address without its channel, and the number of the channel.
 
-    The channel of an address that ends in ``#2`` is 2. The channel is None if the address contains no channel.
+    For an address that ends in ``#2`` the channel is 2. If the address contains no channel, the number is None.
     """
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
@@ -277,7 +280,7 @@ def is_serial_port(address: str) -> bool:
 def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transport:
     """Open a VISA resource or a serial port and return the line.
 
-    pyvisa-py does not lock serial ports. If it is the VISA library, a serial port is opened with pyserial instead.
+    pyvisa-py does not lock serial ports. If pyvisa-py is the VISA library, a serial port is opened with pyserial.
 
     Parameters
     ----------
@@ -342,7 +345,7 @@ class VisaTransport:
         self._failed = False
 
     def reopen(self) -> bool:
-        """Close the resource, open it again and return True. Raises InstrumentError if it cannot be opened."""
+        """Close the resource, open the resource again and return True. Raises InstrumentError if opening fails."""
         with suppress(InstrumentError):
             self.close()
         self._open()

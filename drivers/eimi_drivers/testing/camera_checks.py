@@ -78,7 +78,7 @@ def keeps_frames_apart(bench: CameraBench) -> None:
 
 
 def goes_on_after_a_flush(bench: CameraBench) -> None:
-    """Check that the first frame after `flush` has a larger number than the last frame before it."""
+    """Check that the first frame after `flush` has a larger number than the last frame before `flush`."""
     before = bench.camera.grab(FRAME_WITHIN_S).number
     bench.camera.flush()
     after = bench.camera.grab(FRAME_WITHIN_S).number
@@ -118,9 +118,9 @@ def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
 
 
 def is_closed_when_it_is_closed(bench: CameraBench) -> None:
-    """Check that closing twice is allowed, that `grab` of a closed camera fails, and that it can be opened again.
+    """Check that closing twice is allowed, and that a closed camera can be opened again.
 
-    `grab` must raise InstrumentError.
+    `grab` of a closed camera must raise InstrumentError.
     """
     bench.camera.close()
     bench.camera.close()
@@ -188,12 +188,12 @@ def check_camera(
     settings : CameraSettings, optional
         Settings that the camera accepts and reads back.
     absent : str or int, optional
-        A source at which no camera exists. If it is omitted, the check that needs it does nothing.
+        A source at which no camera exists. None: the check of a source without a camera does nothing.
     freeze : callable, optional
-        A function after whose call the open camera delivers no new frames. If it is omitted, the check that needs it
-        does nothing.
+        A function after whose call the open camera delivers no new frames. None: the check of a camera without new
+        frames does nothing.
     unplug : callable, optional
-        A function that disconnects the open camera. If it is omitted, the check that needs it does nothing.
+        A function that disconnects the open camera. None: the check of an unplugged camera does nothing.
     checks : iterable of functions, optional
         A selection of `CAMERA_CHECKS`; the default is all checks. The camera is reopened for each check.
 
@@ -227,7 +227,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Return a frame that the camera cannot have stored before it was disturbed: the frame after `STORED` others."""
+    """Grab more frames than a camera can have stored before it was disturbed, and return the last frame."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

@@ -46,7 +46,7 @@ class SensorBench:
     unit : str
         The unit of the true values.
     line : FaultyInstrument
-        The emulated instrument. Faults can be injected into it.
+        The emulated instrument, into which faults can be injected.
     clock : Clock
         The clock of the driver and of the emulated instrument.
     address : str
@@ -215,8 +215,8 @@ def check_sensor(
         The unit of the values, such as "mT" or "degC".
     serve : callable, optional
         A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
-        such as `serve_pty` or `serve_tcp`. If it is omitted, a driver with `connect` is checked in this process in
-        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
+        such as `serve_pty` or `serve_tcp`. None: a driver with `connect` is checked in this process in simulated time,
+        and a driver without `connect` is checked on a pseudo-terminal.
     checks : iterable of functions, optional
         A selection of `SENSOR_CHECKS`; the default is all checks.
 

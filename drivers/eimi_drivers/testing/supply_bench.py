@@ -34,7 +34,7 @@ class SupplyBench:
     coil : CoilSupply
         The model of the emulated supply and its coil.
     line : FaultyInstrument
-        The emulated instrument with its command language. Faults can be injected into it.
+        The emulated instrument with its command language, into which faults can be injected.
     clock : Clock
         The clock of the driver and of the emulated instrument.
     bipolar : bool
