@@ -127,7 +127,7 @@ def _takes(subject: Callable[..., Any], count: int) -> bool:
         inspect.signature(subject).bind(*range(count))
     except TypeError:
         return False
-    except ValueError:  # written in C, without a signature
+    except ValueError:  # the callable is written in C and has no signature
         return True
     return True
 

@@ -88,8 +88,8 @@ class AravisCamera:
 
     The settings select one of three ways to expose:
 
-    - Without a frame rate and a trigger input, every `grab` triggers an exposure. A frame is then never older than the
-      call. If the frame does not arrive completely, `grab` triggers again until its timeout.
+    - If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure. A frame is then never older
+      than the call. If the frame does not arrive completely, `grab` triggers again until its timeout.
     - With a frame rate, the camera exposes at this rate.
     - With a trigger input, the camera exposes at each signal on this input.
 
@@ -267,7 +267,7 @@ class AravisCamera:
         while True:
             left_s = began_s + timeout_s - time.monotonic()
             if asked is None and left_s < timeout_s / 2:
-                asked = self._control.begin(self._ask_size)  # is the camera still there?
+                asked = self._control.begin(self._ask_size)  # to check that the camera still answers
             buffer = self._popped(min(left_s, LOOK_EVERY_S))
             if asked is not None and asked.done():
                 asked.result()

@@ -127,7 +127,7 @@ class TimedCamera:
             try:
                 answer_of_call, error = answers.get(timeout=LOOK_EVERY_S)
             except queue.Empty:
-                if self._meanwhile:  # first: after a sleep of the computer, the driver is not the cause
+                if self._meanwhile:  # before the time limit: after a sleep of the computer, the driver is not the cause
                     self._meanwhile()
                 if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not return from {what} within {seconds:g} s"

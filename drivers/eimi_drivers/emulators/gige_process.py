@@ -102,9 +102,8 @@ def _serve(
     size_px: tuple[int, int],
     options: dict[str, Any],
 ) -> None:
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C ends the program that started this process, and this process ends with it
+    # Ctrl-C ends the program that started this process, and this process then ends too.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with serve_gige(prepare(), size_px, **options) as camera:
             line.send(True)

@@ -60,7 +60,7 @@ class KeysightE364xDialect(ScpiDialect):
     """Emulated E364x, which has an over-voltage protection with a level and no over-current protection."""
 
     identification = "Agilent Technologies,E3640A,0,1.7-5.0-1.0"
-    serial_line_begins_local = True  # as the E3631A
+    serial_line_begins_local = True  # assumed to be as on the E3631A
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)

@@ -144,7 +144,8 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
     """
     device_end, driver_end, path = open_terminal()
     wake_read, wake_write = os.pipe()
-    begin = getattr(getattr(instrument, "instrument", instrument), "connect_serially", None)  # behind a faulty line too
+    # A `FaultyInstrument` contains the emulated supply.
+    begin = getattr(getattr(instrument, "instrument", instrument), "connect_serially", None)
     if begin:
         begin()
 

@@ -82,9 +82,10 @@ _N6900_TRIPS = (
 
 KEYSIGHT_N6900 = Profile(
     # Keysight N6900/N7900 Operating and Service Guide: protections page 251, watchdog page 252, status bits pages 286
-    # and 287. Current priority (FUNC CURR) regulates the current, and VOLT:LIM limits the voltage; the pages of both
-    # were not at hand. Changing the priority switches the output off, so that it is asked first. Clearing a protection
-    # restores the output, so that the output is switched off first. The offset of the meter is assumed.
+    # and 287. In current priority (FUNC CURR) the supply regulates the current, and VOLT:LIM limits the voltage; the
+    # pages about both were not available. A change of the priority switches the output off, so that the driver first
+    # asks for it. Clearing a protection restores the output, so that the output is switched off first. The offset of
+    # the meter is assumed.
     "keysight-n6900",
     modes=(("FUNC?", "CURR", "FUNC CURR"),),
     set_voltage="VOLT:LIM {value}",
@@ -223,7 +224,7 @@ KEITHLEY_2200 = Profile(
     # Keithley Series 2200 (one channel) Reference Manual, 2200S-901-01: over-voltage protection pages 4-24 and 4-25
     # (Rev. C), output timer pages 4-21 and 4-22 (Rev. C; 4-23 and 4-24 in Rev. A). The timer is no watchdog: it counts
     # from switching on, messages do not restart it, and it must be started before the output is switched on. The page
-    # of the status registers was not at hand; a trip is noticed because the output is off.
+    # of the status registers was not available; a trip is noticed because the output is off.
     "keithley-2200",
     protect=("OUTP 0", "OUTP:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT 1"),
     armed=(("VOLT:PROT?", "{voltage}"), ("VOLT:PROT:STAT?", "1")),
@@ -290,9 +291,9 @@ DELTA_SM15K = Profile(
 )
 
 DELTA_PSC_ETH = replace(
-    # Delta Elektronika PSC-ETH and PSC-ETH-2, the Ethernet cards of the SM series. Their manuals were not at hand: the
-    # set-points and the programming source are as the drivers of other projects send them (labtoys, bliss), the
-    # watchdog is that of the SM15K. A card without this watchdog reports an error, and the output stays off.
+    # Delta Elektronika PSC-ETH and PSC-ETH-2, the Ethernet cards of the SM series. Their manuals were not available. The
+    # set-points and the programming source are taken from drivers of other projects (labtoys, bliss). The watchdog is
+    # the watchdog of the SM15K. A card without this watchdog reports an error, and the output stays off.
     DELTA_SM15K,
     driver="delta-psc-eth",
     protect=(),
