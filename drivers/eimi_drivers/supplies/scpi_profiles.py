@@ -291,9 +291,9 @@ DELTA_SM15K = Profile(
 )
 
 DELTA_PSC_ETH = replace(
-    # Delta Elektronika PSC-ETH and PSC-ETH-2, the Ethernet cards of the SM series. Their manuals were not available. The
-    # set-points and the programming source are taken from drivers of other projects (labtoys, bliss). The watchdog is
-    # the watchdog of the SM15K. A card without this watchdog reports an error, and the output stays off.
+    # Delta Elektronika PSC-ETH and PSC-ETH-2, the Ethernet cards of the SM series. Their manuals were not available.
+    # The set-points and the programming source are taken from drivers of other projects (labtoys, bliss). The watchdog
+    # is the watchdog of the SM15K. A card without this watchdog reports an error, and the output stays off.
     DELTA_SM15K,
     driver="delta-psc-eth",
     protect=(),
