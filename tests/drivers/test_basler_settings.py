@@ -183,7 +183,9 @@ def test_a_frame_rate_that_the_camera_does_not_reach_is_refused(device: Device) 
 
 def test_a_trigger_input_is_refused_with_the_driver_that_has_one(device: Device) -> None:
     assert open_camera("basler", 0, CameraSettings(trigger="software")).settings.trigger == "software"
-    with pytest.raises(SetPointRefused, match="trigger = 'Line1' must be 'software'; the driver aravis has"):
+    with pytest.raises(
+        SetPointRefused, match="trigger = 'Line1' must be 'software'; for a trigger input, use driver = 'aravis'"
+    ):
         open_camera("basler", 0, CameraSettings(trigger="Line1"))
 
 
