@@ -5,19 +5,19 @@ measured_conditions  the measured field in place of the stated coil constant
 measured_record      the measured field and temperatures of a dataset, as a result file holds them
 measured_remarks     sentences on measured fields and temperatures, and on their differences between datasets
 states_used          the states that a fit uses, and the flags of the states that it leaves out
-perspective          detect in the edges that the lens sees the depth of the beam in perspective
+perspective          detect in the edges that the lens shows the depth of the beam in perspective
 before_search        check a dataset for errors that no material could explain
 options              the options of a fit
-fitting              check the options of a fit, and state why it is refused
+fitting              check the options of a fit, and explain why a fit is refused
 fit_grid             fit several laws to several datasets, with several seeds and bootstrap replicates
-checkpoint           log all generations of a search, so that an interrupted one can be resumed
+checkpoint           log all generations of a search, so that an interrupted search can be resumed
 discovering          discover the terms of a law
 law_record           the part of a result file that all fits have in common
 bootstrap_record     the part of a result file on bootstrap replicates
-residuals            distances of measured places from simulated ones, by state, edge and arc length
+residuals            distances of measured places from simulated places, by state, edge and arc length
 records              the fits of a result file
 fits_file            compare the laws of several fits; write and read fits.json
-grades               grade the support of a fit
+grades               grade how well a fit is supported
 fit_summary          print a fit and the comparison of laws
 assumptions          the bulk modulus and the nuisances that a fit assumes for a dataset
 simulated_fit        simulate a fit on a dataset, and compute its error
@@ -28,13 +28,13 @@ validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run
 planned_ring_down    the value of a ring-down in a planned run
 recorded_motions     read the ring-downs and the creep of a dataset
-time_records         the part of a result file for ring-downs alone, and the lines on a law of time
-time_fits            fit a law of time to motions, with or without static states
+time_records         the record of a fit to ring-downs alone, and lines on a viscoelastic (Prony) law
+time_fits            fit a viscoelastic (Prony) law to motions, with or without static states
 tensile_files        read tensile tests
 tensile_fits         fit a law to a tensile test
 export               write fits as material cards of other programs
 fit_figures          figures of fits, residuals and errors for a notebook
 
-The truth that a virtual rig stores is not read here: only `eimi_lab.demonstration` and the report read the truth, to
-score fits.
+The truth of a virtual rig is the hidden material of its beam. No module of this package reads the truth from a dataset:
+only `eimi_lab.demonstration` and the report read it, to score fits.
 """

@@ -1,6 +1,7 @@
-"""The assumptions of a fit for a dataset in addition to its law: a free bulk modulus, and freed nuisances.
+"""The assumptions of a fit for a dataset in addition to the law: a free bulk modulus, and freed nuisances.
 
-Freed nuisances belong to the datasets to which the law was fitted. For any other dataset all inputs are as stated.
+The values of freed nuisances apply to the datasets to which the law was fitted. For any other dataset all inputs have
+their stated values.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from eimi_lab.fits.time_records import RingDownRecord
 Array = NDArray[np.float64]
 
 INCOMPRESSIBLE_FROM = 0.495
-"""Poisson's ratio from which the error of an incompressible model is about 0.4 % of the modulus or less."""
+"""Smallest Poisson's ratio at which an incompressible beam model errs by 0.4 % of the modulus or less."""
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """The assumptions of a fit for P candidates.
+    """The assumptions of a fit, for P candidates.
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class Assumptions:
     setup : Setup or None
         The freed nuisances; None if all inputs are as stated.
     deviations : mapping of str to ndarray, shape (parts,)
-        Deviations of the freed nuisances that change the specimen, the loads or the lens, by source.
+        By source: deviations of the freed nuisances that change the specimen, the loads or the lens.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -46,15 +47,26 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return an experiment with the specimen, the loads and the lens of the fit."""
+        """Return the experiment with the specimen, the loads and the lens that the fit identified."""
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Map simulated places (..., 2) of the first candidate to the places at which the camera sees them."""
+        """Return the places (..., 2) in mm at which the camera sees simulated places of the first candidate."""
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Compare P candidates (P, n) of a law with an experiment that `applied` returned; for `keep` see `compare`."""
+        """Compare P candidates of a law with an experiment.
+
+        Parameters
+        ----------
+        model : str
+            Name of the law.
+        parameters : ndarray, shape (P, n)
+        experiment : Experiment
+            Result of `applied`.
+        keep : bool
+            See `eimi_fitting.inference.evidence.experiment.compare`.
+        """
         return compare(
             LAWS[model],
             parameters,
@@ -66,7 +78,7 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the expected error of the modulus due to a planar section; None for a solid."""
+    """Return a sentence on the error of the modulus due to a planar section assumption; None for a solid."""
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
         return None
@@ -84,24 +96,24 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
         return None
     return (
         f"{evidence.path}: the states without load show that the beam is not as stated: {shape.in_words} at rest; the "
-        'fit begins at this shape (rest_shape = "straight" in the specimen\'s file prevents it)'
+        'fit starts from this shape (rest_shape = "straight" in the specimen\'s file prevents this)'
     )
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the effect of a stated Poisson's ratio on the modulus; None from a ratio of 0.495."""
+    """Return a sentence on the effect of a stated Poisson's ratio below 0.495 on the modulus; otherwise None."""
     ratio = evidence.poisson_ratio
     if ratio >= INCOMPRESSIBLE_FROM:
         return None
     percent = 100 * compressibility_bias(evidence.experiment.model.specimen, ratio)
     return (
-        f"{evidence.path}: poisson_ratio = {ratio:g} is a bulk modulus of {bulk_ratio(ratio):.3g} shear moduli; "
+        f"{evidence.path}: poisson_ratio = {ratio:g} means a bulk modulus of {bulk_ratio(ratio):.3g} shear moduli; "
         f"the fit takes the material as incompressible, for which the modulus is about {abs(percent):.1f} % too low"
     )
 
 
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """Return the assumptions of a fit for a dataset, equal for all candidates."""
+    """Return the assumptions of a fit for a dataset, repeated for a number of candidates."""
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None

@@ -1,7 +1,7 @@
 """Check a dataset, before any search, for errors that no material could explain, and name the key to change.
 
-The checks concern the states, the width of the beam in one picture, and the loads
-(`eimi_fitting.inference.searching.named_causes`).
+The checks concern the states, the width of the beam in one picture, and the loads. The loads are checked by
+`eimi_fitting.inference.searching.named_causes`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 @dataclass(frozen=True)
 class _Remedy:
-    """The correction of an input mistake: one text each for calibration.toml, states.csv and tracked points."""
+    """The corrections of one input mistake: in calibration.toml, in states.csv, and for tracked points."""
 
     calibration: str
     states: str
@@ -74,20 +74,20 @@ _REMEDIES: dict[Slip, _Remedy] = {
 
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
-    """Return the message about a mistake in the loads of a dataset, with its remedies."""
+    """Return the message for a user about a mistake in the loads of a dataset, with the ways to correct it."""
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
         remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
         remedies += [remedy.states] if remedy.states else []
     return (
-        f"{path}: no material explains this: as stated the smallest error is {cause.error_mm:.2g} mm, and without "
-        f"{cause.words} {cause.error_without_mm:.2g} mm; {'; or, for imported pictures, '.join(remedies)}"
+        f"{path}: no material explains this: as stated the smallest error is {cause.error_mm:.2g} mm, but only "
+        f"{cause.error_without_mm:.2g} mm without {cause.words}; {'; or, for imported pictures, '.join(remedies)}"
     )
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return a remedy in words: change an input file, and store it in the dataset with `eimi segment`."""
+    """Return the instruction to change an input file and to store it in the dataset with `eimi segment`."""
     return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
 
 
@@ -111,7 +111,7 @@ def _check_currents(states: Sequence[State]) -> None:
 
 
 def _check_magnet(path: Path, experiment: Experiment) -> None:
-    """Refuse a specimen that has no magnetisation but whose tip moves when only the field changes."""
+    """Raise InputError if the specimen is not magnetic but its tip moves when only the field changes."""
     specimen, loads = experiment.model.specimen, experiment.loads
     non_magnetic = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
     if not non_magnetic or np.ptp(loads.tip_force_N, axis=0).any() or not np.ptp(loads.field_T, axis=0).any():
@@ -127,7 +127,7 @@ def _check_magnet(path: Path, experiment: Experiment) -> None:
 
 
 def _check_map(experiment: Experiment) -> None:
-    """Refuse a field that is unknown at a place that the tip reaches."""
+    """Raise InputError if the tip reaches a place where the map of the field has no values."""
     table = experiment.loads.coil.table if experiment.loads.coil else None
     if table is None or not _is_edges(experiment):
         return
@@ -146,7 +146,7 @@ def check_width(dataset: Dataset) -> None:
     Raises
     ------
     InputError
-        If they differ by more than a factor of 1.2.
+        If the two widths differ by more than a factor of 1.2.
     """
     from eimi_lab.vision.edges.apparent_width import apparent_width_mm  # slow imports, rarely needed
     from eimi_lab.vision.intensity import grey, state_mean
@@ -179,7 +179,11 @@ def _is_edges(experiment: Experiment) -> bool:
 
 
 def _tips_mm(experiment: Experiment) -> Array:
-    """Return the places (K, 2) of the last edge points, or the mean displacements (K, 2) of the tracked points."""
+    """Return the position of the tip in each of the K states (mm), shape (K, 2).
+
+    For edges, the position is the mean of the last points of both edges. For tracked points, the mean displacement of
+    the points is returned instead.
+    """
     observed = experiment.observed
     measured = np.isfinite(observed.sigma_mm)
     if isinstance(observed, EdgeObservation):

@@ -1,4 +1,4 @@
-"""The part of a result file on a fit that was repeated on bootstrap replicates of its data."""
+"""The record of fits that were repeated on bootstrap replicates of the data, for a result file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_lab.fits.law_record import Record
 
 
 class ReplicateRecord(Record):
-    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
+    """A law fitted to one bootstrap replicate of the data, with the parameters in the units of the law."""
 
     replicate: int
     parameters: dict[str, float]
@@ -24,7 +24,7 @@ class ReplicateRecord(Record):
 
     @staticmethod
     def of(fit: Fit, replicate: int) -> ReplicateRecord:
-        """Return the record of a fit to one replicate of the data."""
+        """Return the record of a fit to the bootstrap replicate with this number."""
         return ReplicateRecord(
             replicate=replicate,
             parameters={name: quantity.value for name, quantity in fit.parameters.items()},
@@ -40,10 +40,10 @@ FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
 
 
 class BootstrapRecord(Record):
-    """Fits to replicates of the data, whose states are drawn with replacement.
+    """Fits to bootstrap replicates of the data. The states of a replicate are drawn with replacement.
 
     `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
-    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3); the interval is null with fewer than 40
+    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3). The interval is null with fewer than 40
     replicates.
     """
 

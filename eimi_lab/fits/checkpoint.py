@@ -1,11 +1,13 @@
 """Log the generations of a fit or of a grid of fits, so that an interrupted fit can be resumed.
 
-A checkpoint consists of JSON lines. The first line states laws, data and options of the fits. Each generation adds a
-line with the objectives of its candidates, and each finished fit adds a line. CMA-ES is deterministic: with the same
-seed and the same objectives it proposes the same candidates. A resumed search therefore reads the logged objectives
-instead of computing them, and continues bit for bit, because numbers are written with all their digits. Another kind of
-processor rounds differently in the last digit, so a replayed generation has to agree with the logged generation within
-`_SAME` only. A line that is incomplete is skipped, and its generation is computed again.
+A checkpoint consists of JSON lines. The first line gives the laws, data and options of the fits. Each generation adds a
+line with the objectives of its candidates, and each finished fit adds a line.
+
+CMA-ES is deterministic: with the same seed and the same objectives it proposes the same candidates. A resumed search
+therefore uses the logged objectives instead of computing them. Numbers are written with all their digits, so that the
+resumed search continues exactly as without the interruption. Processors of another kind round differently in the last
+digit. A repeated generation therefore only has to agree with the logged generation within `_SAME`. An incomplete line
+is skipped, and its generation is computed again.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """The first line of a checkpoint. A fit is resumed only if its head equals the stored head."""
+    """The first line of a checkpoint. A fit is resumed only if the current inputs give the same first line."""
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]
@@ -45,7 +47,7 @@ class Head(Record):
 
 
 class GenerationLine(Record):
-    """One generation of a fit: its index in the head, the objectives, and the resulting state of the search."""
+    """One generation of a fit: index of the fit in the first line, objectives, and state of the search."""
 
     fit: int
     generation: int
@@ -56,21 +58,22 @@ class GenerationLine(Record):
 
 
 class FinishedLine(Record):
-    """A finished fit and its index in the head."""
+    """A finished fit, with the index of the fit in the first line of the checkpoint."""
 
     fit: int
     finished: FitRecord | ReplicateRecord
 
 
 class Checkpoint:
-    """A checkpoint file, new or resumed. This process and its workers add lines to it.
+    """A checkpoint file, new or resumed. This process and its workers append lines to the file.
 
-    The file is locked against other programs as long as this object exists.
+    The file is locked against other programs during the lifetime of this object.
 
     Parameters
     ----------
     path : Path
     head : Head
+        The first line that the current inputs give.
     resume : bool
         Whether to continue an existing file.
     force : bool
@@ -79,7 +82,7 @@ class Checkpoint:
     Raises
     ------
     InputError
-        If the file exists and may not be replaced, if its head differs, or if another program writes to it.
+        If the file exists and may not be replaced, if its first line differs, or if another program writes to it.
     """
 
     def __init__(self, path: Path, head: Head, *, resume: bool, force: bool = False) -> None:
@@ -100,13 +103,13 @@ class Checkpoint:
 
     @staticmethod
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
-        """Open the checkpoint of the command line. Raises InputError if `--resume` has no `--checkpoint`."""
+        """Open the checkpoint that the command line names. Raises InputError for `--resume` without `--checkpoint`."""
         if path is None:
             raise InputError("--resume: needs the file to resume from: give --checkpoint")
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:
-        """Return the complete lines."""
+        """Return the content of the complete lines of the file; incomplete lines are skipped."""
         complete = []
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
@@ -123,7 +126,9 @@ class Checkpoint:
         try:
             return Head.model_validate(next(iter(self._lines()), None))
         except ValidationError as error:
-            raise InputError(f"{self.path}: is not a checkpoint of `eimi fit`: its first line is wrong") from error
+            raise InputError(
+                f"{self.path}: is not a checkpoint of `eimi fit`: the first line of the file is wrong"
+            ) from error
 
     def _read(self) -> tuple[list[GenerationLine], list[FinishedLine]]:
         generations: list[GenerationLine] = []
@@ -145,15 +150,18 @@ class Checkpoint:
         return generations, finished
 
     def finished(self) -> dict[int, FitRecord | ReplicateRecord]:
-        """Return the finished fits, by their index in the head."""
+        """Return the finished fits by their index in the first line of the checkpoint."""
         return {line.fit: line.finished for line in self._read()[1]}
 
     def finish(self, fit: int, record: FitRecord | ReplicateRecord) -> None:
-        """Add a finished fit."""
+        """Append a finished fit, with its index in the first line of the checkpoint."""
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """Return the logged generations of one fit, up to the first missing generation, ready to log further ones."""
+        """Return the log of one fit, to which the search adds generations.
+
+        The log contains the stored generations up to the first missing generation.
+        """
         by_number: dict[int, GenerationLine] = {}
         for line in self._read()[0]:
             if line.fit == fit:
@@ -166,7 +174,10 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The logged generations of one fit; the search calls this object after each generation, which logs a new one."""
+    """The logged generations of one fit.
+
+    The search calls this object after each generation. New generations are appended to the checkpoint.
+    """
 
     path: Path
     fit: int
@@ -175,16 +186,16 @@ class GenerationLog:
 
     @property
     def replay(self) -> tuple[Objectives, ...]:
-        """Return the logged objectives, which the resumed search reads instead of computing them."""
+        """Return the logged objectives. A resumed search uses these objectives instead of computing them."""
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Write a new generation. Raises OtherSearch if a replayed generation differs from the logged generation."""
+        """Append a new generation. Raises OtherSearch if a repeated generation differs from the logged generation."""
         self.generation += 1
         if self.generation <= len(self.logged):
             if not _same(generation, self.logged[self.generation - 1].search):
                 raise OtherSearch(
-                    f"generation {self.generation} differs from the one in the checkpoint by more than rounding"
+                    f"generation {self.generation} differs from the logged generation by more than rounding"
                 )
             return
         _append(
@@ -201,15 +212,16 @@ class GenerationLog:
 
 
 def _same(replayed: Generation, logged: Generation) -> bool:
-    """Return whether all numbers of two generations agree, apart from the rounding of another processor."""
+    """Return whether all numbers of two generations agree within the rounding of different processors."""
     pairs = zip(astuple(replayed), astuple(logged), strict=True)
     return all(math.isclose(replayed_number, logged_number, rel_tol=_SAME) for replayed_number, logged_number in pairs)
 
 
 def _append(path: Path, line: Record, fresh: bool = False) -> None:
-    """Write one line in a single call, so that lines of several processes do not mix, and flush it to the disk.
+    """Append one line to the file with a single write, and flush the line to the disk.
 
-    The line break comes first, so that an incomplete line does not damage the next one.
+    With a single write the lines of several processes do not mix. The line break comes first, so that an incomplete
+    line before it does not damage the new line.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
     descriptor = os.open(path, flags, 0o666)
@@ -223,7 +235,7 @@ def _append(path: Path, line: Record, fresh: bool = False) -> None:
 
 
 def _check_same(path: Path, stored: Head, wanted: Head) -> None:
-    """Raise InputError if a checkpoint was begun with other laws, data, options or versions."""
+    """Raise InputError if the checkpoint belongs to other laws, data, options or versions."""
     for what, there, here in (
         ("fits", stored.fits, wanted.fits),
         ("datasets (sha256)", stored.datasets, wanted.datasets),

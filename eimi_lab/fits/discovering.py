@@ -20,7 +20,9 @@ _SHOWN = 12  # alternatives that are printed
 
 
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
-    """Discover a law, with the options of `eimi_fitting.discovery.terms_of_a_law.discover`.
+    """Discover which terms the law of a material needs, from datasets and tensile curves.
+
+    The options are those of `eimi_fitting.discovery.terms_of_a_law.discover`.
 
     Raises
     ------
@@ -36,13 +38,13 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
         raise refused(error, evidence) from error
     except NoEquilibrium as error:
         names = ", ".join(str(dataset.path) for dataset in evidence)
-        raise InputError(f"{names}: the beam has no equilibrium with the law of the curves") from error
+        raise InputError(f"{names}: the beam has no equilibrium with the law fitted to the tensile curves") from error
     except ValueError as error:
         raise InputError(f"--term: {error}") from error
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """Return the terms of these names, or `LIBRARY` if there are none. Raises InputError for an unknown term."""
+    """Return the terms with these names; without names, all terms of `LIBRARY`. Raises InputError for a wrong name."""
     try:
         return tuple(Term.of(name) for name in names) or LIBRARY
     except ValueError as error:
@@ -52,7 +54,7 @@ def library_of(names: Sequence[str]) -> tuple[Term, ...]:
 def content(
     discovery: Discovery, evidence: Sequence[Evidence], curves: Sequence[FileCurve], **numbers: float
 ) -> dict[str, Any]:
-    """Return the content of discovery.json; `numbers` are the numeric options of `discovered`."""
+    """Return the content of discovery.json. `numbers` are the numeric options of `discovered`."""
     return {
         "statement": discovery.statement,
         "identified": discovery.identified,
@@ -90,7 +92,7 @@ def _alternative(law: Alternative) -> dict[str, Any]:
 
 
 def lines(discovery: Discovery, output: Path) -> list[str]:
-    """Return the lines to print; `output` is the file with all alternatives."""
+    """Return the lines that `eimi discover` prints. `output` is the file that holds all alternatives."""
     printed = [discovery.statement]
     for law in discovery.alternatives[:_SHOWN]:
         names = SumOfTerms(law.terms).parameter_names

@@ -1,4 +1,4 @@
-"""Read a dataset as evidence for a fit: the model of its specimen, its loads, and the measured edges or points."""
+"""Read a dataset as evidence for a fit: the beam model, the loads, and the measured edges or points."""
 
 from __future__ import annotations
 
@@ -58,18 +58,18 @@ class Evidence:
     sha256 : str
         Hash of the file.
     experiment : Experiment
-        Model, loads and measured edges or points of the used states.
+        Beam model, loads, and measured edges or points of the used states.
     states : tuple of State
         The used states.
     used : StatesUsed
-        The states that were used and left out, with their flags.
+        The states that are used and left out, with their flags.
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty; `dimensions` or `calibration` if no key of that file has a stated
-        uncertainty.
+        Keys without a stated uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for its keys;
+        if a calibration gives none, `calibration` stands for its keys.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None
-        The shape at rest, if it was measured and differs from the stated one.
+        The shape at rest, if it was measured and differs from the stated shape.
     poisson_ratio : float
         The stated Poisson's ratio; the fit takes the material as incompressible.
     field_line : FieldLine or None
@@ -77,7 +77,7 @@ class Evidence:
     typed_mT_per_A : float or None
         The stated coil constant.
     heating : MeasuredHeating or None
-        The measured temperature of the coil, compared with the model of its heat.
+        The measured temperature of the coil, compared with the computed temperature.
     """
 
     path: Path
@@ -94,7 +94,7 @@ class Evidence:
     heating: MeasuredHeating | None = None
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
+        """Return a matplotlib figure, in the beam frame, of the measured edges or points of the used states."""
         from eimi_lab.dataset.plotting import OF_BEAM, drawn_places  # matplotlib is slow to import
 
         observed = self.experiment.observed
@@ -128,17 +128,17 @@ def load_evidence(
     flagged: bool = False,
     report: Callable[[str], None] = silent,
 ) -> Evidence:
-    """Read a dataset as evidence; find the edges first if the dataset does not hold them.
+    """Read a dataset as evidence. If the dataset contains no edges, find the edges in its frames first.
 
     Parameters
     ----------
     path : str or Path
     section : {"solid", "plane-strain", "plane-stress"}, optional
-        Section assumption instead of that of the specimen.
+        Section assumption that replaces the section assumption of the specimen.
     flagged : bool
         Whether to use states that a quality check has flagged.
     report : callable
-        Called with a line after each state whose edges are found.
+        Called with a line after the edges of each state are found.
 
     Raises
     ------
@@ -149,7 +149,9 @@ def load_evidence(
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
-        raise InputError(f"{str(path)!r}: is not UTF-8, but a result file has to name this file; rename it") from error
+        raise InputError(
+            f"{str(path)!r}: is not UTF-8, as a result file needs the name of a dataset; rename the file"
+        ) from error
     with open_dataset(path) as dataset:
         if dataset.kind != "frames" or dataset.edges() is not None:
             return _evidence(dataset, path, section, flagged)
@@ -161,9 +163,9 @@ def load_evidence(
 
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
-    """Return the evidence of a dataset that holds edges or tracked points. Raises InputError."""
+    """Return the evidence of a dataset with edges or tracked points. Raises InputError if no state can be used."""
     if not dataset.states and (dataset.ring_downs() or dataset.creeps()):
-        raise InputError(f"{path}: holds a recorded motion and no states; fit it with --time prony")
+        raise InputError(f"{path}: holds a recorded motion and no states; fit the motion with --time prony")
     specimen = dataset.specimen.mechanics()
     if section:
         specimen = dataclasses.replace(specimen, section=section)
@@ -201,13 +203,13 @@ def _measured_rest_shape(dataset: Dataset, experiment: Experiment) -> MeasuredRe
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
-    """Return the usable states of a dataset of frames, which may still be growing.
+    """Return the usable states of a dataset of frames, even while the run still adds states.
 
     Parameters
     ----------
     dataset : Dataset
     edges : sequence of EdgeSet
-        The edges of the first states, which need not be stored in the dataset.
+        The edges of the first states; they need not be stored in the dataset.
 
     Returns
     -------
@@ -235,7 +237,7 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
 
 
 def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
-    """Return the loads of some states. Raises InputError."""
+    """Return the loads of some states of a dataset. Raises InputError if the field does not fit the specimen."""
     loads = Loads.along(
         [s.field_mT for s in states],
         dataset.field_angle_deg,
@@ -255,7 +257,7 @@ def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
 
 
 def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
-    """Return the stated uncertainties of specimen, calibration and rig. Raises InputError."""
+    """Return the stated uncertainties of specimen, calibration and rig. Raises InputError if a table is wrong."""
     sources = dataset.specimen.stated_sources()
     if dataset.calibration is not None:
         sources += dataset.calibration.stated_sources()
@@ -267,7 +269,11 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
-    """Return the keys of specimen and calibration without a stated uncertainty; the name of a file that states none."""
+    """Return the keys of specimen and calibration without a stated uncertainty.
+
+    If a specimen gives no uncertainty at all, `dimensions` is returned for its keys; if a calibration gives none,
+    `calibration` is returned.
+    """
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
@@ -278,7 +284,7 @@ def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
-    """Return the indices of the used states, and their edges or points. Raises InputError if there are none."""
+    """Return the indices of the used states, and their edges or points. Raises InputError without a usable state."""
     if dataset.kind == "points":
         points = dataset.points()
         most = max(len(p.names) for p in points)
@@ -301,7 +307,10 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
-    """Return the indices of the usable states. States with a serious flag are usable only if `flagged` is true."""
+    """Return the indices of the usable states.
+
+    A usable state has at least 10 points on each edge. A state with a serious flag is usable only if `flagged` is true.
+    """
     return [
         i
         for i, (state, pair) in enumerate(zip(dataset.states, edges, strict=False))
@@ -319,7 +328,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation (mm) that the flags of a state add to that of its points."""
+    """Return the standard deviation (mm) that the flags of a state add to that of each edge point."""
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -328,7 +337,7 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return points and standard deviations of both edges, with another deviation added in quadrature."""
+    """Return points and standard deviations of both edges, with `by_mm` added to the deviations in quadrature."""
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 
@@ -358,7 +367,7 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a doubt if the edges show perspective, but the calibration states none."""
+    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens."""
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()
@@ -372,12 +381,12 @@ def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
     return (
         f"the beam appears up to {perspective.change_mm:.2g} mm wider away from the middle of the picture, as through "
         f"an ordinary lens about {round(perspective.stand_off_mm, -1):g} mm away, but the calibration has {stated}: "
-        "measure and state stand_off_mm (eimi segment --calibration takes the corrected file)",
+        "measure stand_off_mm, add it to the calibration, and give the file with eimi segment --calibration",
     )
 
 
 def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
-    """Return the first flag of a state with its remedy, in words."""
+    """Return the first flag in the edges of a dataset, with its remedy, in words."""
     flags = [flag for pair in edges for flag in pair.flags]
     if not flags:
         return "the frames show no beam"

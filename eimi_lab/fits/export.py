@@ -21,14 +21,14 @@ AnyFit = FitRecord | TensileRecord | RingDownRecord
 
 
 def check_solver(solver: str) -> str:
-    """Return the name unchanged; raise InputError if no material card can be written for a program of this name."""
+    """Return the name of a finite-element program unchanged. Raises InputError if there is no card for the program."""
     if solver not in SOLVERS:
         raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
     return solver
 
 
 def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None) -> AnyFit:
-    """Choose the fit of a law from a file.
+    """Choose the fit of a law from the fits of a file.
 
     Parameters
     ----------
@@ -43,7 +43,8 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
     Raises
     ------
     InputError
-        If the file has no such fit, or several such fits and no index is given.
+        If the file has no fit of the law with this index, or if the file has several fits of the law and no index is
+        given.
     """
     of_model = {i: fit for i, fit in enumerate(fits) if fit.model == model}
     in_file = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))
@@ -54,7 +55,7 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
         raise InputError(f"{path}: holds {len(of_model)} fits of {model}; give one of {choices}")
     chosen = next(iter(of_model)) if index is None else index
     if chosen not in of_model:
-        raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file has {in_file}")
+        raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file contains {in_file}")
     return of_model[chosen]
 
 
@@ -63,17 +64,17 @@ def _window(fit: AnyFit) -> str:
 
 
 def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
-    """Return the bulk modulus in Pa, stated directly or as a ratio to the initial shear modulus.
+    """Return the bulk modulus in Pa, from its value in kPa or from its ratio to the initial shear modulus.
 
     Raises
     ------
     InputError
-        If none or both are stated, or if the number is not positive.
+        If none or both of the numbers are given, or if the number is not positive.
     """
     if (bulk_modulus_kPa is None) == (bulk_ratio is None):
         raise InputError(
-            "give either --bulk-modulus-kPa or --bulk-ratio (bulk over initial shear modulus, such as 2000): a card "
-            "does not take the bulk modulus of a fit"
+            "give either --bulk-modulus-kPa or --bulk-ratio (bulk modulus over initial shear modulus, such as 2000): "
+            "the bulk modulus of a fit is not written to a card"
         )
     name, stated = (
         ("--bulk-ratio", bulk_ratio) if bulk_modulus_kPa is None else ("--bulk-modulus-kPa", bulk_modulus_kPa)
@@ -84,7 +85,10 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
 
 
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
-    """Return the text of a card. Raises InputError if the program lacks the law, or for a wrong bulk modulus."""
+    """Return the text of a material card.
+
+    Raises InputError for a law that the program lacks, or for a wrong bulk modulus.
+    """
     material = Material(
         LAWS[fit.model],
         np.array(fit.values()),
@@ -107,7 +111,7 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Return the comments of a card: the source of the numbers, their strains, their intervals and the doubts."""
+    """Return the comments of a card: files, largest strain and intervals of the fit, and doubts."""
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

@@ -1,4 +1,4 @@
-"""Draw figures for a notebook: stress against strain of a fit, residuals, and errors by state."""
+"""Draw figures of a fit for a notebook: stress against strain, residuals, and errors of the states."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _BEYOND = 2.0  # the figure ends at this multiple of the largest strain in the d
 
 @styled
 def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> Drawing:
-    """Draw engineering stress in uniaxial tension; strains beyond the data are shaded.
+    """Draw engineering stress against strain of a law in uniaxial tension; strains beyond the data are shaded.
 
     Parameters
     ----------
     law : Law
     parameters : ndarray, shape (n,)
     drawn : ndarray, shape (D, n)
-        Draws of the parameters, for the 95 % band.
+        D draws of the parameters, for the 95 % band.
     max_stretch : float
         Largest stretch in the data.
     """
@@ -52,7 +52,10 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
 def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
-    """Draw errors with bars of one standard deviation against the field; against the state if the field is constant."""
+    """Draw the errors of the states against the field, with bars of one standard deviation.
+
+    If the field is constant, the errors are drawn against the index of the state.
+    """
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
@@ -66,7 +69,10 @@ def drawn_errors(
 
 @styled
 def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
-    """Draw distances (K, 2, m) along both edges, a line for each state in the colour of its field."""
+    """Draw the residuals (K, 2, m) of K states along both edges.
+
+    Each state has a line in the colour of its field.
+    """
     values = field_mT if np.ptp(field_mT) > 0 else np.arange(float(len(field_mT)))
     scale = ScalarMappable(Normalize(values.min(), max(values.max(), values.min() + 1e-9)), colormaps[IN_ORDER])
     drawing = Drawing(4.2)
@@ -90,7 +96,7 @@ def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array,
 
 @styled
 def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
-    """Draw errors in mm against the field in mT, a line for each name."""
+    """Draw errors against the field, with a line for each name. `errors` holds field (mT) and error (mm) by name."""
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
     for number, (name, (field_mT, error_mm)) in enumerate(errors.items()):

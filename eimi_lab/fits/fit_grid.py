@@ -26,7 +26,7 @@ FEWEST_STATES = 5  # for a bootstrap: with fewer states, many replicates would c
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: the law, the datasets, the seed, and the number of the replicate (0: the data as measured)."""
+    """A fit to compute: the law, the datasets, the seed, and the number of the replicate (0: the measured data)."""
 
     model: str
     evidence: tuple[Evidence, ...]
@@ -34,7 +34,7 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
-        """Return law, datasets, seed and replicate in words."""
+        """Return the law, the datasets, the seed and the replicate in words."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 
@@ -42,11 +42,12 @@ class Task:
 def grid(
     models: Sequence[str], evidence: Sequence[Evidence], seeds: Sequence[int], *, each: bool = False, bootstrap: int = 0
 ) -> list[Task]:
-    """Return the tasks of a grid.
+    """Return one task for each combination of law, datasets, seed and bootstrap replicate.
 
     Parameters
     ----------
     models : sequence of str
+        Names of the laws.
     evidence : sequence of Evidence
     seeds : sequence of int
     each : bool
@@ -65,8 +66,8 @@ def grid(
         states = sum(len(e.states) for e in group)
         if bootstrap and states < FEWEST_STATES:
             raise InputError(
-                f"{', '.join(str(e.path) for e in group)}: {states} states; --bootstrap draws states and needs at "
-                f"least {FEWEST_STATES}"
+                f"{', '.join(str(e.path) for e in group)}: {states} states are too few; --bootstrap needs at "
+                f"least {FEWEST_STATES} states"
             )
     return [
         Task(model, group, seed, replicate)
@@ -87,19 +88,19 @@ def fit_grid(
     report: Callable[[str], None] = silent,
     underway: Callable[[str], None] = silent,
 ) -> list[FitRecord]:
-    """Compute the fits of a grid. Bootstrap replicates are returned as a part of the fit that they repeat.
+    """Compute the fits of a grid. A fit to the measured data contains the fits to its bootstrap replicates.
 
     Parameters
     ----------
     tasks : sequence of Task
     options : mapping
-        Options of `eimi_fitting.identify`.
+        Keyword arguments of `eimi_fitting.identify` that are equal for all tasks.
     executor : callable, optional
         Starts the workers; without an executor the fits are computed in this process.
     checkpoint : Checkpoint, optional
     share_checkpoint : bool
-        Whether workers write each generation into the checkpoint, for which they must see the file. Otherwise only
-        finished fits are written.
+        Whether the workers write each generation into the checkpoint. The workers must then have access to the file.
+        If false, only finished fits are written.
     report : callable
         Called with a line after each task.
     underway : callable
@@ -148,7 +149,7 @@ def fit_grid(
 
 @dataclass
 class _Underway:
-    """Report and log each generation of a search in this process."""
+    """A function that reports and logs each generation of a search in this process."""
 
     task: str
     tell: Callable[[str], None]
@@ -171,7 +172,7 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """Yield the fits to the measured data in order, each with the replicates that follow it in the grid."""
+    """Yield the fits to the measured data in the order of the tasks, each with its bootstrap replicates."""
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):
         record = done[index]

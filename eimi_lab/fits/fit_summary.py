@@ -1,4 +1,4 @@
-"""Details of a fit and the comparison of laws, which `eimi fit` prints below its results."""
+"""The details of a fit and the comparison of laws, as `eimi fit` prints them below its results."""
 
 from __future__ import annotations
 
@@ -27,23 +27,29 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return the lines on one fit: determined quantities, budget, nuisances, curves, causes and doubts."""
+    """Return the lines on one fit.
+
+    The lines concern determined quantities, budget, nuisances, curves, causes of the residuals, grade and doubts.
+    """
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
 
 
 def _grade_lines(fit: FitRecord) -> list[str]:
-    """Return one line with the grade of a fit, and with its reason if there are no doubts, which `_doubts` lists."""
+    """Return one line with the grade of a fit.
+
+    The reason for the grade is added only if the fit has no doubts, because `_doubts` prints the doubts.
+    """
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
 
 
 def cause_lines(fit: FitRecord) -> list[str]:
-    """Return a line with the two most probable causes of the residuals."""
+    """Return a line with the two most probable causes of the residuals; empty if no causes were compared."""
     words = [
         "no listed cause"
         if cause.name == NONE
-        else f"{cause.name} {signed(cause.value, cause.unit)} ({cause.shift_percent:+.2g} % of the modulus)"
+        else f"{cause.name} {signed(cause.value, cause.unit)} (changes the modulus by {cause.shift_percent:+.2g} %)"
         for cause in fit.causes[:2]
     ]
     shown = [f"{w}, probability {c.probability:.2g}" for w, c in zip(words, fit.causes, strict=False)]
@@ -51,7 +57,7 @@ def cause_lines(fit: FitRecord) -> list[str]:
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
-    """Return the lines that state which quantities the data determine."""
+    """Return the lines on the quantities that the data determine."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         low, high = fit.bulk_modulus.interval_95
@@ -64,7 +70,7 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Return the lines on priors, on freed nuisances, and on tensile curves."""
+    """Return the lines on priors, on freed nuisances, and on tensile curves of a fit."""
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
@@ -74,7 +80,8 @@ def what_was_fitted_beside(fit: FitRecord) -> list[str]:
     for curve in fit.tensile:
         lines.append(
             f"{curve.name}: RMSE {_kPa(curve.rmse_Pa)} kPa, {_kPa(curve.rmse_alone_Pa)} kPa for the curve alone "
-            f"(weight {curve.weight:g}, {curve.rows} rows that count as {curve.rows / curve.correlation_rows:.1f})"
+            f"(weight {curve.weight:g}, {curve.rows} rows that count as "
+            f"{curve.rows / curve.correlation_rows:.1f} independent rows)"
         )
     return lines
 
@@ -84,7 +91,7 @@ def _doubts(fit: LawRecord) -> list[str]:
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
-    """Return the lines on one fit to a tensile test: the quantities that the curve does not determine, and doubts."""
+    """Return the lines on a fit to a tensile test: the parameters that the curve leaves open, and the doubts."""
     return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
@@ -103,7 +110,10 @@ def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
-    """Return lines on the sources of the modulus's interval, the largest first, and on what to measure better next."""
+    """Return lines on the sources of uncertainty of the modulus, the largest first.
+
+    The last line names the quantity to measure better next.
+    """
     modulus, lines = fit.initial_shear_modulus, []
     for entry in fit.budget[:_LARGEST]:
         effect = f"± {_percent(entry.effect_percent)} of the modulus"
@@ -115,7 +125,7 @@ def budget_lines(fit: FitRecord) -> list[str]:
     if len(fit.budget) > 1:
         lines.append(
             f"all {len(fit.budget)} sources together: ± {_percent(all_together_percent(fit))} of the modulus, "
-            "twice that at 95 %"
+            "the 95 % interval is twice as wide"
         )
     if modulus.interval_95_fit and fit.budget:
         low, high = modulus.interval_95_fit
@@ -127,23 +137,26 @@ def budget_lines(fit: FitRecord) -> list[str]:
 
 
 def all_together_percent(fit: FitRecord) -> float:
-    """Return the standard uncertainty (%) of the modulus due to all sources together."""
+    """Return the standard uncertainty of the modulus due to all sources together, in per cent."""
     return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
 def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
-    """Return the name of a source, with its datasets if it does not concern all of them."""
+    """Return the name of a source of uncertainty.
+
+    The datasets are added if the source does not concern all datasets of the fit.
+    """
     if len(entry.datasets) == len(fit.datasets):
         return entry.words
     return f"{entry.words} of {', '.join(fit.datasets[d].path for d in entry.datasets)}"
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return a sentence on the quantity to measure better next, and on the interval to be expected then."""
+    """Return a sentence with the quantity to measure better next, and with the interval to expect afterwards."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
-        return f"Noise and mesh limit this interval: with about four times as many states {interval}."
+        return f"Noise and mesh limit this interval. With about four times as many states {interval}."
     return f"Measure better next: {fit.measure_next.words}; with half of its uncertainty {interval}."
 
 
@@ -152,7 +165,7 @@ def _percent(value: float) -> str:
 
 
 def comparison_table(choices: Sequence[Choice]) -> list[str]:
-    """Return the comparison of the laws as lines of a table; no lines if the laws cannot be compared."""
+    """Return the lines of a table that compares the laws; empty if the laws cannot be compared."""
     if not choices:
         return []
     lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]
@@ -178,15 +191,15 @@ def points_in_words(choices: Sequence[Choice]) -> str:
 
 
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """Return a sentence on the laws that have no AICc; an empty list if all laws have one."""
+    """Return a sentence on the laws without an AICc; empty if all laws have an AICc."""
     without_aicc = [choice.model for choice in choices if choice.aicc is None]
     if not without_aicc:
         return []
     has_weights = any(choice.weight is not None for choice in choices)
-    weights = "the weights compare only the others" if has_weights else "there are no weights"
+    weights = "the weights compare only the other laws" if has_weights else "there are no weights"
     return [
-        f"These are too few for an AICc of {', '.join(without_aicc)}, which needs two more points than unknowns, the "
-        f"level of the noise included; {weights}."
+        f"These points are too few for an AICc of {', '.join(without_aicc)}. AICc needs two more points than unknowns, "
+        f"and the level of the noise counts as an unknown; {weights}."
     ]
 
 
@@ -195,7 +208,7 @@ def _kPa(pascal: float) -> str:
 
 
 def signed(value: float, unit: str) -> str:
-    """Return a deviation with its sign and unit; a deviation without a unit (unit "1") in per cent."""
+    """Return a deviation with its sign and unit. A deviation without a unit (unit "1") is written in per cent."""
     return f"{100 * value:+.2g} %" if unit == "1" else f"{value:+.2g} {unit}"
 
 

@@ -1,4 +1,4 @@
-"""Write and read fits.json, and compare the laws of its fits."""
+"""Write and read fits.json, and compare the laws of the fits in this file."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ AnyFit = Annotated[
 
 
 class Fits(Record):
-    """The content of fits.json: the fits in order, and the comparison of their laws.
+    """The content of fits.json: the fits in their order, and the comparison of the fitted laws.
 
-    `fits[0]` is the first fit, and `fits["yeoh"]` the first fit of that law. The comparison is empty unless all laws
-    were fitted to the same data.
+    `fits[0]` is the first fit, and `fits["yeoh"]` is the first fit of the Yeoh law. The comparison is empty unless all
+    laws were fitted to the same data.
     """
 
     fits: tuple[AnyFit, ...] = Field(min_length=1)
@@ -45,7 +45,7 @@ class Fits(Record):
 
     @staticmethod
     def of(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> Fits:
-        """Return the fits with the comparison of their laws."""
+        """Return the content of fits.json for these fits, with the comparison of their laws."""
         return Fits(fits=tuple(fits), comparison=_comparison(fits))
 
     def write(self, path: str | Path, force: bool = False) -> Path:
@@ -58,11 +58,11 @@ class Fits(Record):
         return len(self.fits)
 
     def __iter__(self) -> Iterator[FitRecord | TensileRecord | RingDownRecord]:  # type: ignore[override]
-        """Iterate over the fits."""
+        """Iterate over the fits in the order of the file."""
         return iter(self.fits)
 
     def __getitem__(self, which: int | str) -> FitRecord | TensileRecord | RingDownRecord:
-        """Return a fit by its index, or the first fit of a law. Raises InputError if there is no fit of the law."""
+        """Return the fit with this index, or the first fit of the law with this name. Raises InputError without one."""
         if isinstance(which, int):
             return self.fits[which]
         for fit in self.fits:
@@ -73,7 +73,7 @@ class Fits(Record):
         )
 
     def __repr__(self) -> str:
-        """Return the summaries of all fits."""
+        """Return a line with the summaries of all fits."""
         return f"<Fits: {'; '.join(fit.summary() for fit in self.fits)}>"
 
     def _repr_html_(self) -> str:
@@ -86,7 +86,7 @@ class Fits(Record):
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
-    """Compare the laws; return nothing for a single law, for a repeated law, or for fits to different data."""
+    """Return the comparison of the laws; empty unless different laws were fitted to the same bending data."""
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {
         (
@@ -130,7 +130,7 @@ def read_fits_file(path: str | Path) -> Fits:
     """Read fits.json. Raises InputError with the file and the key that is wrong."""
     path = Path(path)
     if is_dataset(path):
-        raise InputError(f"{path}: is a dataset; a fits.json belongs to --fit, and a dataset is an argument without it")
+        raise InputError(f"{path}: is a dataset, but --fit takes a fits.json; give the dataset without --fit")
     text = read_text(path)
     try:
         content = parse_json(text)
@@ -139,11 +139,11 @@ def read_fits_file(path: str | Path) -> Fits:
     try:
         return Fits.model_validate(content)
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}; fit again if it is older") from error
+        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}; fit again if the file is older") from error
 
 
 def first_fault(error: ValidationError) -> str:
-    """Return the first wrong key of a validation error, and the reason, without the alternatives pydantic tried."""
+    """Return the first fault of a validation error as `key: reason`, without the names of alternative types."""
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]
     if keys[:1] == ["fits"]:

@@ -1,4 +1,4 @@
-"""Check the options and the evidence of a fit, and describe why a fit is refused."""
+"""Check the options and the evidence of a fit, and explain to the user why a fit is refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 
 
 def check_models(models: Sequence[str]) -> list[str]:
-    """Return the names of laws without repetitions. Raises InputError for an unknown law."""
+    """Return the names of laws, each once. Raises InputError for an unknown law."""
     for model in models:
         if model not in LAWS:
             raise InputError(f"--model {model}: there is no law {model!r}; {suggestion(model, LAWS)}")
@@ -26,7 +26,7 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """Return the section assumption of an option; None without one. Raises InputError for an unknown section."""
+    """Return the section assumption of the option `--section`; None without the option. Raises InputError."""
     for name in get_args(Section):
         if section == name:
             return name
@@ -47,7 +47,7 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the error for the user about one of the `REFUSALS`, with the path of the dataset."""
+    """Return the message for the user, with the path of the dataset, about one of the errors in `REFUSALS`."""
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]
         return InputError(f"{dataset.path}: state {dataset.states[error.state].index}: {error}")
@@ -58,6 +58,6 @@ def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
 
 
 def check_evidence(evidence: Sequence[Evidence]) -> None:
-    """Check all datasets before a search. Raises InputError for states that no material could explain."""
+    """Check all datasets before a search. Raises InputError if no material could explain a dataset's states."""
     for dataset in evidence:
         check_states(dataset.path, dataset.experiment, dataset.states)

@@ -1,4 +1,4 @@
-"""Grade the support of a fit: noise only, a stated budget, predicted states, or a predicted specimen."""
+"""Grade how well a fit is supported, from noise only to the prediction of another specimen."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ _PREDICTED = 1.5  # a prediction succeeds if its error is below this many times 
 
 @dataclass(frozen=True)
 class Grade:
-    """The grade of a fit (`name`), and the reason for it in sentences (`words`)."""
+    """The grade of a fit (`name`), and sentences with the reason for this grade (`words`)."""
 
     name: str
     words: str
 
 
 def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
-    """Return the grade of a fit.
+    """Return the grade of a fit: how well the data and the checks support it.
 
     Parameters
     ----------
     fit : FitRecord
     unseen : iterable of Validation
-        Errors of the fit on datasets of specimens to which it was not fitted.
+        Errors of the fit on datasets of specimens to which the law was not fitted.
 
     Returns
     -------
@@ -53,18 +53,23 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
         )
     held_out = fit.held_out_error_mm
     if not fit.budget:
-        words = "The interval contains noise and mesh: no uncertainty of the inputs is stated."
+        words = "The interval contains noise and mesh error only: no uncertainty of the inputs is stated."
         return Grade("noise only", f"{no_doubt} {words}")
     if held_out is not None and held_out < _PREDICTED * fit.mean_error_mm:
-        words = "The interval contains the stated uncertainties, and the law predicted states that were left out."
+        words = (
+            "The interval contains the stated uncertainties. The law predicted states that were left out of the fit."
+        )
         untested = "" if missed else " It has not been tested on another specimen."
         return Grade("predicted unseen states", f"{no_doubt} {words}{untested}")
-    words = "The interval contains the stated uncertainties; the law has not predicted unseen states."
+    words = "The interval contains the stated uncertainties. The law has not predicted states outside the fit."
     return Grade("budget stated", f"{no_doubt} {words}")
 
 
 def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
-    """Return whether the error on a specimen is as small as on the fitted states, or explained by uncertain inputs."""
+    """Return whether a law predicts a specimen to which it was not fitted.
+
+    The lower end of the interval of the error on this specimen must be below 1.5 times the error on the fitted states.
+    """
     if validation.mean_error_mm is None:
         return False
     least = validation.mean_error_interval_mm[0] if validation.mean_error_interval_mm else validation.mean_error_mm

@@ -1,4 +1,4 @@
-"""The part of a result file that bending fits and tensile fits have in common, and its tables and figures."""
+"""The part of a result file that all kinds of fits have in common, with its tables and figures."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Array = NDArray[np.float64]
 
 
 STRICT = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
-"""Unknown keys of a result file are errors; an array is a value that no file holds."""
+"""Settings of the records: unknown keys of a file are errors, and fields that no file holds may be arrays."""
 
 
 class Record(BaseModel):
-    """A part of a result file. It is immutable, and unknown keys are errors."""
+    """A part of a result file. A record cannot be changed, and unknown keys in the file are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Stability(Record):
-    """The stability of a law: the criterion, and the largest stretch that fulfils it (null: all checked stretches)."""
+    """The stability of a law: the criterion, and the largest stable stretch (null: stable at all checked stretches)."""
 
     criterion: str
     stable_up_to_stretch: float | None
@@ -43,7 +43,7 @@ _HELD_BY = "not measured (their intervals contain zero or are determined by the 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class LawRecord:
-    """The result of a fit, to bending or to tension.
+    """The result of a fit to bending, to tension or to ring-downs.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class LawRecord:
         Largest principal stretch in the data.
     stability : Stability
     doubts : tuple of Doubt
-        Reasons to doubt the result; a state is given by its index in the dataset.
+        Reasons to doubt the result. A doubt about a state contains the index of the state in the dataset.
     draws : Draws or None
         Draws from the joint distribution of all uncertain numbers; null in files of earlier releases.
     versions : dict of str
@@ -90,17 +90,23 @@ class LawRecord:
         return content
 
     def values(self) -> list[float]:
-        """Return the parameters in the order of the law."""
+        """Return the values of the parameters in the order of the law."""
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return the parameters (D, n) of at most `most` draws, evenly spread over the modulus; D = 0 without draws."""
+        """Return the n parameters of the law in at most `most` draws, shape (D, n).
+
+        The D draws are evenly spread over the modulus. D is 0 if the fit has no draws.
+        """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return the deviations (D,) of a source from its stated value in the draws of `drawn`; None without them."""
+        """Return the deviations of a source of uncertainty from its stated value, shape (D,).
+
+        The D draws are those of `drawn`. None is returned if the draws do not contain the source.
+        """
         if self.draws is None or name not in self.draws.names:
             return None
         return self._evenly(self.draws.column(name), most)
@@ -121,16 +127,16 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that the data do not determine: the bounds of the search determine their intervals."""
+        """Return the names of the parameters that the data do not determine."""
         return ()
 
     def stretch_in_words(self) -> str:
-        """Return the largest stretch in the data, and the limit of stability, as a sentence."""
+        """Return a sentence with the largest stretch in the data and the limit of stability."""
         limit, checked = self.stability.stable_up_to_stretch, self.stability.checked_up_to_stretch
         stable = f"up to {checked:g}, the largest that was checked" if limit is None else f"up to {limit:.3g} only"
         return (
-            f"Largest stretch in the data {self.max_stretch:.3f}, beyond which the law is an extrapolation; "
-            f"{self.stability.criterion}-stable {stable}."
+            f"Largest stretch in the data {self.max_stretch:.3f}; beyond this stretch the law is an extrapolation. "
+            f"The law is {self.stability.criterion}-stable {stable}."
         )
 
     def caveats(self) -> list[str]:
@@ -154,7 +160,7 @@ class LawRecord:
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the record without the kinds of its doubts, which result files do not hold."""
+        """Return the doubts for the file, without the kind of each doubt, which files do not contain."""
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:
@@ -179,18 +185,18 @@ class LawRecord:
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the stress in uniaxial tension with its band, within and beyond the data."""
+        """Return a matplotlib figure of stress in uniaxial tension with its 95 % band, within and beyond the data."""
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]
         return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
 
     def summary(self) -> str:
-        """Return one line: law and initial shear modulus with its interval."""
+        """Return one line: the law, and the initial shear modulus with its interval."""
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:
-        """Return the summary."""
+        """Return the summary of the fit in angle brackets."""
         return f"<{self.summary()}>"
 
     def _repr_html_(self) -> str:

@@ -1,7 +1,7 @@
 """The measured field of a dataset, and its effect on a fit.
 
-A measured field replaces the typed coil constant. The slope of the measured line (`dataset.measured_field`) is the coil
-constant, the offset of the line is a background field, and both have the uncertainties of the line.
+A measured field replaces the stated coil constant. The slope of the measured line (`dataset.measured_field`) is used as
+the coil constant, and the offset of the line as a background field. Both have the uncertainties of the line.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ REPLACED = frozenset({"coil", "offset"})
 
 
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
-    """Return loads whose background along the coil's axis is the measured offset instead of the stated value."""
+    """Return loads with the measured offset as the background field along the axis of the coil.
+
+    The offset replaces the stated background along this axis. Without a measured field the loads are unchanged.
+    """
     line = dataset.field_line
     if line is None or dataset.calibration is None:
         return loads
@@ -35,8 +38,8 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
     """Return the uncertainties of a measured field; empty if the field was not measured.
 
-    For imported data the uncertainty of each field is taken as an error that all states share: the uncertainty at the
-    strongest field counts as a fraction, and the uncertainty at the weakest field as an offset.
+    For imported data all states are assumed to share the error of the field. The uncertainty of the strongest field is
+    taken as a fraction of the field, and the uncertainty of the weakest field as an offset.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

@@ -11,7 +11,9 @@ from eimi_lab.fits.law_record import Record
 
 
 class MeasuredField(Record):
-    """The measured line of field against current, which a fit used instead of the stated coil constant.
+    """The line of field against current that a gaussmeter measured.
+
+    A fit uses this line instead of the stated coil constant.
 
     Attributes
     ----------
@@ -20,15 +22,15 @@ class MeasuredField(Record):
     mT_per_A, mT_per_A_sigma : float
         Slope and its standard uncertainty.
     offset_mT, offset_mT_sigma : float
-        Field without a current (remanence, background and the probe's zero) and its standard uncertainty.
+        Field at zero current (remanence, background and zero of the probe) and its standard uncertainty.
     scatter_mT : float
         Standard deviation of the readings about the line.
     currents : int
         Number of different currents.
     scale_is_stated : bool
-        Whether an uncertainty of the gaussmeter's scale is stated; otherwise the scale is taken as exact.
+        Whether the rig gives an uncertainty of the gaussmeter's scale; otherwise the scale is taken as exact.
     stated_mT_per_A : float or None
-        The coil constant that the calibration states.
+        The coil constant that the calibration gives.
     """
 
     source: str
@@ -43,7 +45,7 @@ class MeasuredField(Record):
 
     @classmethod
     def of(cls, evidence: Evidence) -> Self | None:
-        """Return the record of a dataset; None if its field follows from the stated coil constant."""
+        """Return the measured field of a dataset; None if the dataset uses the stated coil constant."""
         line = evidence.field_line
         if line is None:
             return None
@@ -61,11 +63,12 @@ class MeasuredField(Record):
 
     @property
     def in_words(self) -> str:
-        """Return slope and offset with their standard uncertainties, the gaussmeter and the stated coil constant."""
+        """Return gaussmeter, slope, offset, standard uncertainties and stated coil constant in words."""
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"
-        exact = "" if self.scale_is_stated else "; its scale is taken as exact, because no uncertainty_share is stated"
+        no_share = "; the scale of the gaussmeter is taken as exact, because no uncertainty_share is stated"
+        exact = "" if self.scale_is_stated else no_share
         return (
             f"{self.source} measured at {self.currents} currents, "
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} "
@@ -90,7 +93,7 @@ class MeasuredTemperature(Record):
 
     @classmethod
     def of(cls, evidence: Evidence) -> Self | None:
-        """Return the record of a dataset; None if the temperature was not measured."""
+        """Return the measured temperature of a dataset; None if the temperature was not measured."""
         degC = [state.temperature_degC for state in evidence.states if state.temperature_degC is not None]
         if not degC:
             return None
@@ -98,6 +101,6 @@ class MeasuredTemperature(Record):
 
     @property
     def in_words(self) -> str:
-        """Return the mean temperature with its range."""
+        """Return the mean temperature with the lowest and the highest temperature in words."""
         span = f", from {self.lowest_degC:.1f} to {self.highest_degC:.1f}" if self.states > 1 else ""
         return f"{self.mean_degC:.1f} °C{span}"

@@ -12,16 +12,16 @@ from eimi_lab.fits.measured_record import MeasuredField, MeasuredTemperature
 from eimi_lab.fits.records import DatasetReference
 
 DIFFERENT_K = 2.0
-"""Datasets that are fitted together and whose specimens differ by more than this are reported."""
+"""Difference of the specimens' temperatures (K) above which two datasets of one fit are reported as different."""
 
 DIFFERENT_SIGMA = 3.0
-"""Measured coil constants that differ by more than this number of standard uncertainties are reported."""
+"""Difference of two measured coil constants, in standard uncertainties, above which the difference is reported."""
 
 
 def measured_field_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured field that a fit uses; None if the field follows from the current."""
+    """Return a sentence on the measured field that a fit uses; None if the coil constant is used instead."""
     measured = MeasuredField.of(evidence)
-    return None if measured is None else f"{evidence.path}: the field is the one that {measured.in_words}"
+    return None if measured is None else f"{evidence.path}: the fit uses the field that {measured.in_words}"
 
 
 def temperature_remark(evidence: Evidence) -> str | None:
@@ -37,13 +37,14 @@ def heating_remark(evidence: Evidence) -> str | None:
 
 def measured_lines(datasets: Sequence[DatasetReference]) -> list[str]:
     """Return the lines on the measured field and temperature of the datasets of a fit, and on their differences."""
-    fields = [f"{d.path}: the field is the one that {d.measured_field.in_words}" for d in datasets if d.measured_field]
+    measured = [(d.path, d.measured_field) for d in datasets if d.measured_field]
+    fields = [f"{path}: the fit uses the field that {field.in_words}" for path, field in measured]
     warm = [f"{d.path}: the specimen was at {d.temperature.in_words}" for d in datasets if d.temperature]
     return [*fields, *warm, *measured_differences(datasets)]
 
 
 def measured_differences(datasets: Sequence[DatasetReference]) -> list[str]:
-    """Return a line for each pair of datasets whose temperatures or measured coil constants differ."""
+    """Return a line for each pair of datasets with different temperatures or measured coil constants."""
     lines = []
     for first, second in combinations(datasets, 2):
         if first.temperature and second.temperature:
@@ -66,7 +67,7 @@ def _field_difference(
     if abs(difference) <= DIFFERENT_SIGMA * sigma:
         return []
     return [
-        f"{first.path} has {one.mT_per_A:.5g} mT/A and {second.path} {other.mT_per_A:.5g} mT/A: they differ by "
+        f"{first.path} has {one.mT_per_A:.5g} mT/A and {second.path} has {other.mT_per_A:.5g} mT/A: they differ by "
         f"{100 * difference / one.mT_per_A:+.1f} %, more than {DIFFERENT_SIGMA:g} standard uncertainties; is it the "
         "same coil, with the probe at the same place?"
     ]

@@ -1,7 +1,7 @@
 """The options of a fit: all inputs that determine its numbers, except data, law and seed.
 
-Each field is an option of the command line and an entry of a checkpoint. Modules that are slow to import are imported
-when an option is used, because the command line needs only the fields.
+Each field is an option of the command line and an entry of a checkpoint. Slow imports are delayed until an option is
+used, because the command line needs only the fields.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ class FitOptions:
         list[str] | None,
         typer.Option(
             metavar="NAME[=DEVIATION]",
-            help="uncertain quantity to fit as well, with its standard deviation in mm, in degrees or relative: "
-            "width=0.02, roll=0.1, coil=0.01, ...; or bulk, the bulk modulus; may be repeated",
+            help="uncertain input to fit together with the law, and its standard deviation in mm, in degrees or as a "
+            "fraction, such as width=0.02, roll=0.1 or coil=0.01; or bulk for the bulk modulus; may be repeated",
         ),
     ] = None
     prior: Annotated[
         list[str] | None,
         typer.Option(
             metavar="PARAMETER=MEAN,DEVIATION",
-            help="prior knowledge of a parameter of the law: mean and standard deviation in its unit, such as "
+            help="prior knowledge of a parameter: mean and standard deviation in the unit of the parameter, such as "
             "C10=20000,500 or initial_shear_modulus=...; may be repeated",
         ),
     ] = None
@@ -58,15 +58,11 @@ class FitOptions:
     ] = None
     tensile_window: Annotated[
         str | None,
-        typer.Option(
-            metavar="PERCENT|full", help="largest strain of the tensile curves that is fitted", show_default="50"
-        ),
+        typer.Option(metavar="PERCENT|full", help="fit the tensile curves only up to this strain", show_default="50"),
     ] = None
     tensile_weight: Annotated[
         float | None,
-        typer.Option(
-            help="weight of the tensile curves, relative to the weight that their noise gives them", show_default="1"
-        ),
+        typer.Option(help="factor on the weight that the tensile curves have due to their noise", show_default="1"),
     ] = None
     restarts: Annotated[
         int, typer.Option(help="restarts of the search, each with twice the population", min=0, max=9)
@@ -74,18 +70,18 @@ class FitOptions:
     bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also search with small populations")] = False
     time: Annotated[
         str,
-        typer.Option(metavar="none|prony", help="law of time, from the recorded ring-downs and creep of the datasets"),
+        typer.Option(metavar="none|prony", help="viscoelastic law, fitted to the recorded ring-downs and creep"),
     ] = "none"
 
     @property
     def has_law_of_time(self) -> bool:
-        """Whether the options ask for a law of time. Raises InputError for an unknown law of time."""
+        """Whether a viscoelastic (Prony) law is fitted. Raises InputError for an unknown value of ``--time``."""
         if self.time not in _LAWS_OF_TIME:
             raise InputError(f"--time {self.time}: should be one of {', '.join(_LAWS_OF_TIME)}")
         return self.time != "none"
 
     def for_identify(self) -> dict[str, Any]:
-        """Return the keyword arguments of `eimi_fitting.identify`.
+        """Return the options as keyword arguments of `eimi_fitting.identify`.
 
         Raises
         ------
@@ -102,11 +98,11 @@ class FitOptions:
         }
 
     def head(self) -> dict[str, Any]:
-        """Return the options for a checkpoint; files are represented by the hash of their content."""
+        """Return the options for the first line of a checkpoint, with the hash of each file in place of the file."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:
-        """Raise InputError for a prior on a parameter that one of these laws does not have."""
+        """Raise InputError if one of these laws lacks a parameter that has a prior."""
         from eimi_fitting.inference.evidence.parameter_priors import check_priors
         from eimi_fitting.laws import LAWS
 
@@ -117,7 +113,7 @@ class FitOptions:
                 raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
-        """Load a dataset as these options require.
+        """Load a dataset with the section assumption and the flagged states that the options specify.
 
         Raises
         ------
@@ -130,12 +126,12 @@ class FitOptions:
         return load_evidence(path, section=check_section(self.section), flagged=self.include_flagged)
 
     def check(self, evidence: Sequence[Evidence]) -> None:
-        """Check that the datasets differ and that each can determine the quantities of ``--free``.
+        """Check that the datasets differ, and that each dataset can determine the quantities of ``--free``.
 
         Raises
         ------
         InputError
-            If two datasets have the same content, or if a quantity cannot be freed for one of them.
+            If two datasets have the same content, or if a quantity cannot be freed for a dataset.
         """
         from eimi_fitting.inference.evidence.sources import SOURCES
 
@@ -147,8 +143,8 @@ class FitOptions:
             section = dataset.experiment.model.specimen.section
             if self._bulk and section != "plane-strain":
                 raise InputError(
-                    f"--free bulk: {dataset.path} is modelled as {section}, which is exactly incompressible in the "
-                    "search; give --section plane-strain, too"
+                    f"--free bulk: {dataset.path} is modelled as {section}, so that the search takes the material "
+                    "as incompressible; give --section plane-strain, too"
                 )
             for prior in self._nuisances:
                 if SOURCES[prior.kind].field and not dataset.experiment.loads.field_T.any():
@@ -157,7 +153,7 @@ class FitOptions:
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
-        """Raise InputError if neither the option nor the dataset states the standard deviation of a freed quantity."""
+        """Raise InputError if neither option nor dataset gives the standard deviation of a freed quantity."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:
@@ -165,9 +161,12 @@ class FitOptions:
         stated = next((s for s in dataset.experiment.stated if s.source == prior.kind), None)
         if stated is None or stated.standard_uncertainty == 0:
             source = SOURCES[prior.kind]
-            problem = "states no uncertainty of it" if stated is None else "states that it is exact"
+            problem = (
+                "gives no uncertainty of this input" if stated is None else "gives the uncertainty 0 for this input"
+            )
             raise InputError(
-                f"--free {prior.kind}: {dataset.path} {problem}; give one, such as --free {prior.kind}={source.usual:g}"
+                f"--free {prior.kind}: {dataset.path} {problem}; give a standard deviation, such as "
+                f"--free {prior.kind}={source.usual:g}"
             )
 
     @property

@@ -1,15 +1,16 @@
-"""Detect from the measured edges that the lens sees the depth of the beam in perspective.
+"""Detect in the measured edges that the lens shows the depth of the beam in perspective.
 
-An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is displaced
-outward by a depth / (2 S), where a is its distance from the optical axis along its normal and S the stand-off. A bent
-beam therefore appears wider where its edges are farther from the axis. A bent solid also bows across its depth by about
-κ depth² / 16, where κ is the curvature, which also widens the outline. The width w is therefore fitted as
+An ordinary lens shows the union of the outlines of the near face and the far face. To first order each edge is
+displaced outward by a depth / (2 S). Here a is the distance of the edge from the optical axis along the normal of the
+edge, and S is the stand-off of the lens. A bent beam therefore appears wider where its edges are farther from the axis.
+A bent solid also bows across its depth by about κ depth² / 16, where κ is the curvature of the beam. This bow widens
+the outline, too. The apparent width w is therefore fitted as
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 
-over all stations s along the beam and all states. The width w₀ at each station is free, so that an irregular shape of
-the beam has no influence. A bent beam also becomes slightly thinner, which makes S too large by some tenths: the
-stand-off should be measured and not taken from this estimate.
+over all stations s along the beam and over all states. The width w₀ at each station is free, so that an irregular shape
+of the beam has no influence. A bent beam also becomes slightly thinner. This makes the estimated S too large by some
+tenths of its value, so that the stand-off should be measured and not taken from this estimate.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ _SURE = 6.0  # smallest slope b that counts, in standard errors (jackknife over 
 
 @dataclass(frozen=True)
 class SeenDepth:
-    """The stand-off (mm) that explains the edges, and the largest change of the width (mm) due to this stand-off."""
+    """The stand-off (mm) that explains the edges, and the largest change of width (mm) due to this stand-off."""
 
     stand_off_mm: float
     change_mm: float
 
 
 def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
-    """Estimate the perspective in the edges of K states; None if it is not significant.
+    """Estimate the stand-off of the lens from the edges of K states; None if no perspective is significant.
 
     Parameters
     ----------
@@ -60,13 +61,16 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return b of the equation above from profiles (K, 3, S); subtracting the mean over the states removes w₀."""
+    """Return the slope b of the apparent width, from the profiles (K, 3, S) of K states at S stations.
+
+    The mean over the states is subtracted, which removes the free width w₀ of each station.
+    """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 
 
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """Return the profile (3, S) of state k: the width w, the distance a and the curvature at each station."""
+    """Return width, distance from the optical axis, and curvature of state k at the S stations, shape (3, S)."""
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
     )
@@ -81,14 +85,14 @@ def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """Return the points (S, 2) of an edge (n, 2) at the stations, by arc length."""
+    """Return the points (S, 2) of an edge (n, 2) at the S stations, which are fractions of its arc length."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = _STATIONS * length[-1]
     return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=1)
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """Return the distances (S,) of an edge (n, 2) from the middle (S, 2), along the normals (S, 2)."""
+    """Return the distances (S,) of an edge (n, 2) from middle points (S, 2) of the beam, along normals (S, 2)."""
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]
     across, along = ((arms * axis[:, None]).sum(axis=2) for axis in (normal, tangent))

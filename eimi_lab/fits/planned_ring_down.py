@@ -1,14 +1,15 @@
-"""The value of a ring-down in a planned run: the expected interval of the modulus with and without one.
+"""The value of a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
 
-A static run determines the ratio of the modulus to the magnet's moment. A ring-down in zero field determines the
-modulus from the mass of the beam, without the moment. With creep recorded, one law of time joins both. To first order
-in the errors δ of the inputs, each of unit variance, the logarithms of the two estimates of the modulus are
+A run of static states determines the ratio of the modulus to the magnetic moment. A ring-down in zero field determines
+the modulus from the mass of the beam, without the moment. If creep is recorded, a viscoelastic (Prony) law relates the
+static modulus to the dynamic modulus. Let s be the logarithm of the modulus from the static states, and d that from the
+ring-down. To first order in the errors δ of the inputs, each of unit variance,
 
-    s = x + a · δ + n_s,    d = x + r + b · δ + n_d,
+    s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
-where x is the true logarithm, a and b are the effects of the inputs, n_s and n_d noise, and r the error of the
-relaxation between both times. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance
-of s and d (Gauss-Markov).
+Here x is the logarithm of the true modulus, a and b are the effects of the inputs, n_s and n_d are noise, and r is the
+error of the relaxation between the two times. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is
+the covariance of s and d (Gauss-Markov).
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ from eimi_fitting.time.small_effects import small_effects
 Array = NDArray[np.float64]
 
 FREQUENCY_SHARE = 5e-4
-"""Assumed relative standard uncertainty of a measured frequency, its mesh error included."""
+"""Assumed relative standard uncertainty of a measured frequency, including the error of the mesh."""
 RELAXATION_SHARE = 0.01
-"""Assumed relative standard uncertainty of the relaxation between the times of ring-down and static states."""
+"""Assumed relative standard uncertainty of the relaxation between a ring-down and the static states."""
 _LOSS = 0.1  # assumed for the effect of the air on the loss; it does not change the modulus
 _STEP = 1.05
 _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the magnetic load
@@ -40,20 +41,20 @@ _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the ma
 
 @dataclass(frozen=True)
 class ExpectedRingDown:
-    """The intervals of a run with one ring-down in zero field; half-widths of 95 % intervals in per cent.
+    """The expected intervals of a run with one ring-down in zero field: half-widths at 95 % in per cent.
 
     Attributes
     ----------
     frequency_Hz : float
-        Frequency at the modulus of the earlier fit; the dynamic modulus is higher.
+        Frequency at the modulus of the earlier fit. The true frequency is higher, as the dynamic modulus is higher.
     dynamic_percent : float
-        Dynamic modulus from the ring-down alone.
+        Half-width for the dynamic modulus from the ring-down alone.
     without_percent, with_percent : float
-        Modulus of the static states without a ring-down, and with one and creep.
+        Half-width for the modulus of the static states, without a ring-down and with ring-down and creep.
     moment_share_percent : float
         Part of ``without_percent`` that comes from the magnetic moment and the field.
     moment_percent : float or None
-        The same part with a ring-down and creep; None if nothing magnetic is uncertain.
+        The same part if ring-down and creep are recorded; None if nothing magnetic is uncertain.
     """
 
     frequency_Hz: float
@@ -65,7 +66,7 @@ class ExpectedRingDown:
 
     @property
     def in_words(self) -> str:
-        """The expected intervals in one sentence."""
+        """Return a sentence with the expected intervals."""
         moment = ""
         if self.moment_percent is not None:
             moment = (
@@ -75,7 +76,7 @@ class ExpectedRingDown:
         return (
             f"with a ring-down in zero field, at about {self.frequency_Hz:.3g} Hz, and creep: "
             f"± {self.with_percent:.3g} % instead of ± {self.without_percent:.3g} %{moment}; "
-            f"the dynamic modulus alone ± {self.dynamic_percent:.3g} %"
+            f"the ring-down alone determines the dynamic modulus to ± {self.dynamic_percent:.3g} %"
         )
 
 
@@ -88,7 +89,7 @@ def expected_ring_down(
     static_percent: float,
     effects: Mapping[str, float],
 ) -> ExpectedRingDown | None:
-    """Return what a ring-down would add to a planned run; None if the beam has no equilibrium without the field.
+    """Return the intervals to expect if a ring-down is added to a planned run.
 
     Parameters
     ----------
@@ -98,12 +99,17 @@ def expected_ring_down(
     gravity_angle_deg : float or None
         Angle of gravity in the beam frame; None without gravity.
     tip_weight_N : float
-        Weight at the tip, whose mass moves with it.
+        Weight at the tip; its mass moves with the tip.
     stated : sequence of StatedSource
     static_percent : float
-        Expected half-width of the static run.
+        Expected half-width (%) of the 95 % interval of the modulus from the static states alone.
     effects : mapping of str to float
-        Signed effect of each source on the static modulus for one standard uncertainty, in per cent, by name.
+        By name of source: the change of the static modulus (%), with its sign, for one standard uncertainty.
+
+    Returns
+    -------
+    ExpectedRingDown or None
+        None if the beam has no equilibrium without the field.
     """
     law, parameters = known.law, np.asarray(known.parameters, float)
     modulus = float(law.initial_shear_modulus(parameters))
@@ -142,7 +148,10 @@ def expected_ring_down(
 def _effects_percent(
     beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
 ) -> dict[str, float]:
-    """Return the signed effect of each part of each source on the dynamic modulus, in per cent, by name."""
+    """Return the change of the dynamic modulus due to each part of each source of uncertainty, by name.
+
+    The changes are in per cent, with sign, for one standard uncertainty.
+    """
     effects: dict[str, float] = {}
     for one in stated:
         source = SOURCES[one.source]

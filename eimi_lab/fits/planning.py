@@ -48,7 +48,7 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """The mounting and the loads of a specimen in a run.
+    """The specimen of a planned run, the way it is mounted, and its loads apart from the field.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Mounting:
     tip_weight_g : float
         Weight at the tip.
     both_polarities : bool
-        Whether each current is also reversed.
+        Whether each current is repeated with the opposite sign.
     """
 
     specimen: SpecimenFile
@@ -68,11 +68,11 @@ class Mounting:
 
     @property
     def tip_force_N(self) -> float:
-        """Return the force of the weight at the tip in N."""
+        """Return the force in N of the weight that hangs from the tip."""
         return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
 
     def in_words(self) -> str:
-        """Return specimen, gravity, weight and polarities in words."""
+        """Return specimen, gravity, weight at the tip and polarities in words."""
         gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
         weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
         both = ", both polarities" if self.both_polarities else ""
@@ -81,20 +81,20 @@ class Mounting:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """The chosen states in one mounting, compared with the same number of equally spaced states.
+    """The chosen states of a run in one mounting, compared with the same number of equally spaced states.
 
     Attributes
     ----------
     mounting : Mounting
     currents_A : tuple of float
-        The currents of the chosen states; with both polarities only the currents from 0 up.
+        The currents of the chosen states. With both polarities only the positive currents are listed.
     expected, spaced : float
-        Expected half-width of the 95 % interval in per cent, for the chosen and for equally spaced states. To
-        discriminate between two laws: the expected difference of AIC in favour of the first.
+        Expected half-width of the 95 % interval in per cent, for the chosen states and for equally spaced states. If
+        the goal is to distinguish two laws: the expected difference of AIC in favour of the first law.
     effects_percent : dict of float
-        Standard deviation of the goal due to each source of uncertainty in per cent, the largest first.
+        By source of uncertainty: the standard deviation (%) of the goal that it causes, the largest first.
     signed_percent : dict of float
-        Change of the goal if each source deviates by its standard uncertainty, in per cent.
+        By source of uncertainty: the change (%) of the goal if the source deviates by its standard uncertainty.
     ring_down : ExpectedRingDown or None
         The intervals with a ring-down in zero field; of the best run alone, and only if the goal is the modulus.
     """
@@ -110,7 +110,7 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Goal:
-    """The goal of a run: to measure the modulus or a parameter, or to distinguish the law from a rival."""
+    """The goal of a run: to measure the modulus or a parameter of a law, or to distinguish the law from a rival law."""
 
     fit: FitRecord
     parameter: str = MODULUS
@@ -118,7 +118,7 @@ class Goal:
 
     @staticmethod
     def of(path: Path, fits: Sequence[AnyFit], model: str | None, words: str) -> Goal:
-        """Return the goal that the command line states.
+        """Return the goal that the options `--goal` and `--model` specify.
 
         Parameters
         ----------
@@ -127,20 +127,20 @@ class Goal:
         fits : sequence of FitRecord or TensileRecord
             The fits of the file.
         model : str or None
-            The law; needed if the file holds several.
+            The law; needed if the file holds several laws.
         words : str
             `modulus`, a parameter of the law, or another law of the file.
 
         Raises
         ------
         InputError
-            If the file has no such fit, or if the goal does not exist.
+            If the file has no fit of the law to a bending beam, or if the goal does not exist.
         """
         bending = {fit.model: fit for fit in fits if isinstance(fit, FitRecord)}
         if not bending:
-            raise InputError(f"{path}: holds no fit to a bending beam, from which a plan takes the noise")
+            raise InputError(f"{path}: holds no fit to a bending beam; a plan needs the noise of such a fit")
         if model is None and len(bending) > 1:
-            raise InputError(f"{path}: holds several laws; --model should be one of {', '.join(bending)}")
+            raise InputError(f"{path}: holds several laws; give --model with one of {', '.join(bending)}")
         fit = bending.get(model or next(iter(bending)))
         if fit is None:
             raise InputError(f"{path}: --model {model}: should be one of {', '.join(bending)}")
@@ -157,13 +157,13 @@ class Goal:
         )
 
     def in_words(self) -> str:
-        """Return the goal in words, for a heading."""
+        """Return the goal and the unit of its measure in words, for a heading."""
         if self.rival:
             return f"{self.fit.model} against {self.rival.model}, expected difference of AIC"
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """Format the expected result of a run."""
+        """Return the expected result of a run in words: a half-width in per cent, or a difference of AIC."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 
@@ -181,9 +181,9 @@ def mountings(
     specimens : sequence of SpecimenFile
     rig : Rig
     gravity_angles : sequence of float
-        Angles of gravity in the beam frame in degrees; if empty, that of the rig.
+        Angles of gravity in the beam frame in degrees; if empty, the angle of the rig.
     weights : sequence of float
-        Weights at the tip in grams; if empty, none.
+        Weights at the tip in grams; if empty, no weight.
     both_polarities : bool
         Whether to consider also runs that repeat each state with the current reversed.
 
@@ -206,7 +206,7 @@ def mountings(
 
 
 def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
-    """Choose the best states in each mounting.
+    """Choose the best states for a goal in each mounting.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
     choices : sequence of Mounting
     rig : Rig
     protocol : Protocol
-        Its limits apply in addition to those of the rig.
+        Limits that apply in addition to the limits of the rig.
     states : int
         Number of states.
 
@@ -226,11 +226,11 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
     Raises
     ------
     InputError
-        If too many states are wanted, or if the beam has an equilibrium in too few of them.
+        If more states are wanted than there are currents, or if the beam has an equilibrium in too few states.
     """
     currents = _currents(rig, protocol)
     if states > len(currents):
-        raise InputError(f"--states {states}: should be at most {len(currents)}, the currents that are considered")
+        raise InputError(f"--states {states}: should be at most {len(currents)}, the number of currents to choose from")
     runs = [run for mounting in choices if (run := _planned(goal, mounting, rig, currents, states))]
     if not runs:
         raise InputError("the beam has an equilibrium in too few states: set a lower limit, or choose another mounting")
@@ -239,7 +239,7 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
 
 
 def _with_ring_down(goal: Goal, run: PlannedRun, rig: Rig) -> PlannedRun:
-    """Add the intervals with a ring-down, if the goal is the modulus."""
+    """Return a run with the intervals that an added ring-down would give, if the goal is the modulus."""
     if goal.rival or goal.parameter != MODULUS:
         return run
     mounting = run.mounting
@@ -307,9 +307,10 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return one state for each pair of states I and -I; the second half of the loads reverses the first half.
+    """Return a criterion in which each pair of states, at I and -I, counts as one state.
 
-    Raises ValueError if the beam has an equilibrium in fewer than two pairs.
+    The second half of the loads repeats the first half with reversed currents. Raises ValueError if the beam has an
+    equilibrium in fewer than two pairs.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]
@@ -340,7 +341,7 @@ def _noise(fit: FitRecord) -> EdgeNoise:
 
 
 def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
-    """Return a protocol of the planned states, with their purpose as a comment."""
+    """Return a protocol of the planned states as TOML text, with the goal and the mounting in comments."""
     both = {"both_polarities": True} if run.mounting.both_polarities else {}
     states = Currents(values_A=run.currents_A, **both)
     changed = protocol.model_copy(
@@ -353,7 +354,7 @@ def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
 
 
 def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
-    """Return a table of the planned runs to print, the best first."""
+    """Return the lines of a table of the planned runs, the best first."""
     width = max(len(run.mounting.in_words()) for run in runs)
     lines = [goal.in_words(), f"{'mounting':{width}}  {'planned':>10}  {'equally spaced':>14}"]
     for run in runs:
@@ -369,7 +370,7 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
 
 
 def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
-    """Return goal and runs for JSON."""
+    """Return the goal and the planned runs as a dictionary for JSON."""
     return {
         "goal": goal.in_words(),
         "runs": [

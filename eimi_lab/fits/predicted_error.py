@@ -1,9 +1,10 @@
-"""Compute the interval of the error of a fit on a dataset, from the uncertainties of both.
+"""Compute the interval of the error of a fit on a dataset, from the uncertainties of fit and dataset.
 
 The parameters of the law are taken from the draws of the fit. The uncertain inputs of the dataset are drawn in
-addition. A source that the data of the fit share with this dataset (the same coil, calibration or calliper) takes its
-value from the same draw. For example, a coil that is weaker than stated makes the identified modulus too high, but the
-beam of this dataset still bends as simulated if the same coil acts on it. All other sources are drawn independently.
+addition. Fit and dataset may share a source of uncertainty: the same coil, calibration or calliper. A shared source
+takes its value from the same draw as the parameters. For example, a coil that is weaker than stated makes the
+identified modulus too high, but the beam of this dataset still bends as simulated if the same coil acts on it. All
+other sources are drawn independently.
 """
 
 from __future__ import annotations
@@ -36,21 +37,21 @@ def error_interval_mm(
 ) -> tuple[float, float | None] | None:
     """Return the 95 % interval of the mean error of a fit on a dataset.
 
-    The draws are simulated on the coarse mesh. The corrections by more accurate models are assumed to be the same for
-    all draws, so that only the differences from the fit on the coarse mesh are added to its residuals.
+    Each draw is simulated on the coarse mesh. The difference from the simulation of the fit on the coarse mesh is added
+    to the residuals of the fit. The corrections by more accurate models are thus assumed to be the same for all draws.
 
     Parameters
     ----------
     fit : FitRecord or TensileRecord
     evidence : Evidence
     residuals_mm : ndarray, shape (K, G, m)
-        Residuals of the fit; NaN where nothing was measured.
+        Residuals of the fit in K states; G is 2 edges or 2 components. NaN where nothing was measured.
 
     Returns
     -------
     tuple of float, or None
-        The ends in mm. The interval contains the mean error of the fit. The upper end is None if a draw has no
-        equilibrium. The result is None without draws.
+        The ends in mm. The interval contains the mean error of the fit. The upper end is None if the beam has no
+        equilibrium for a draw. The result is None if the fit has no draws.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
     assumptions = assumptions_of(fit, evidence, len(candidates))
@@ -73,7 +74,7 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean errors (T, D) of D draws of a fit on a dataset, for T draws of the independent sources.
+    """Return the mean errors of D draws of a fit on a dataset, for T draws of the independent sources.
 
     Parameters
     ----------
@@ -83,6 +84,11 @@ def predicted_errors_mm(
         Residuals (1 + D, ...) of the fit and of its draws.
     near : Configuration, optional
         Equilibrium of the fit on the coarse mesh in each state, as a starting point.
+
+    Returns
+    -------
+    ndarray, shape (T, D)
+        Mean errors over the states in mm.
     """
     residuals = misfit.residuals[1:]
     count = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -107,7 +113,10 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances, with their group."""
+    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances.
+
+    Each input is a pair: the stated source, and the index of the part of this source.
+    """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
     return [
@@ -119,7 +128,7 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return the fit as a candidate, with the nuisances that the fit identified for this dataset."""
+    """Return the law of a fit as a candidate, with the nuisances that the fit identified for this dataset."""
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(
@@ -137,7 +146,10 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations (D,) of a shared source in standard uncertainties; None if the fit does not share it."""
+    """Return the deviations of a source in the D draws of a fit, in standard uncertainties, shape (D,).
+
+    None is returned if the data of the fit do not share this source with the dataset.
+    """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):
         of = {source.of for i in group.datasets for source in by_dataset[i] if source.source == stated.source}

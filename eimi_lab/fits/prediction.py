@@ -1,7 +1,8 @@
 """Predict the errors of fits on datasets, with their intervals, for `eimi validate`, the report and notebooks.
 
-The work is done in this process or shared among workers. It has three kinds of steps: simulate all fits on one dataset
-together; simulate one fit alone, if it failed together with the others; compute the interval of one error.
+The work is done in this process or shared among workers. It consists of three kinds of steps: simulate all fits on one
+dataset together; simulate one fit alone, if its simulation together with the others failed; compute the interval of
+one error.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
 
 
 def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
-    """Return the predictions of fits on one dataset, with intervals. Raises InputError as `validate` does."""
+    """Return the predictions of several fits on one dataset, with intervals. Raises InputError as `validate` does."""
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
 
@@ -64,20 +65,22 @@ def predict_on_each(
     Parameters
     ----------
     datasets : sequence
-        For each dataset its fits, each with the evidence for its section assumption.
+        For each dataset a sequence of pairs: a fit, and the evidence of the dataset for the section assumption of the
+        fit.
     step_done : callable
         Called with a line after each simulated fit and after each interval.
     executor : callable, optional
         Starts the workers that share the steps; without an executor all steps are done in this process.
     meanwhile : callable, optional
-        See `eimi_lab.process.workers.completed`.
+        Called once while the workers compute; see `eimi_lab.process.workers.completed`.
 
     Yields
     ------
     place : int
-        Place of a dataset. Each dataset comes twice.
+        Index of a dataset. Each index comes twice.
     predictions : list of Prediction
-        First without intervals, as soon as all fits are simulated on the dataset; at the end with intervals.
+        The first time without intervals, as soon as all fits are simulated on the dataset. The second time with
+        intervals.
 
     Raises
     ------
@@ -86,7 +89,7 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that follow a simulation, the long ones first."""
+        """Return the steps that follow a simulation; the long steps come first."""
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()
@@ -122,7 +125,7 @@ def predict_on_each(
 
 
 class _Step(NamedTuple):
-    """One step of the work, with the places of its dataset and of its fit."""
+    """One step of the work, with the index of the dataset and the index of the fit."""
 
     kind: Literal["together", "alone", "interval"]
     dataset: int
@@ -172,7 +175,7 @@ def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None
 
 
 def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
-    """Estimate the relative time of a dataset from its number of states and from the width of its beam."""
+    """Estimate the relative computing time of a dataset: number of states times width over length of the beam."""
     for _, evidence in fits:
         specimen = evidence.experiment.model.specimen
         return len(evidence.states) * specimen.width_mm / specimen.length_mm

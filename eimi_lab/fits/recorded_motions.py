@@ -1,4 +1,4 @@
-"""Read the ring-downs and the creep of a dataset as evidence for a law of time."""
+"""Read the ring-downs and the creep of a dataset as evidence for a viscoelastic (Prony) law."""
 
 from __future__ import annotations
 
@@ -29,18 +29,22 @@ _DWELL_S = 30.0  # assumed time between states without a clock
 
 @dataclass(frozen=True)
 class MotionEvidence:
-    """The motions of one dataset.
+    """The recorded motions of one dataset, ready for the fit of a viscoelastic (Prony) law.
 
     Attributes
     ----------
     path : Path
     sha256 : str
+        Hash of the file.
     specimen : Specimen
     motions : tuple of RecordedMotion
+        Ring-downs and creep.
     stated : tuple of StatedSource
+        The stated uncertainties of the inputs.
     taken_as_exact : tuple of str
+        Keys without a stated uncertainty.
     has_states : bool
-        Whether the dataset also holds states.
+        Whether the dataset also holds static states.
     has_recording : bool
         Whether the dataset holds a ring-down, as points or as frames that `eimi segment` can follow.
     """
@@ -56,12 +60,12 @@ class MotionEvidence:
 
 
 def load_motions(path: Path) -> MotionEvidence:
-    """Read the motions of a dataset.
+    """Read the ring-downs and the creep of a dataset.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or if it states no direction of gravity for a hanging weight.
+        If the file cannot be read, or if a weight hangs from the tip but the dataset gives no direction of gravity.
     """
     with open_dataset(path) as dataset:
         motions = (*dataset.ring_downs(), *dataset.creeps())
@@ -81,7 +85,7 @@ def load_motions(path: Path) -> MotionEvidence:
 
 
 def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
-    """Return the datasets unchanged after checking that a law of time can be fitted to them.
+    """Check that a viscoelastic (Prony) law can be fitted to datasets, and return the datasets unchanged.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
     for other in datasets[1:]:
         if other.specimen != datasets[0].specimen:
             raise InputError(
-                f"{other.path}: its specimen is not that of {datasets[0].path}; a law of time is fitted to one specimen"
+                f"{other.path}: its specimen is not that of {datasets[0].path}; --time prony needs one specimen"
             )
     if not any(one.has_recording for one in datasets):
         paths = ", ".join(str(one.path) for one in datasets)
@@ -103,7 +107,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a motion with its loads, and with the loads before its step."""
+    """Return a motion with the loads during the motion and the loads before it."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.tip_force_N:
         before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)
@@ -119,21 +123,21 @@ def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
 
 
 def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
-    """Return the loads of one state with this current and this weight at the tip."""
+    """Return the loads of one state: the field at this current (A), gravity, and a weight (N) at the tip."""
     field = current_A * dataset.calibration.mT_per_A if dataset.calibration and dataset.calibration.mT_per_A else 0.0
     if dataset.field_line is not None:
         field = current_A * dataset.field_line.mT_per_A
     if hanging_N and not dataset.gravity:
         raise InputError(
-            f"{dataset.path}: a weight of {hanging_N:g} N hangs from the tip, but the dataset leaves out gravity"
+            f"{dataset.path}: a weight of {hanging_N:g} N hangs from the tip, but the dataset was made without gravity"
         )
     return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
 
 
 def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
-    """Return the static states of a dataset with the modulus of the fit to these states.
+    """Return the static states of a dataset, with the modulus from the fit to these states.
 
-    If a dataset has no times, the states are assumed to be recorded every 30 s.
+    If the dataset gives no times of its states, the states are assumed to follow each other every 30 s.
     """
     with open_dataset(evidence.path) as dataset:
         clock_s = dataset.times_of_states()

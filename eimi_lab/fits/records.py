@@ -1,7 +1,7 @@
-"""The data classes with which fits are written to a result file and read from it.
+"""The data classes of the fits in a result file, for writing and for reading.
 
-`eimi_fitting` has types for its results, and these are stored as they are. The classes of this module add what
-`eimi_fitting` does not know: files, currents and versions.
+The result types of `eimi_fitting` are stored unchanged. The classes of this module add what `eimi_fitting` does not
+know: files, currents and versions.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class StateError(Record):
-    """The distances between the simulated and the measured edges of one state.
+    """The error and the deviation of a fit in one state.
 
     Attributes
     ----------
@@ -48,12 +48,12 @@ class StateError(Record):
     state : int
         The index of the state in the dataset.
     current_A : float or None
-        The set current; None if the dataset states no current.
+        The current that was set; None if the dataset contains no currents.
     field_mT : float
     error_mm : float
         The root mean square of the distances between the measured points and the simulated edges.
     deviation_mm : float
-        The standard deviation of the distances.
+        The standard deviation of these distances.
     """
 
     dataset: int
@@ -65,7 +65,7 @@ class StateError(Record):
 
     @staticmethod
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
-        """Return one element for each state of a dataset, from errors (K,) and deviations (K,) in mm."""
+        """Return the record of each of the K states of a dataset, from errors (K,) and deviations (K,) in mm."""
         return tuple(
             StateError(
                 dataset=dataset,
@@ -87,17 +87,18 @@ class CurveRecord(Record):
     path : str or None
         The file; null for a curve that was passed as numbers.
     sha256 : str
-        Hash of the file, or else of the numbers.
+        Hash of the file. For a curve without a file, the hash of the numbers.
     window_percent : float or None
         Largest strain in per cent; null for the whole curve.
     weight : float
-        Weight relative to that of its noise.
+        Factor on the weight that the curve has due to its noise.
     rows : int
+        Number of rows in the window.
     correlation_rows : float
         Number of rows over which residuals are correlated.
     largest_strain : float
     rmse_alone_Pa, rmse_Pa : float
-        Root mean square residual of the law fitted to this curve alone, and of the joint fit.
+        Root mean square of the residuals of this curve, for the law fitted to this curve alone and for the joint fit.
     """
 
     path: str | None
@@ -112,12 +113,12 @@ class CurveRecord(Record):
 
     @property
     def name(self) -> str:
-        """Return the file, or a name from the hash for a curve without a file."""
+        """Return the path of the file; for a curve without a file, a name made from the hash."""
         return self.path or f"tensile curve {self.sha256[:8]} (from no file)"
 
     @staticmethod
     def of(evidence: TensileEvidence, rmse_Pa: float) -> CurveRecord:
-        """Return the record of a curve, which may come from a file or from numbers."""
+        """Return the record of a curve that was read from a file or passed as numbers."""
         curve = evidence.curve
         file = curve if isinstance(curve, FileCurve) else None
         numbers = np.stack([curve.strain, curve.stress_Pa]).astype("<f8").tobytes()
@@ -135,7 +136,7 @@ class CurveRecord(Record):
 
 
 class DatasetReference(Record):
-    """A dataset of a fit: path, hash, section assumption, used states, and the stated uncertainties of its inputs.
+    """A dataset of a fit: path, hash, section assumption, used states, and stated uncertainties of the inputs.
 
     Attributes
     ----------
@@ -155,7 +156,7 @@ class DatasetReference(Record):
 
     @staticmethod
     def of(evidence: Evidence) -> DatasetReference:
-        """Return the reference to a dataset."""
+        """Return the entry for a dataset in the record of a fit."""
         return DatasetReference(
             path=str(evidence.path),
             sha256=evidence.sha256,
@@ -172,24 +173,25 @@ class DatasetReference(Record):
         return {key: value for key, value in written.items() if value is not None}
 
     def in_words(self) -> str:
-        """Return the file with the number of used states, and with the flags of the other states."""
+        """Return the path, the number of used states, and the flags of the states of a dataset."""
         return f"{self.path}: {self.states.in_words()}"
 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class FitRecord(IdentifiedLaw, LawRecord):
-    """A law identified from datasets of a bending beam: the `IdentifiedLaw`, with its files, currents and versions.
+    """A law identified from datasets of a bending beam: an `IdentifiedLaw` with its files, currents and versions.
 
     Attributes
     ----------
     by_state : tuple of StateError
     tensile : tuple of CurveRecord
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
+        Keys without a stated uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for its keys;
+        if a calibration gives none, `calibration` stands for its keys.
     datasets : tuple of DatasetReference
     bootstrap : BootstrapRecord or None
     distances : tuple of Residuals
-        The residuals of each dataset, which a file does not hold; see `residuals`.
+        The residuals of each dataset. They are not written to a file; see `residuals`.
     """
 
     kind: Literal["bending"] = "bending"
@@ -209,17 +211,17 @@ class FitRecord(IdentifiedLaw, LawRecord):
         Parameters
         ----------
         dataset : int
-            Place of the dataset in the fit, from 0.
+            Index of the dataset in the fit, from 0.
 
         Raises
         ------
         InputError
-            If the fit was read from a file, because files do not hold the distances.
+            If the fit was read from a file, because files do not contain the distances.
         """
         if not self.distances:
             raise InputError(
-                f"residuals of {self.model}: fits.json does not hold them; eimi.validate(DATASET, fit).residuals() "
-                "simulates the fit again"
+                f"{self.model}: this fit was read from fits.json, which contains no residuals; call "
+                "eimi.validate(DATASET, fit).residuals(), which simulates the fit again"
             )
         return self.distances[dataset]
 
@@ -253,7 +255,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @staticmethod
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
-        """Return the record of a fit to these datasets, with the residuals, which a file does not hold."""
+        """Return the record of a fit to these datasets, with the residuals, which are not written to a file."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
         identified = {of_both.name: getattr(fit, of_both.name) for of_both in fields(IdentifiedLaw)}
@@ -283,7 +285,10 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write the keys in the order of all releases, and leave out empty keys that earlier releases do not have."""
+        """Return the keys in the order that all releases have in common.
+
+        Empty keys that earlier releases do not have are left out.
+        """
         written: dict[str, Any] = serialize(self)
         for key in _IF_ANY:
             if not written[key]:
@@ -292,13 +297,16 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_validator(mode="after")
     def _is_stiff(self) -> Self:
-        """Require a positive initial shear modulus, without which a beam has no stable equilibrium."""
+        """Raise ValueError unless the initial shear modulus is positive.
+
+        Without a positive modulus the beam has no stable equilibrium.
+        """
         if not self.initial_shear_modulus.value > 0:
             raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
         return self
 
     def prior_squares(self) -> float:
-        """Return the sum of the squared distances of the parameters from their priors, in standard deviations."""
+        """Return the sum of ((value - mean) / standard deviation)² over the priors on parameters."""
         values, law = np.array([self.values()]), LAWS[self.model]
         return sum(float(prior.standardised(law, values)[0]) ** 2 for prior in self.priors)
 
@@ -307,13 +315,13 @@ class FitRecord(IdentifiedLaw, LawRecord):
         law, quantities = LAWS[self.model], self._quantities()
         return [
             f"Prior on {prior.parameter}: {prior.mean:.5g} ± {prior.standard_deviation:.3g}"
-            f"{'' if prior.unit(law) == '1' else ' ' + prior.unit(law)} (mean, standard deviation); with the data "
-            f"{quantities[prior.parameter].value:.5g}."
+            f"{'' if prior.unit(law) == '1' else ' ' + prior.unit(law)} (mean ± standard deviation). The fitted value "
+            f"is {quantities[prior.parameter].value:.5g}."
             for prior in self.priors
         ]
 
     def doubts_in_words(self) -> list[str]:
-        """Return the doubts, each with the dataset, the state or the curve that it concerns."""
+        """Return the doubts. Each begins with the dataset, the state or the curve that it concerns."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def _about(self, doubt: Doubt) -> str:
@@ -324,7 +332,10 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters that the data do not determine, perhaps with `initial_shear_modulus`."""
+        """Return the names of the parameters that the data do not determine.
+
+        `initial_shear_modulus` is among the names if the data do not determine the modulus.
+        """
         data = self.identifiability
         open_modulus = data.names[0] in data.not_fixed
         return (*data.held_by_bounds, "initial_shear_modulus") if open_modulus else data.held_by_bounds
@@ -343,16 +354,19 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return, for each decisive input without a stated uncertainty, the effect of its usual uncertainty."""
+        """Return words on each important input without a stated uncertainty.
+
+        The words give the change of the modulus that the usual uncertainty of this input would cause.
+        """
         return "".join(
-            f"; {entry.words} taken as exact, "
+            f"; {entry.words} taken as exact: an error of "
             f"{entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} would change the "
             f"modulus by {entry.effect_percent:.2g} %"
             for entry in self.if_uncertain
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on the used states, on error and deviation, and on the determined quantities."""
+        """Return sentences on used states, on error and deviation, and on the quantities that the data determine."""
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),
@@ -378,14 +392,14 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt with the index of its state in the dataset, instead of the index among the used states."""
+    """Return a doubt with the index of its state in the dataset, in place of the index among the used states."""
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)
 
 
 class TensileSource(Record):
-    """The file of a tensile test, with its hash and the material that it names."""
+    """The file of a tensile test: its path, its hash, and the name of the material in the file."""
 
     path: str
     sha256: str
@@ -401,11 +415,11 @@ class TensileRecord(LawRecord):
     window_percent : float or None
         Largest engineering strain of the window in per cent; null for the whole curve.
     residuals : {"absolute", "relative"}
-        The residuals whose squares were minimised.
+        The kind of residuals whose squares were minimised.
     rmse_Pa : float
-        Root mean square residual of the engineering stress.
+        Root mean square of the residuals of the engineering stress.
     rows, rows_left_out : int
-        Rows that were used, and rows without a positive stress.
+        Number of used rows, and number of rows left out. Relative residuals leave out rows without a positive stress.
     correlation_rows : float
         Number of rows over which residuals are correlated.
     correlation : tuple or None
@@ -427,11 +441,11 @@ class TensileRecord(LawRecord):
     source: TensileSource
 
     def window(self) -> str:
-        """Return the window in words: `50 %` or `full`."""
+        """Return the window in words, such as `50 %`; `full` for the whole curve."""
         return "full" if self.window_percent is None else f"{self.window_percent:g} %"
 
     def summary(self) -> str:
-        """Return one line: law, window, initial shear modulus with its interval, RMSE, stability."""
+        """Return one line: law, window, initial shear modulus with its interval, RMSE, and limit of stability."""
         limit = self.stability.stable_up_to_stretch
         stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
         if limit == 1.0:
@@ -447,15 +461,15 @@ class TensileRecord(LawRecord):
         return [misfit, *self.not_fixed_in_words()]
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the parameters whose interval contains zero or is the range of the search."""
+        """Return the names of the parameters whose interval contains zero or is the range of the search."""
         return self.not_fixed
 
     def not_fixed_in_words(self) -> list[str]:
-        """Return a sentence on the parameters that the curve does not determine; nothing if it determines all."""
+        """Return a sentence with the parameters that the curve does not determine; empty if there are none."""
         return [f"The curve does not determine {', '.join(self.not_fixed)}."] if self.not_fixed else []
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages on which the numbers depend."""
+    """Return the versions of Python and of the packages that affect the numbers of a fit."""
     packages = {package: version(package) for package in PACKAGES}
     return {"python": platform.python_version(), **packages}

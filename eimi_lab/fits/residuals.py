@@ -19,12 +19,12 @@ _SMOOTHED = 9  # points of a moving mean, without which the scatter of the point
 
 @dataclass(frozen=True)
 class Residuals:
-    """Distances of the measured places of one dataset from the simulated places.
+    """Distances of the measured places of one dataset from the simulated places, for K states and m points.
 
     Parameters
     ----------
     dataset : str
-        The dataset's path.
+        The path of the dataset.
     state : ndarray, shape (K,)
         Indices in the dataset of the states that were used.
     field_mT : ndarray, shape (K,)
@@ -32,11 +32,11 @@ class Residuals:
     edge : tuple of str
         ``("left", "right")``. For tracked points it is ``("x", "y")``, the components of the distance.
     arc_length_mm : ndarray, shape (K, 2, m)
-        Length of the measured edge from the clamp to each point, mm. For tracked points it is the distance from the
-        clamp along the beam at rest. NaN where nothing was measured.
+        Arc length of the measured edge from the clamp to each point, mm. For tracked points, the distance of each point
+        from the clamp along the beam at rest. NaN where nothing was measured.
     distance_mm : ndarray, shape (K, 2, m)
-        Measured minus simulated, mm. For an edge it is the distance along the normal, positive to the left of the
-        direction from clamp to tip. NaN where nothing was measured.
+        Measured minus simulated place, mm. For an edge, the component along the normal of the edge, positive to the
+        left of the direction from clamp to tip. NaN where nothing was measured.
     """
 
     dataset: str
@@ -48,7 +48,7 @@ class Residuals:
 
     @staticmethod
     def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
-        """Label the residuals (K, 2, m) of a fit on a dataset."""
+        """Return the residuals (K, 2, m) of a fit in mm, labelled with states, fields, edges and arc lengths."""
         observed = evidence.experiment.observed
         is_edges = isinstance(observed, EdgeObservation)
         return Residuals(
@@ -62,7 +62,7 @@ class Residuals:
 
     @property
     def root_mean_square_mm(self) -> Array:
-        """Return the root mean square distance (K,) of the points of each state in mm."""
+        """Return the root mean square of the distances in each of the K states (mm), shape (K,)."""
         squares = np.nansum(self.distance_mm**2, axis=(1, 2))
         points = np.isfinite(self.distance_mm).sum(axis=(1, 2)) / (1 if self.edge == ("left", "right") else 2)
         return np.asarray(np.sqrt(squares / points))
@@ -94,13 +94,13 @@ class Residuals:
         return installed("xarray").Dataset(variables, coordinates, {"path": self.dataset})
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the distances along both edges, a line for each state."""
+        """Return a matplotlib figure of the distances along both edges, with a line for each state."""
         from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
 
         return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)
 
     def __repr__(self) -> str:
-        """Return dataset, number of states and number of points."""
+        """Return a line with the path of the dataset, the number of states and the number of points."""
         measured = np.isfinite(self.distance_mm)
         points = int((measured.any(axis=1) if self.edge == ("x", "y") else measured).sum())
         return f"<Residuals of {self.dataset}: {len(self.state)} states, {points} points>"
@@ -114,7 +114,10 @@ class Residuals:
 
 
 def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
-    """Return the arc lengths (K, 2, m) of `Residuals`; arbitrary where nothing was measured."""
+    """Return the arc lengths of the measured points from the clamp (mm), shape (K, 2, m), for K states.
+
+    For tracked points both rows hold the x of each point at rest. Values where nothing was measured have no meaning.
+    """
     if isinstance(observed, PointObservation):
         return np.repeat(observed.rest_mm[:, None, :, 0], 2, axis=1)
     lengths = np.full(observed.sigma_mm.shape, np.nan)
@@ -125,7 +128,10 @@ def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
 
 
 def _along_mm(points_mm: Array) -> Array:
-    """Return the length (m,) from the clamp at x = 0 along the points (m, 2) of an edge."""
+    """Return the arc length from the clamp (x = 0) to each point of an edge (mm), shape (m,).
+
+    The points (m, 2) are smoothed first, because their scatter would lengthen the path.
+    """
     if not len(points_mm):
         return np.zeros(0)
     half = min(_SMOOTHED, len(points_mm)) // 2

@@ -1,8 +1,8 @@
 """Simulate a fit on a dataset, and compute its error.
 
-If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and so on) keep their
-identified values. On any other dataset they have their stated values. The module `prediction` adds the interval of the
-error and shares the work among processes.
+If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and others) keep their
+identified values. On any other dataset the nuisances have their stated values. The module `prediction` adds the
+interval of the error and shares the work among processes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _OF_ERROR = 0.01
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A fit with its file and its index there; two objects are equal if file and index are equal."""
+    """A fit, the file that contains the fit, and its index in the file. Objects with equal file and index are equal."""
 
     path: Path
     index: int
@@ -45,7 +45,7 @@ class FittedLaw:
 
     @property
     def label(self) -> str:
-        """Return the name for progress lines, such as `fits.json, fits.0`."""
+        """Return the name of the fit for progress lines, such as `fits.json, fits.0`."""
         return f"{self.path}, fits.{self.index}"
 
 
@@ -62,10 +62,11 @@ class Prediction(Generic[Law]):
     evidence : Evidence
     validation : Validation
     edges_mm : ndarray, shape (K, 2, n, 2)
-        Simulated left and right edges as the camera sees them, by the most accurate model that was solved.
+        n points of the simulated left and right edges as the camera sees them, by the most accurate model that was
+        solved.
     residuals_mm : ndarray, shape (K, 2, m)
-        Signed distances of the measured edge points, or components of the distances of tracked points; NaN where
-        nothing was measured.
+        Signed distances of the m measured edge points from the simulated edges. For tracked points, the two components
+        of the distance. NaN where nothing was measured.
     error_mm, deviation_mm : ndarray, shape (K,)
         Root mean square and standard deviation of the distances in each state.
     """
@@ -84,16 +85,17 @@ class Prediction(Generic[Law]):
         return self.validation.status == "ok"
 
     def in_words(self) -> str:
-        """Return the names of the dataset and of the fit."""
+        """Return the name of the dataset, and the file and index of the fit."""
         return f"{self.evidence.path.name}, {self.fitted_law.label}"
 
 
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
-    """Simulate several fits together, which takes less time than separate simulations.
+    """Simulate several fits on a dataset together, which takes less time than separate simulations.
 
-    Fits that bend the beam similarly have similar corrections for the depth, so that each correction starts from the
-    previous ones. If a correction is too large to be interpolated, a solid has to be followed through all states;
-    `simulate_alone` does this.
+    Each fit is simulated in a plane, and the result is corrected for the depth of the beam. The correction of one fit
+    starts from the corrections of the fits before, because similar fits have similar corrections. If a correction is
+    too large to be interpolated, the solid beam has to be solved in all states. The function then yields None, and
+    `simulate_alone` simulates this fit.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     Yields
     ------
     Prediction or None
-        One for each fit; None for a fit that `simulate_alone` has to simulate.
+        The prediction of each fit; None for a fit that `simulate_alone` has to simulate.
 
     Raises
     ------
@@ -128,11 +130,10 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 def _planar_comparisons(
     evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
 ) -> list[Comparison]:
-    """Return the comparison of each fit with the planar simulation of a dataset.
+    """Return the comparison of a dataset with the planar simulation of each fit.
 
-    The correction for the solid starts from this simulation.
-
-    Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.
+    The corrections for the depth start from these simulations. Fits of one law without a bulk modulus and without freed
+    nuisances are simulated as one batch.
     """
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
@@ -151,7 +152,7 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the prediction and the correction by a more accurate model; both are None if "interpolate" fails.
+    """Return the prediction and its correction for the depth. Both are None if the method "interpolate" fails.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def _simulated(
     plain : Comparison
         Result of `_planar_comparisons`.
     method : {"interpolate", "follow"}
-        How a solid is solved.
+        Whether to interpolate the correction between a few solved states, or to solve the solid in all states.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
@@ -203,7 +204,11 @@ def _simulated(
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """Return the validation from the comparison on the planar mesh and from the misfit of the most accurate model."""
+    """Return the validation of a fit on a dataset.
+
+    Stretch and stability are those of the planar simulation (`plain`), the errors those of the most accurate model
+    (`misfit`). Without a `misfit` the beam has no equilibrium.
+    """
     fit = fitted_law.fit
     common: dict[str, Any] = {
         "dataset": str(evidence.path),

@@ -10,7 +10,7 @@ FEW_POINTS = "too few edge points"  # instead of the name of a flag, for a state
 
 @dataclass(frozen=True)
 class FlaggedState:
-    """The index of a state in its dataset, and the names of its flags."""
+    """A state with flags: the index of the state in the dataset, and the names of the flags."""
 
     state: int
     flags: tuple[str, ...]
@@ -18,7 +18,7 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """The index of a state with flags, and the standard deviation (mm) that is added for them to that of its points."""
+    """A state whose flags add the standard deviation `by_mm` (mm) to that of its points; `state` is its index."""
 
     state: int
     by_mm: float
@@ -52,7 +52,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """Return the number of used states and, for each flag, the states left out or used despite it."""
+        """Return the number of used states and, for each flag, the states left out or used despite the flag."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out {_by_flag(self.left_out)}"
@@ -60,7 +60,8 @@ class StatesUsed:
             words += f"; used in spite of {_by_flag(self.flagged)}"
         if self.widened:
             widest = max(self.widened, key=lambda state: state.by_mm)
-            words += f"; points widened in {len(self.widened)}, by up to {widest.by_mm:.2g} mm ({widest.state})"
+            largest = f"by up to {widest.by_mm:.2g} mm ({widest.state})"
+            words += f"; larger uncertainty of the points in {len(self.widened)}, {largest}"
         return words
 
 

@@ -1,14 +1,14 @@
 """Read tensile tests from files, whole or as curves for a joint fit.
 
-There are two formats; the first line of a file shows which one it has:
+There are two formats. The first line of a file shows which format it has:
 
 database   Cells are separated by `;`. Information about the test comes first, then a header with `Engineering Strain`
            and `Engineering Stress (MPa)`. This is the format of the Soft Robotics Materials Database (Marechal et al.
            2020, doi 10.1089/soro.2019.0115).
 plain      Cells are separated by `,`, `;` or tabs. The header has two names: `strain` or `strain_percent`, and
-           `stress_Pa`, `stress_kPa` or `stress_MPa`. Both are engineering values.
+           `stress_Pa`, `stress_kPa` or `stress_MPa`. Strain and stress are engineering values.
 
-If commas do not separate the cells, numbers may have a decimal comma.
+In a file whose cells are not separated by commas, numbers may have a decimal comma.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ COLUMNS = {
 }
 MOST_STRAIN = 100.0  # 10 000 %; the softest gels tear below 30
 LIKELY_PERCENT = 15.0
-"""A larger number in a column of fractions is assumed to be in per cent: silicones tear below 12 (1200 %)."""
+"""Largest plausible strain as a fraction. Silicones tear below 12 (1200 %); larger numbers are likely per cent."""
 MOST_STRESS_PA = 1e12  # the modulus of diamond
 WINDOWS = ("20", "50", "100", "full")
 _ROWS = 5  # fewest rows of a curve in its window, from which its noise can be estimated
@@ -49,7 +49,7 @@ _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (
 
 @dataclass(frozen=True)
 class TensileTest:
-    """A tensile test: engineering strain (m,) and engineering stress (m,) in Pa, in the order of the file."""
+    """A tensile test in the order of the file: engineering strain (m,), and engineering stress (m,) in Pa."""
 
     path: Path
     sha256: str
@@ -60,7 +60,7 @@ class TensileTest:
 
 @dataclass(frozen=True)
 class FileCurve(TensileCurve):
-    """A tensile curve from a file, up to a largest strain (None: the whole curve)."""
+    """A tensile curve from a file, up to the strain `window_percent` (None: the whole curve)."""
 
     path: str = ""
     sha256: str = ""
@@ -68,7 +68,15 @@ class FileCurve(TensileCurve):
 
 
 def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
-    """Read a tensile test up to a strain in per cent (None: the whole curve), with its weight in a joint fit.
+    """Read the part of a tensile test up to a strain, as a curve for a joint fit.
+
+    Parameters
+    ----------
+    path : Path
+    percent : float or None
+        Largest strain in per cent; None for the whole curve.
+    weight : float
+        Weight of the curve in the joint fit.
 
     Raises
     ------
@@ -83,7 +91,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 
 
 def read_tensile(path: Path) -> TensileTest:
-    """Read a tensile test in either format. Raises InputError with file, row and value."""
+    """Read a tensile test in one of the two formats. Raises InputError with file, row and value."""
     text = read_text(path)
     header = [cell.strip() for cell in re.split("[,;\t]", text.removeprefix("\ufeff").partition("\n")[0])]
     if ";" in text.partition("\n")[0] and not {*STRAINS, *STRESSES} & {*header}:
@@ -112,7 +120,7 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return the only one of these names that is in the header. Raises InputError if none or several are."""
+    """Return the one name of `names` that the header contains. Raises InputError without a name or with several."""
     present = [name for name in names if name in header]
     if len(present) != 1:
         raise InputError(
@@ -123,7 +131,7 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """Return the rows below the header, and the material that the information above the header states."""
+    """Return the rows below the header, and the name of the material from the lines above the header."""
     columns: list[str] | None = None
     material, rows = None, []
     for line, words in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
@@ -148,7 +156,7 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 
 
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
-    """Return the windows in per cent without repetitions, None for the whole curve. Raises InputError."""
+    """Return the windows in per cent (None: the whole curve), each once. Raises InputError for a wrong window."""
     checked: list[float | None] = []
     for window in windows:
         try:

@@ -1,4 +1,4 @@
-"""Fit a law to a window of a tensile test, the conventional identification, as `eimi tensile` does."""
+"""Fit a law to a window of a tensile test, which is the conventional identification, for `eimi tensile`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MISFIT = 0.1  # ratio of the residuals to the stresses (root mean squares) from
 
 
 def fit_window(test: TensileTest, model: str, window_percent: float | None, relative: bool = False) -> TensileRecord:
-    """Fit a law to a tensile test by least squares.
+    """Fit a law to the rows of a tensile test in a window of strain, by least squares.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
     window_percent : float or None
         Largest engineering strain in per cent; None for the whole curve.
     relative : bool
-        Whether to fit relative residuals of the stress.
+        Whether to divide each residual of the stress by the measured stress.
 
     Raises
     ------
@@ -83,13 +83,13 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
 
 
 def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
-    """Yield the doubts about a fit; `stress_Pa` is the root mean square of the measured stresses."""
+    """Yield the doubts about a fit. `stress_Pa` is the root mean square of the measured stresses."""
     if fit.rows_left_out:
         yield Doubt(f"{fit.rows_left_out} rows without a positive stress were left out", kind="rows_left_out")
     if fit.rmse_Pa > _MISFIT * stress_Pa:
         percent = 100 * fit.rmse_Pa / stress_Pa
         yield Doubt(
-            f"the residuals are {percent:.0f} % of the stress: the law does not have the shape of the curve",
+            f"the residuals are {percent:.0f} % of the stress: the law cannot follow the shape of the curve",
             kind="curve_shape",
         )
     if fit.initial_shear_modulus_interval_Pa[0] <= 0:

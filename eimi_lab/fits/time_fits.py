@@ -1,4 +1,4 @@
-"""Fit a law of time to the motions of datasets, together with static states or without them."""
+"""Fit a viscoelastic (Prony) law to the recorded motions of datasets, with or without static states."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ _ALONE = "neo-hookean"  # the law with one modulus as its only parameter
 def with_law_of_time(
     record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
 ) -> FitRecord:
-    """Return the record of a fit to states, with a law of time of all motions added.
+    """Return the record of a fit to static states, with a viscoelastic (Prony) law of all motions added.
 
-    The static states are those of the first dataset with states. Raises InputError.
+    The static states are those of the first dataset with states. Raises InputError if no ring-down can be used.
     """
     static = static_states(evidence[0], record)
     return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:
-    """Fit a law of time to motions without static states.
+    """Fit a viscoelastic (Prony) law to recorded motions without static states.
 
     Raises
     ------
     InputError
-        If the law has more parameters than one modulus, or if no ring-down can be used.
+        If the law has more than one parameter, or if no ring-down can be used.
     """
     law, paths = LAWS[model], ", ".join(str(dataset.path) for dataset in motions)
     if len(law.parameter_names) > 1:
         raise InputError(
-            f"{paths}: --model {model}: a ring-down determines one modulus; use --model {_ALONE}, or add a dataset "
-            "of static states"
+            f"{paths}: --model {model}: a ring-down determines only one parameter; use --model {_ALONE}, or add a "
+            "dataset of static states"
         )
     time = _identified(model, np.ones(1), motions, None, seed)
     modulus = time.dynamic_shear_modulus

@@ -1,4 +1,4 @@
-"""The record of a fit to ring-downs without static states, and the lines of text on a law of time."""
+"""The record of a fit to ring-downs without static states, and lines of text on a viscoelastic (Prony) law."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LARGEST = 5  # number of the largest sources that have a line
 
 
 class MotionReference(Record):
-    """A dataset of motions: path, hash, section, number of motions, and the stated uncertainties of its inputs."""
+    """A dataset of motions: path, hash, section, number of motions, and stated uncertainties of the inputs."""
 
     path: str
     sha256: str
@@ -25,19 +25,23 @@ class MotionReference(Record):
     stated: tuple[StatedSource, ...] = ()
 
     def in_words(self) -> str:
-        """Return the file with the number of its motions."""
+        """Return the path of the dataset and the number of its motions."""
         return f"{self.path}: {self.motions} recorded motion{'' if self.motions == 1 else 's'}"
 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class RingDownRecord(LawRecord):
-    """A modulus identified from ring-downs alone: ``initial_shear_modulus`` is the dynamic modulus at their frequency.
+    """A dynamic shear modulus identified from ring-downs alone.
+
+    ``initial_shear_modulus`` is the dynamic modulus at the frequency of the ring-downs.
 
     Attributes
     ----------
     time : LawOfTime
+        The viscoelastic (Prony) law.
     datasets : tuple of MotionReference
     taken_as_exact : tuple of str
+        Keys without a stated uncertainty.
     seed : int
     """
 
@@ -52,16 +56,19 @@ class RingDownRecord(LawRecord):
         return f"{self.model}: {time_lines(self.time)[0]}"
 
     def caveats(self) -> list[str]:
-        """Return the lines that must accompany the numbers."""
+        """Return the lines on the viscoelastic law and on its doubts, which must accompany the numbers."""
         return [*time_lines(self.time), *(f"doubt: {words}" for words in self.doubts_in_words())]
 
     def notes(self) -> list[str]:
-        """Return sentences on the datasets and on the law of time."""
+        """Return sentences on the datasets and on the viscoelastic (Prony) law."""
         return [*(f"{dataset.in_words()}." for dataset in self.datasets), *time_lines(self.time)[1:]]
 
 
 def time_lines(time: LawOfTime) -> list[str]:
-    """Return lines on a law of time: dynamic modulus, ring-downs, Prony series, range, moment and budget."""
+    """Return lines on a viscoelastic (Prony) law.
+
+    The lines concern dynamic modulus, ring-downs, Prony series, range of times, magnetic moment and budget.
+    """
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)
     low, high = time.known_between_s
@@ -69,21 +76,22 @@ def time_lines(time: LawOfTime) -> list[str]:
         f"dynamic shear modulus {in_words(modulus.value, modulus.interval_95)} at {time.frequency_Hz:.3f} Hz, "
         f"loss factor {time.loss_factor:.3f} [{time.loss_interval_95[0]:.3f}, {time.loss_interval_95[1]:.3f}]",
         *(
-            f"{ring.label or 'ring-down'}: {ring.frequency_Hz:.4f} ± {ring.frequency_sigma_Hz:.2g} Hz, the decay has a "
-            f"loss factor of {ring.decay_loss:.4f} ± {ring.decay_loss_sigma:.2g}, from {ring.amplitude_mm:.2g} mm"
+            f"{ring.label or 'ring-down'}: {ring.frequency_Hz:.4f} ± {ring.frequency_sigma_Hz:.2g} Hz, loss factor "
+            f"of the decay {ring.decay_loss:.4f} ± {ring.decay_loss_sigma:.2g}, "
+            f"from an amplitude of {ring.amplitude_mm:.2g} mm"
             for ring in time.ring_downs
         ),
         f"Prony series of {len(time.prony)} term{'' if len(time.prony) == 1 else 's'}: {terms}",
         _extent("instantaneous shear modulus", time.instantaneous_shear_modulus),
         _extent("long-term shear modulus", time.long_term_shear_modulus),
-        f"the data determine mu(t) between {low:.2g} and {high:.2g} s; a modulus belongs to its time",
+        f"the data determine the shear modulus to 5 % at times from {low:.2g} to {high:.2g} s after a sudden strain",
     ]
     if time.moment is not None:
         low, high = time.moment.interval_95
-        age = f", the static ones after {time.static_age_s:.3g} s" if time.static_age_s else ""
+        age = f" (static states after {time.static_age_s:.3g} s)" if time.static_age_s else ""
         lines.append(
             f"magnetic moment from static and dynamic states together{age}: {time.moment.value:.3f} "
-            f"[{low:.3f}, {high:.3f}] times the stated one"
+            f"[{low:.3f}, {high:.3f}] times the stated moment"
         )
     for entry in time.budget[:_LARGEST]:
         if entry.effect_percent > 0:

@@ -1,8 +1,8 @@
 """The errors of fits on datasets, and the file validation.json.
 
-If the beam has no equilibrium in a state, the errors are null and the status says so. A law that is not Drucker-stable
-over the stretches of the dataset is simulated nevertheless, and marked. `simulated_fit` computes the errors, and
-`predicted_error` their intervals.
+If the beam has no equilibrium in a state, the errors are null and `status` is "no equilibrium". A law that is not
+Drucker-stable over the stretches of the dataset is simulated nevertheless, and `stable` is false. The module
+`simulated_fit` computes the errors, and `predicted_error` their intervals.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):
-    """The file of a fit and the fit's index there; `window_percent` of a tensile fit is null for the whole curve."""
+    """The file of a fit, and the index of the fit in this file.
+
+    For a tensile fit `window_percent` is the largest strain in per cent, null for the whole curve.
+    """
 
     path: str
     index: int
@@ -28,7 +31,7 @@ class FitReference(Record):
 
     @classmethod
     def of(cls, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> FitReference:
-        """Return the reference to the fit `index` of the file `path`."""
+        """Return the reference to the fit with this index in the file `path`."""
         return cls(
             path=str(path),
             index=index,
@@ -37,7 +40,7 @@ class FitReference(Record):
         )
 
     def kind_in_words(self) -> str:
-        """Return `bending`, `bending and tensile`, `ring-down`, `tensile 50 %` or `tensile full`."""
+        """Return the kind of data: `bending`, `bending and tensile`, `ring-down`, `tensile 50 %` or `tensile full`."""
         if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
@@ -53,7 +56,8 @@ class Validation(Record):
     states : StatesUsed
         The states that were compared.
     mean_error_interval_mm : tuple of float, or None
-        95 % interval of the mean error; None without draws. The upper end is None if a draw has no equilibrium.
+        95 % interval of the mean error; None if the fit has no draws. The upper end is None if the beam has no
+        equilibrium for a draw.
     stable : bool or None
         Whether the law is Drucker-stable over the stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
@@ -82,7 +86,7 @@ class Validation(Record):
         return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the errors by state, with bars of one standard deviation."""
+        """Return a matplotlib figure of the errors of the states, with bars of one standard deviation."""
         from eimi_lab.fits.fit_figures import drawn_errors  # matplotlib is slow to import
 
         rows = [(s.state, s.field_mT, s.error_mm, s.deviation_mm) for s in self.by_state]

@@ -14,7 +14,10 @@ _FITS_ABREAST = 6
 
 
 def by_dataset(validations: Sequence[Validation]) -> list[str]:
-    """Return a table for each dataset, with the fits in the order of their mean errors; failed fits come last."""
+    """Return the lines of a table for each dataset, with a row for each fit.
+
+    The fits are in the order of their mean errors. Fits for which the beam has no equilibrium come last.
+    """
     rows = [(v, _cells(v)) for v in validations]
     widths = _widths([_HEAD, *(cells for _, cells in rows)])
     lines = []
@@ -28,7 +31,10 @@ def by_dataset(validations: Sequence[Validation]) -> list[str]:
 
 
 def by_state(validations: Sequence[Validation]) -> list[str]:
-    """Return a table for each dataset: error ± deviation in µm by state, for each fit that has an equilibrium."""
+    """Return the lines of a table for each dataset, with a row for each state and a column for each fit.
+
+    The cells are error ± deviation in µm. Fits for which the beam has no equilibrium have no column.
+    """
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):
         of_dataset = [v for v in validations if v.dataset == dataset and v.by_state]
@@ -56,9 +62,9 @@ def by_state(validations: Sequence[Validation]) -> list[str]:
 
 
 def matrix(validations: Sequence[Validation]) -> list[str]:
-    """Return a table with a row for each fit and a column for each dataset.
+    """Return the lines of a table with a row for each fit and a column for each dataset.
 
-    The cells are mean errors in µm with their intervals; `*` marks the datasets to which the law was fitted.
+    The cells are mean errors in µm with their 95 % intervals. `*` marks the datasets to which the law was fitted.
     """
     datasets = list(dict.fromkeys(v.dataset for v in validations))
     head = ("fit", "", "law", *datasets)
@@ -68,12 +74,15 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
         row.append(error_in_words(v) + ("*" if v.seen else " "))
     table = [head, *(tuple(row) for row in rows.values())]
     widths = _widths(table)
-    title = "mean error, µm [over the 95 % interval of the shear modulus]; * fitted to this dataset"
+    title = "mean error, µm [95 % interval]; * fitted to this dataset"
     return [title, *(_line(cells, widths, head, tuple(datasets)) for cells in table)]
 
 
 def error_in_words(v: Validation) -> str:
-    """Return the mean error in µm with its interval, or the status; `>` marks an interval without an upper end."""
+    """Return the mean error (µm) with its 95 % interval, such as `12.3 [11.0, 14.2]`.
+
+    `>` replaces the upper end of an interval that has none. Without an interval the status is returned.
+    """
     if v.mean_error_mm is None or v.mean_error_interval_mm is None:
         return v.status
     low, high = v.mean_error_interval_mm
@@ -81,7 +90,7 @@ def error_in_words(v: Validation) -> str:
 
 
 def micrometres(length_mm: float | None) -> str:
-    """Return a length in µm with three digits; `-` for None.
+    """Return a length in µm with three significant digits; `-` for None.
 
     Examples
     --------
@@ -105,7 +114,7 @@ def _cells(v: Validation) -> tuple[str, ...]:
     if not v.stable:
         notes.append("not stable over these stretches")
     if not v.within_fitted_stretch:
-        notes.append("stretched beyond the data of the fit")
+        notes.append("stretches beyond the data of the fit")
     return (*start, error_in_words(v), micrometres(v.mean_deviation_mm), f"{v.max_stretch:.3f}", ", ".join(notes))
 
 

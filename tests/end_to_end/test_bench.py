@@ -65,7 +65,7 @@ def test_the_two_commands_of_the_howto_end_in_a_fit_with_the_measured_field(tmp_
         )
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(
-        r"run\.h5: the field is the one that hall \(LSCI,MODEL425,\S+\) measured at 6 currents, 4\.\d+ ± \S+ mT/A",
+        r"run\.h5: the fit uses the field that hall \(LSCI,MODEL425,\S+\) measured at 6 currents, 4\.\d+ ± \S+ mT/A",
         done.stdout,
     )
     (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]

@@ -314,7 +314,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     log.write_text(written.replace('"numpy":"', '"numpy":"0.'))
     assert "version of numpy should be the same" in refused("--resume")
     log.write_text(written.replace('"step_size":0.', '"step_size":1.').rsplit("\n", 1)[0])
-    assert "cannot be resumed here: generation 1 differs from the one in the checkpoint" in refused("--resume")
+    assert "cannot be resumed here: generation 1 differs from the logged generation" in refused("--resume")
     log.write_text(written.replace('"generation":3', '"generation":"x"'))
     assert "complete line 4: generation" in refused("--resume")
     log.write_text(written.replace('"fit":0', '"fit":1'))
@@ -350,7 +350,7 @@ def test_a_bootstrap_of_too_few_states_is_refused(beams: Path, tmp_path: Path, r
         "fit", beams / "first.h5", "--model", "neo-hookean", "--bootstrap", 3, "-o", tmp_path / "fits.json"
     )
     assert status == 2
-    assert "first.h5: 5 states; --bootstrap draws states and needs at least 6" in said
+    assert "first.h5: 5 states are too few; --bootstrap needs at least 6 states" in said
 
 
 def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:

@@ -59,13 +59,13 @@ def test_datasets_that_are_fitted_together_are_compared() -> None:
     other = reference("c.h5", measured_field=field(4.6), temperature=temperature(26.0))
     lines = measured_lines([first, alike])
     assert lines[0] == (
-        "a.h5: the field is the one that hall (LSCI,MODEL425) measured at 5 currents, 4.4 ± 0.01 mT/A, and 0.05 "
+        "a.h5: the fit uses the field that hall (LSCI,MODEL425) measured at 5 currents, 4.4 ± 0.01 mT/A, and 0.05 "
         "± 0.004 mT without a current, in place of coil_constant_mT_per_A = 4.7 (-6.4 %)"
     )
     assert len(lines) == 4
     differences = measured_lines([first, other])[4:]
     assert "at 23.0 °C and c.h5 at 26.0 °C: they differ by more than 2 K" in differences[0]
-    assert "4.4 mT/A and c.h5 4.6 mT/A: they differ by +4.5 %, more than 3 standard uncertainties" in differences[1]
+    assert "4.4 mT/A and c.h5 has 4.6 mT/A: they differ by +4.5 %, more than 3 standard uncertainties" in differences[1]
 
 
 def warmed(time_constant_s: float, rise_K_per_W: float = 8.0) -> tuple[SensorLog, list[float]]:

@@ -91,7 +91,7 @@ def test_a_fit_says_what_a_stated_ratio_of_poisson_is_worth():
         Path("run.h5"), "", seen(BEAM, Loads.along(FIELD_MT)), (), StatesUsed(4, (), ()), poisson_ratio=0.48
     )
     assert compressibility_remark(evidence) == (
-        "run.h5: poisson_ratio = 0.48 is a bulk modulus of 24.7 shear moduli; the fit takes the material as "
+        "run.h5: poisson_ratio = 0.48 means a bulk modulus of 24.7 shear moduli; the fit takes the material as "
         "incompressible, for which the modulus is about 1.3 % too low"
     )
     assert compressibility_remark(replace(evidence, poisson_ratio=0.5)) is None

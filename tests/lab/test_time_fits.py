@@ -108,7 +108,7 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     ("options", "words"),
     [
         (("--model", "neo-hookean"), "holds a recorded motion and no states; fit it with --time prony"),
-        (("--model", "yeoh", "--time", "prony"), "a ring-down determines one modulus"),
+        (("--model", "yeoh", "--time", "prony"), "a ring-down determines only one parameter"),
         (("--model", "neo-hookean", "--time", "pronny"), "--time pronny: should be one of none, prony"),
     ],
 )

@@ -35,7 +35,7 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
     best, last = lines[2], lines[3]
     expected = "fits.json:0 bending neo-hookean 50.00 [40.00, 65.00] 20.0 [15.0, 30.0] 4.00 1.200 seen"
     assert " ".join(best.split()) == expected
-    assert last.endswith("unseen, not stable over these stretches, stretched beyond the data of the fit")
+    assert last.endswith("unseen, not stable over these stretches, stretches beyond the data of the fit")
     table = matrix([validation(fit), open_end])
     assert re.search(r"20\.0 \[15\.0, 30\.0\]\*\s+20\.0 \[15\.0, >\]\*", table[2])
     states = by_state([validation(fit)])
