@@ -1,10 +1,10 @@
 """Write the report: one HTML file that contains all its figures and tables.
 
-shown          read the fits of all files, and give each a label and a style
+shown          read the fits of all files, and give each fit a label and a style
 sections       choose the section assumption of each fit
-contents       hold fits, datasets and predictions as the panels receive them
-findings       state the result in words: the modulus, its interval, the limits of the interval, the reliability
-error_at_a_glance  error of the leading fit of each dataset against the field
+contents       hold fits, datasets and predictions for the panels
+findings       the result in words: the modulus, its interval, the limits of the interval, the reliability
+error_at_a_glance  draw the error of the leading fit of each dataset against the field
 residual_noise   test whether the residuals of a fit look like noise
 panel          describe a panel: place, title, template and values
 panels         the panels, one in each module

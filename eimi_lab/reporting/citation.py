@@ -1,4 +1,4 @@
-"""The references that a user of the suite should cite, the same as in CITATION.cff."""
+"""The references that a user of the suite should cite; CITATION.cff contains the same references."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 @dataclass(frozen=True)
 class Citation:
-    """An entry of a bibliography; each author has the form `family name, given names`."""
+    """An entry of a bibliography. Each author has the form `family name, given names`."""
 
     key: str
     authors: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Hold the fits and datasets of a report, as its panels receive them."""
+"""The fits and datasets of a report, as its panels receive them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class DatasetContents:
-    """One open dataset and the prediction of each fit for it.
+    """One open dataset of a report, with the prediction of each fit for the dataset.
 
     Attributes
     ----------
@@ -26,11 +26,11 @@ class DatasetContents:
     evidence : Evidence
         The states of the dataset that are compared with simulations.
     predictions : sequence of Prediction
-        One for each fit of the report, in the order of the fits.
+        One prediction for each fit of the report, in the order of the fits.
     name : str
-        Name of the file, with enough of its folders to distinguish the file from the other datasets.
+        Name of the file, with as many of its folders as are needed to distinguish it from the other datasets.
     leading : ShownFit, optional
-        The fit that represents the dataset in figures with one fit.
+        The fit that represents the dataset in figures with only one fit.
     """
 
     dataset: Dataset
@@ -41,21 +41,25 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """Return the predictions in which the beam has an equilibrium."""
+        """Return the predictions of the fits with which the beam has an equilibrium."""
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property
     def validations(self) -> list[Validation]:
-        """Return the errors of each fit on this dataset."""
+        """Return the errors of each fit on the dataset, in the order of the fits."""
         return [prediction.validation for prediction in self.predictions]
 
     def simulated_by(self, shown: ShownFit | None) -> Prediction[ShownFit] | None:
-        """Return the prediction of a fit; None if the beam has no equilibrium with it."""
+        """Return the prediction of this fit for the dataset; None if the beam has no equilibrium with the fit."""
         return next((prediction for prediction in self.simulated if prediction.fitted_law == shown), None)
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the prediction of the leading fit, or else that with the smallest mean error; None without any."""
+        """Return the prediction of the leading fit, or of the fit with the smallest mean error.
+
+        The fit with the smallest mean error is used if the beam has no equilibrium with the leading fit. None is
+        returned if the beam has no equilibrium with any fit.
+        """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
         )
@@ -63,7 +67,7 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """The fits and datasets of a report, its date, its command line (perhaps empty) and its laws of time."""
+    """The fits and datasets of a report, the date, the command line (may be empty), and the viscoelastic laws."""
 
     fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]
@@ -83,7 +87,9 @@ class ReportContents:
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """Return the last parts of each path: the same number for all paths, and enough to make the names differ.
+    """Return a short name for each path: its last parts, as many as are needed for different names.
+
+    All names have the same number of parts.
 
     Examples
     --------

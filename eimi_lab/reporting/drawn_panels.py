@@ -1,7 +1,7 @@
 """Draw each panel of a report as soon as its contents are available.
 
 The order is: panels of the fits, panels of each dataset, panels of all datasets, panels of the intervals of errors.
-Drawing thus goes on while workers simulate.
+Panels are thus drawn while the workers still simulate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Values = Mapping[str, Any] | None
 
 
 class DrawnPanels:
-    """The panels that were drawn, with their values. Each panel is drawn once."""
+    """The panels of a report that were drawn, with their values. Each panel is drawn once."""
 
     def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
@@ -35,21 +35,21 @@ class DrawnPanels:
         return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
-        """Draw the panels that need the fits only."""
+        """Draw the panels of a report that need only the fits."""
         self._draw(report, [panel for panel in self._of_report if panel.of_fits])
 
     def dataset(self, shown: DatasetContents) -> None:
-        """Draw the panels of a dataset."""
+        """Draw the panels of one dataset of a report."""
         self._datasets[shown.name] = [
             (panel, _drawn(panel, shown)) for panel in self._panels if isinstance(panel, DatasetPanel)
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels that need all datasets, except those that need the intervals of errors."""
+        """Draw the panels that need all datasets, except the panels that need the intervals of errors."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:
-        """Draw the remaining panels of the report."""
+        """Draw the panels of a report that were not drawn before."""
         self._draw(report, self._of_report)
 
     def summary(self) -> list[tuple[AnyPanel, Values]]:
@@ -57,7 +57,7 @@ class DrawnPanels:
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the appendix before or after the datasets, with values, in the order of places."""
+        """Return the panels of the appendix before or after the datasets, with their values, by place."""
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]
 
@@ -71,7 +71,7 @@ class DrawnPanels:
 
 
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
-    """Return the values of a panel, with its pictures already encoded for the page."""
+    """Return the values of a panel, with its pictures encoded for the page."""
     from eimi_lab.showing.drawing import styled
 
     values: Values = styled(panel.values)(contents)

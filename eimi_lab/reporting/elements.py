@@ -31,7 +31,7 @@ class Picture:
     Attributes
     ----------
     name : str
-        Name of its files, without number and ending.
+        Name of the figure's files, without number and ending.
     figure : matplotlib Figure
     alternative : str
         Alternative text for readers who cannot see the figure.
@@ -51,7 +51,7 @@ class Picture:
 
     @cached_property
     def embedded(self) -> str:
-        """The figure as a `data:` URL, which contains the whole image."""
+        """Return the figure as a `data:` URL, which contains the whole image."""
         from eimi_lab.showing.drawing import saved  # matplotlib is slow to import
 
         if self.photograph:
@@ -63,7 +63,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table, or one line in a cell, with a mark.
+    """A cell of a table, or one line of a cell, with a mark.
 
     The mark is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
@@ -77,7 +77,7 @@ AnyCell = str | Cell | tuple[str | Cell, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report. A cell is a tuple if it has several lines; the notes are written below the table."""
+    """A table of the report. A cell with several lines is a tuple. The notes are printed below the table."""
 
     name: str
     caption: str | Markup
@@ -108,7 +108,7 @@ class Elements:
     tables: list[Table] = field(default_factory=list)
 
     def figure(self, picture: Picture) -> Markup:
-        """Add a picture as the next figure of the page, and return its HTML."""
+        """Add a picture as the next numbered figure of the page, and return its HTML."""
         self.pictures.append(picture)
         number = len(self.pictures)
         source = picture.embedded
@@ -128,7 +128,7 @@ class Elements:
         )
 
     def table(self, table: Table) -> Markup:
-        """Add the next table of the page, and return its HTML."""
+        """Add a table as the next numbered table of the page, and return its HTML."""
         self.tables.append(table)
         head = Markup("").join(Markup('<th scope="col">{}</th>').format(name) for name in table.head)
         rows = Markup("").join(
@@ -163,7 +163,7 @@ def _lines(cell: AnyCell) -> list[Cell]:
 
 
 def _cell(cell: AnyCell) -> Markup:
-    """Return a cell as HTML. Its classes mark the best value, a long word, and cells of short lines only."""
+    """Return a cell as HTML, with classes for the best value, for long words, and for cells of only short lines."""
     lines = _lines(cell)
     shown = Markup("<br>").join(
         Markup('{} <span class="held">not measured</span>').format(line.text)

@@ -1,4 +1,4 @@
-"""Show the error of the leading fit of each dataset against the field, on the first pages."""
+"""Draw, for the first pages, the error of the leading fit of each dataset against the field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST = len(MARKERS)  # largest number of datasets in the figure
 
 
 def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownFit]]]) -> Drawing:
-    """Draw the error in each state: for each dataset a line, with a band of one standard deviation on each side."""
+    """Draw the errors of the states, with a line for each dataset and a band of ± one standard deviation."""
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()
     fields = [state.field_mT for _, prediction in leading for state in prediction.evidence.states]
@@ -42,18 +42,18 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
 
 
 def error_at_a_glance(report: ReportContents) -> Picture | None:
-    """Return the figure of the errors with its caption; None if no fit was simulated."""
+    """Return the figure of the errors for the first pages, with its caption; None if no fit was simulated."""
     leading = [(contents, contents.best) for contents in report.datasets if contents.best is not None][:_MOST]
     if not leading:
         return None
     laws = list(dict.fromkeys(prediction.fitted_law.label for _, prediction in leading))
     caption = (
-        f"Error of {', '.join(laws)} in each state: the root-mean-square distance between simulated and measured "
-        "beam. Band: one standard deviation of the distances to each side."
+        f"Error of {', '.join(laws)} in each state: the root mean square of the distances between simulated and "
+        "measured beam. Band: the error ± one standard deviation of the distances."
     )
     scales = {round(c.dataset.calibration.pixels_per_mm, 6) for c, _ in leading if c.dataset.calibration is not None}
     if len(scales) == 1:
         caption += f" One pixel is {1e3 / scales.pop():.4g} µm."
     if len(report.datasets) > len(leading):
-        caption += f" {len(leading)} of {len(report.datasets)} datasets."
+        caption += f" Shown are {len(leading)} of {len(report.datasets)} datasets."
     return Picture("error_at_a_glance", drawn_at_a_glance(leading), "error by field", caption, of_half_width=True)

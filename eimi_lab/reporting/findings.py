@@ -1,4 +1,4 @@
-"""State the findings of a report: the modulus, its interval, the limit of the interval, and the reliability."""
+"""The findings of a report: the modulus, its interval, the limits of the interval, and the reliability."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Bu
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question of a reader, with a short answer and its reason in sentences (`words`)."""
+    """A question that a reader asks about a result, a short answer, and sentences that explain it (`words`)."""
 
     question: str
     answer: str
@@ -33,7 +33,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one set of data, in words.
+    """The result of datasets that were fitted together, in words.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class Finding:
     value, interval : str
         The initial shear modulus and its 95 % interval.
     how : str
-        The law and the data.
+        The law, and the data to which it was fitted.
     limit : str
-        A sentence on the largest contributions to the interval.
+        Sentences on the largest contributions to the interval.
     verdicts : tuple of Verdict
     """
 
@@ -60,7 +60,10 @@ class Finding:
 
 
 def findings(report: ReportContents) -> list[Finding]:
-    """Return one finding for each set of datasets fitted together; without datasets, for each tensile test."""
+    """Return one finding for each set of datasets that were fitted together.
+
+    Without bending fits, return one finding for each tensile test.
+    """
     groups: dict[tuple[str, ...], list[ShownFit]] = {}
     for shown in report.bending or report.tensile:
         fit = shown.fit
@@ -79,6 +82,7 @@ def truth_of(contents: DatasetContents) -> tuple[str, dict[str, float], float] |
     Returns
     -------
     law : str
+        The name of the law.
     parameters : dict of float
         The parameters of the law, by name.
     modulus_Pa : float
@@ -132,7 +136,7 @@ def _how(fit: FitRecord) -> str:
 
 
 def scatter_of(datasets: Sequence[DatasetContents]) -> str:
-    """Return the name of the data that scatter about the simulated beam: the edges, the tracked points, or both."""
+    """Return words for the noise of the measured edges or points, such as `scatter of the edges`."""
     what = {"frames": "edges", "points": "tracked points"}
     kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
     return f"scatter of the {' and '.join(kinds) or 'measurements'}"
@@ -140,23 +144,24 @@ def scatter_of(datasets: Sequence[DatasetContents]) -> str:
 
 def _limit(fit: FitRecord, scatter: str) -> str:
     if fit.measure_next.source is None or not fit.budget:
-        words = f"The {scatter} and the error of the mesh limit the interval"
+        words = f"The {scatter} and the error of the mesh limit the interval."
     else:
         first, sources = fit.budget[0], len(fit.budget)
         words = f"The interval is limited most by {entry_words(first, fit)}, "
-        words += f"whose standard uncertainty moves the modulus by {first.effect_percent:.2g} %"
+        words += f"whose standard uncertainty changes the modulus by {first.effect_percent:.2g} %."
         if sources > 1:
-            words += f"; the {sources} sources together move it by {all_together_percent(fit):.2g} %, "
-            words += "and the 95 % interval extends about twice as far to each side"
+            words += f" The {sources} sources together change the modulus by {all_together_percent(fit):.2g} %. "
+            words += "The 95 % interval extends about twice as far to each side."
     if fit.taken_as_exact:
         whole = [word for word in fit.taken_as_exact if word in WHOLE_FILES]
-        what = " and ".join(whole) if whole else "some numbers of specimen or calibration"
-        words += f"; {what} {'are' if len(whole) != 1 or whole[0] == 'dimensions' else 'is'} taken as exact, "
-        words += "because no uncertainty is stated: the true interval is wider"
+        inputs = f"The {' and the '.join(whole)}" if whole else "Some numbers of specimen or calibration"
+        words += f" {inputs} {'are' if len(whole) != 1 or whole[0] == 'dimensions' else 'is'} taken as exact, "
+        words += "because no uncertainty is stated. The true interval is wider."
     for entry in fit.if_uncertain:
-        words += f"; {entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} of error in the "
-        words += f"{entry.words} would move the modulus by {entry.effect_percent:.2g} %"
-    return f"{words}."
+        unit = "degrees" if entry.unit == "deg" else entry.unit
+        words += f" An error of {entry.standard_uncertainty:g} {unit} in the {entry.words} would change the modulus by "
+        words += f"{entry.effect_percent:.2g} %."
+    return words
 
 
 def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents) -> Verdict:
@@ -165,19 +170,19 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: Report
     if calibration is not None:
         error += f" ({fit.mean_error_mm * calibration.pixels_per_mm:.2g} pixel)"
     words = (
-        f"The simulated beam is {error} from the measured beam (root mean square in each state, mean over the states)"
+        f"The error is {error}: the root mean square of the distances between simulated and measured beam in each "
+        "state, averaged over the states."
     )
     if fit.held_out_error_mm is not None:
-        words += f", and {1e3 * fit.held_out_error_mm:.2g} µm in states left out of the fit"
-    words += "."
+        words += f" In states that were left out of the fit the error is {1e3 * fit.held_out_error_mm:.2g} µm."
     support = grade(fit, _on_unseen_specimens(fit, fitted_to, report))
-    return Verdict("Can it be believed?", support.name, f"{words} {support.words}")
+    return Verdict("Can the modulus be believed?", support.name, f"{words} {support.words}")
 
 
 def _on_unseen_specimens(
     fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents
 ) -> Iterator[Validation]:
-    """Yield the errors of a fit on the datasets of the report to whose specimens it was not fitted."""
+    """Yield the errors of a fit on those datasets of the report whose specimens were not used for the fit."""
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:
         if contents.dataset.specimen.specimen.name not in fitted_specimens:
@@ -185,7 +190,7 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict | None:
-    """Return a sentence: what to measure next, and the interval after that; None if no source is uncertain."""
+    """Return the verdict on what to measure next, with the interval to expect; None if no source is uncertain."""
     if not fit.budget:
         return None
     now, later = (
@@ -197,7 +202,7 @@ def _next(fit: FitRecord) -> Verdict | None:
     )
     answer, begin = fit.measure_next.words, "With half of this uncertainty"
     if fit.measure_next.source is None:
-        answer, begin = "more states", "With four times as many"
+        answer, begin = "more states", "With four times as many states"
     return Verdict(
         "What to measure better next?",
         answer,
@@ -207,7 +212,10 @@ def _next(fit: FitRecord) -> Verdict | None:
 
 
 def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
-    """Return one verdict on the residuals of all datasets; with several, the tests themselves are in the appendix."""
+    """Return the verdict whether the residuals of all datasets look like noise; None without edges.
+
+    With several datasets the numbers of the tests are in the appendix.
+    """
     simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
     tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]
     if not tested:
@@ -219,29 +227,29 @@ def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | N
     parts = "; ".join(f"{name}: {noise.answer}{noise.parts and ', '}{noise.parts}" for name, noise in tested)
     words = f"{parts} (root mean squares). "
     if "no" in answers:
-        words += (
-            "Where there is a systematic part, model, optics or inputs leave an error that the noise does not explain. "
-        )
+        words += "A systematic part is an error of beam model, optics or inputs, which noise does not explain. "
     return Verdict(_NOISE, answer, f"{words}The tests of each dataset are in the appendix.")
 
 
 def _law(shown: ShownFit) -> Verdict:
     choices = shown.comparison
     if not choices:
-        return Verdict("Which law?", "not compared", f"{shown.fit.model} alone was fitted to these data.")
+        return Verdict("Which law?", "not compared", f"Only {shown.fit.model} was fitted to these data.")
     ranked = sorted((c for c in choices if c.aicc is not None), key=lambda c: c.aicc or 0.0)
     points = f"{choices[0].independent_points:.1f} independent points"
     if not ranked:
-        return Verdict("Which law?", "too few data", f"The data count as {points}, too few to compare the laws.")
+        return Verdict(
+            "Which law?", "too few data", f"The data count as {points}. These are too few to compare the laws."
+        )
     best, *others = ranked
     near = [c for c in others if c.aicc is not None and c.aicc < _ALIKE]
     weight = "" if best.weight is None else f" (Akaike weight {best.weight:.2f})"
     words = f"{best.model} has the smallest AICc{weight}"
     if near:
-        words += "; " + ", ".join(f"that of {c.model} is larger by {c.aicc:.1f}" for c in near)
+        words += "; " + ", ".join(f"the AICc of {c.model} is larger by {c.aicc:.1f}" for c in near)
         answer = f"{best.model}, or {' or '.join(c.model for c in near)}"
-        return Verdict("Which law?", answer, f"{words}. The data, {points}, do not decide between them.")
-    margin = f"; that of the next, {others[0].model}, is larger by {others[0].aicc:.1f}" if others else ""
+        return Verdict("Which law?", answer, f"{words}. The data ({points}) do not decide between these laws.")
+    margin = f"; the AICc of the next law, {others[0].model}, is larger by {others[0].aicc:.1f}" if others else ""
     return Verdict("Which law?", best.model, f"{words}{margin}. The data count as {points}.")
 
 
@@ -259,7 +267,7 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield a verdict for each hidden material, with the names of all its datasets."""
+    """Yield a verdict for each hidden material of the virtual rig, with the names of all its datasets."""
     truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
     for place, (_, truth) in enumerate(truths):
         if truth not in [other for _, other in truths[:place]]:
@@ -275,7 +283,7 @@ def _truth(fit: FitRecord, names: Sequence[str], truth: tuple[str, dict[str, flo
         f"{name.removesuffix('_Pa')} = {value:g}{' Pa' * name.endswith('_Pa')}" for name, value in parameters.items()
     )
     return Verdict(
-        "How far from the true value?",
+        "How far is the modulus from the true value?",
         f"{difference:+.2f} %".replace("-", "−"),
         f"{', '.join(names)} {'were' if len(names) > 1 else 'was'} made on the virtual rig. Hidden material: {model}, "
         f"{values}, initial shear modulus {1e-3 * modulus:.4g} kPa, {inside} the interval. The fits did not use these "

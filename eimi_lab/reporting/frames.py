@@ -21,7 +21,7 @@ _MARGIN = 0.06  # around the region that the beam reaches, as a fraction of the 
 
 @dataclass(frozen=True)
 class Crop:
-    """The rectangle of the frames that the beam reaches in any state; its sides are in pixels."""
+    """A rectangle of the frames, in pixels. It contains the beam in every state."""
 
     left: int
     top: int
@@ -34,7 +34,10 @@ class Crop:
         return (self.bottom - self.top) / (self.right - self.left)
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Cut an image, and scale it for matplotlib: grey levels from 0 to 1 (H, W), or red, green, blue (H, W, 3)."""
+        """Return the part of an image in the rectangle, scaled for matplotlib.
+
+        The result has grey levels from 0 to 1, shape (H, W), or red, green and blue from 0 to 1, shape (H, W, 3).
+        """
         cut = image[self.top : self.bottom, self.left : self.right]
         scaled = cut / (np.iinfo(cut.dtype).max if cut.dtype.kind in "ui" and cut.dtype.itemsize > 1 else 255)
         if cut.dtype.itemsize > 1:  # cameras of 10 or 12 bits leave most of the range unused
@@ -42,17 +45,17 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Convert pixel coordinates (n, 2) of the frame to coordinates of the crop."""
+        """Return points (n, 2) in pixels of the rectangle, from points in pixels of the whole frame."""
         return np.asarray(points_px - [self.left, self.top])
 
 
 def frame_of(contents: DatasetContents) -> BeamFrame:
-    """Return the map from millimetres to pixels. Raises ValueError for a dataset of tracked points."""
+    """Return the beam frame of a dataset, which maps millimetres to pixels. Raises ValueError for tracked points."""
     return BeamFrame(_calibration_of(contents))
 
 
 def crop_of(contents: DatasetContents) -> Crop:
-    """Return the crop around the measured edges of all states; the whole frame if no edge was measured."""
+    """Return the rectangle around the measured edges of all states; the whole frame if no edge was measured."""
     (height, width, *_), _ = contents.dataset.frame_format()
     frame = frame_of(contents)
     edges_mm = [edge.points_mm for pair in contents.dataset.edges() or () for edge in (pair.left, pair.right)]
@@ -66,7 +69,7 @@ def crop_of(contents: DatasetContents) -> Crop:
 
 
 def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
-    """Return the points (n, 2) of the left and of the right edge that a fit uses, in state k of the evidence."""
+    """Return the measured points (n, 2) in mm of the left and the right edge that a fit uses in state k."""
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
@@ -74,7 +77,11 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
 
 
 def edges_px(contents: DatasetContents, state: State) -> list[Array]:
-    """Return both edges of a state in pixels: simulated by the leading fit if possible, or else as measured."""
+    """Return the left and the right edge of a state in pixels.
+
+    The edges are simulated by the leading fit. If the beam has no equilibrium, or if the state is not used, the
+    measured edges are returned.
+    """
     frame, indices = frame_of(contents), [used.index for used in contents.evidence.states]
     if contents.best is not None and state.index in indices:
         return [frame.to_px(side) for side in contents.best.edges_mm[indices.index(state.index)]]
@@ -84,20 +91,20 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Choose at most `most` states of the evidence, evenly spread over the loads, and return their indices."""
+    """Return the indices in the evidence of at most `most` states, evenly spread over the loads."""
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]
 
 
 def loads(contents: DatasetContents) -> Array:
-    """Return the size (K,) of the load of each state: the sum of field and force, each divided by its largest value."""
+    """Return the size of the load in each of the K states, shape (K,): |field| / maximum + |tip force| / maximum."""
     field_and_force = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
     return np.asarray((field_and_force / np.maximum(field_and_force.max(axis=0), 1e-12)).sum(axis=1))
 
 
 def load_words(state: State) -> str:
-    """Return the load of a state in words: `7.05 mT`, or `7.05 mT, 2 mN` with a force at the tip."""
+    """Return the load of a state in words, such as `7.05 mT`; with a force at the tip, such as `7.05 mT, 2 mN`."""
     force = f"{1e3 * state.tip_force_N:.3g} mN" if state.tip_force_N else ""
     field = f"{state.field_mT:.3g} mT" if state.field_mT or not force else ""
     return ", ".join(word for word in (field, force) if word)

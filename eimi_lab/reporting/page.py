@@ -58,7 +58,8 @@ def write_report(
     executor : callable, optional
         Starts the workers that share the simulations; without an executor the simulations run in this process.
     progress : callable
-        Receives a title and the number of steps, and gives a function that is called after each step.
+        Called with a title and the number of steps. Returns a context manager; the function that the context manager
+        provides is called after each step.
 
     Raises
     ------
@@ -108,13 +109,13 @@ def write_report(
 
 
 def _has_motions_alone(path: Path) -> bool:
-    """Return whether a dataset holds motions but no states; the law of time shows its motions."""
+    """Return whether a dataset has no states. The panel of the viscoelastic law then shows its motions."""
     with open_dataset(path) as dataset:
         return not dataset.states
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
-    """Return the page as HTML, and its numbered figures and tables. Panels without values are omitted."""
+    """Return the page as HTML, and the numbered figures and tables of the page. Panels without values are omitted."""
     elements = Elements()
     environment = _environment(elements)
     drawn.report(report)
@@ -150,7 +151,7 @@ def _title(report: ReportContents) -> str:
 
 
 def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
-    """Return title, anchor and body of each panel that is not omitted."""
+    """Return title, anchor and body of each panel. Panels without values are omitted."""
     filled = []
     for panel, values in drawn:
         if values is not None:

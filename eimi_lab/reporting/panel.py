@@ -1,4 +1,4 @@
-"""Describe a panel of the report: its place, its title, its template and the function that fills the template.
+"""The description of a panel of the report: place, title, template, and the function that fills the template.
 
 Each module of `eimi_lab.reporting.panels` defines one panel, named `PANEL`. There is no other list of the panels.
 """
@@ -35,7 +35,7 @@ class _Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportPanel(_Panel):
-    """A panel that a report shows once.
+    """A panel that occurs once in a report.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class ReportPanel(_Panel):
     summary : bool
         Whether the panel belongs to the first pages, which a reader can read alone; otherwise it is in the appendix.
     after_datasets : bool
-        Whether the panel follows the sections of the datasets; otherwise it precedes them.
+        Whether the panel follows the sections of the datasets; otherwise it precedes these sections.
     of_fits : bool
-        Whether the panel needs the fits only, so that it can be drawn while the datasets are simulated.
+        Whether the panel needs only the fits, so that it can be drawn while the datasets are simulated.
     of_intervals : bool
         Whether the panel needs the intervals of the errors, which are computed last.
     """
@@ -60,7 +60,7 @@ class ReportPanel(_Panel):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetPanel(_Panel):
-    """A panel that a report shows once for each dataset; `values` returns None to omit the panel."""
+    """A panel that occurs once for each dataset of a report. `values` returns None to omit the panel."""
 
     values: Callable[[DatasetContents], Mapping[str, Any] | None]
 

@@ -1,8 +1,8 @@
 """Published moduli of common silicones, for a comparison with the identified modulus.
 
-Each row is a published number, or is computed from a published number as `how` states. The stress at 100 % strain of a
-data sheet is converted to the shear modulus of a Neo-Hookean material with this stress, mu = stress / (2 - 1/4). It is
-a mean over large strains and not an initial modulus.
+Each modulus is a published number, or is computed from a published number as the field `how` explains. A data sheet
+gives the stress at 100 % strain. This stress is converted to the shear modulus of a Neo-Hookean material with the same
+stress, mu = stress / (2 - 1/4). The result is a mean over large strains and not an initial modulus.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class PublishedModulus:
     material : str
         Name of the product.
     low_Pa, high_Pa : float
-        The shear modulus in Pa, or the ends of its range.
+        The ends of the range of the shear modulus in Pa; equal for a single value.
     how : str
-        The published quantity, and how the shear modulus follows from it.
+        The published quantity, and how the shear modulus follows from this quantity.
     source : str
         The data sheet or the publication.
     """
@@ -67,7 +67,9 @@ PUBLISHED = (
 
 
 def published_moduli(material: str) -> list[PublishedModulus]:
-    """Return the published moduli of a silicone; case, spaces, hyphens and a suffix such as `Medium` do not matter.
+    """Return the published moduli of a silicone; empty for an unknown silicone.
+
+    Case, spaces, hyphens and a suffix such as `Medium` do not matter.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""State whether the residuals of a fit look like noise along the edges."""
+"""Test whether the residuals of a fit along the edges look like noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The verdict on the residuals of a fit: a short answer, its reason in sentences, and the sizes of their parts."""
+    """The verdict on the residuals of a fit: a short answer, the reason in sentences, and the sizes of the parts."""
 
     answer: str
     words: str
@@ -20,7 +20,7 @@ class ResidualNoise:
 
 
 def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
-    """Test the residuals along the edges of all states; return None for tracked points, which have no order."""
+    """Return the verdict whether the residuals along the edges look like noise; None for tracked points."""
     if not isinstance(simulated.evidence.experiment.observed, EdgeObservation):
         return None
     tests = randomness_of(1e3 * simulated.residuals_mm)
@@ -34,15 +34,16 @@ def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
 
 def _words(tests: Randomness) -> str:
     words = (
-        f"Of {tests.pairs} pairs of neighbouring edge points, {100 * tests.sign_changes / tests.pairs:.0f} % differ in "
-        f"sign (noise: 50 %; runs test, {_probability(tests.runs_probability)}), and their correlation is "
-        f"{tests.autocorrelation:.2f} (noise: 0; {_probability(tests.autocorrelation_probability)})."
+        f"In {100 * tests.sign_changes / tests.pairs:.0f} % of {tests.pairs} pairs of neighbouring edge points the "
+        f"residuals differ in sign (noise: 50 %; runs test, {_probability(tests.runs_probability)}). The correlation "
+        f"of the two residuals is {tests.autocorrelation:.2f} "
+        f"(noise: 0; {_probability(tests.autocorrelation_probability)})."
     )
     if tests.is_noise:
         return f"{words} The random part is {tests.noise:.2g} µm (root mean square)."
     return (
         f"{words} The random part is {tests.noise:.2g} µm and the systematic part {tests.systematic:.2g} µm (root mean "
-        "squares): model, optics or inputs leave an error that the noise does not explain."
+        "squares). The systematic part is an error of beam model, optics or inputs, which noise does not explain."
     )
 
 

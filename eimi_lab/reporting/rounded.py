@@ -1,4 +1,4 @@
-"""Format a quantity and its interval: choose the unit, and round to the digits that the interval supports."""
+"""Format a quantity and its interval, with a suitable unit and with the digits that the interval supports."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """Format a value with its 95 % interval to four digits, a pressure in kPa, MPa or GPa.
+    """Return a value with its 95 % interval to four digits, a pressure in kPa, MPa or GPa.
 
     Examples
     --------
@@ -23,10 +23,10 @@ def format_quantity(quantity: Quantity) -> str:
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:
-    """Format a value with its 95 % interval, in its unit and in per cent of the value.
+    """Return a value and its 95 % interval as two texts, the interval in its unit and in per cent.
 
-    Both are rounded to the second digit of half the width of the interval. The percentages of the two ends are
-    written separately if the interval is clearly asymmetric about the value.
+    Both texts are rounded to the second digit of half the width of the interval. If the interval is clearly asymmetric
+    about the value, both ends are given in per cent.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
-    """Return the unit in which a quantity is written, after the factor from pascal to this unit."""
+    """Return the factor from pascal to the unit in which a quantity is written, and the name of this unit."""
     if quantity.unit != "Pa":
         return 1.0, ""
     size = max(map(abs, quantity.interval_95))

@@ -16,8 +16,9 @@ def evidence_for_fits(
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
     """Read a dataset as evidence, once for each section assumption that the fits need.
 
-    A bending fit uses the section with which it was fitted to this dataset, or else the section of all its datasets. A
-    tensile fit uses the section that all bending fits share, or else the section of the specimen.
+    A bending fit uses the section with which the law was fitted to this dataset. If the law was not fitted to this
+    dataset, the section of all datasets of the fit is used. A tensile fit uses the section that all bending fits share,
+    or else the section of the specimen.
 
     Parameters
     ----------
@@ -53,7 +54,11 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section with which a fit used the dataset with this hash; None if the fit used several sections."""
+    """Return the section with which a fit is simulated on the dataset with this hash.
+
+    None means the section that all fits share: for a tensile fit, and for a fit with several sections to other
+    datasets.
+    """
     if not isinstance(shown.fit, FitRecord):
         return None
     used = {reference.sha256: reference.section for reference in shown.fit.datasets}

@@ -1,4 +1,4 @@
-"""Read the fits that a report shows, and give each a label, a colour, a marker and a line style."""
+"""Read the fits that a report shows, and give each fit a label, a colour, a marker and a line style."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ShownFit(FittedLaw):
     Attributes
     ----------
     comparison : tuple of Choice
-        The comparison of the laws in the same file; empty if the file holds none.
+        The comparison of the laws in the same file; empty if the file contains no comparison.
     origin : str
         The data to which the law was fitted, such as `bending` or `tensile 50 %`.
     colour, marker : str
@@ -44,12 +44,14 @@ class ShownFit(FittedLaw):
 
     @property
     def label(self) -> str:
-        """Return law and origin, such as `yeoh, tensile 50 %`."""
+        """Return the law and the data to which it was fitted, such as `yeoh, tensile 50 %`."""
         return f"{self.fit.model}, {self.origin}"
 
 
 def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
-    """Read the fits of all files. If two fits would have equal labels, add file name, path or index to the origin.
+    """Read the fits of all files, and give each fit a different label.
+
+    If two fits would have equal labels, the file name, the path or the index is added to the label.
 
     Raises
     ------
@@ -74,7 +76,10 @@ def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
 
 
 def laws_of_time(paths: Sequence[Path]) -> tuple[tuple[str, LawOfTime], ...]:
-    """Return the laws of time of all files with the names of their fits. Raises InputError for another file."""
+    """Return the name and the viscoelastic (Prony) law of each fit that has such a law.
+
+    Raises InputError if a file is not a fits file.
+    """
     return tuple(
         (f"{fit.model}, {path.name}", fit.time)
         for path in paths
@@ -84,15 +89,16 @@ def laws_of_time(paths: Sequence[Path]) -> tuple[tuple[str, LawOfTime], ...]:
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:
-    """Return the section assumptions of a fit, one for each dataset, without repetitions."""
+    """Return the section assumptions of the datasets of a fit, each once."""
     return tuple(dict.fromkeys(reference.section for reference in fit.datasets))
 
 
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
-    """Choose the best fit of a group that is not empty.
+    """Return the best fit of a group of at least one fit.
 
-    Take the first file of the group that compares several laws, and return its fit with the smallest AICc, or with the
-    smallest BIC if there are too few data for AICc. If no file compares laws, return the fit with the smallest misfit.
+    If a file of the group compares several laws, the first such file is used. The result is its fit with the smallest
+    AICc, or with the smallest BIC if there are too few data for AICc. If no file compares laws, the result is the fit
+    with the smallest misfit.
     """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}
@@ -103,10 +109,10 @@ def chosen(group: Sequence[ShownFit]) -> ShownFit:
 
 
 def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
-    """Choose the fit that represents a dataset.
+    """Return the fit that represents a dataset in figures with only one fit; None without any fit.
 
-    The function returns the best fit to the dataset whose file has the hash ``sha256``. Without such a fit it returns
-    the best of all bending fits, and without bending fits the best of all fits.
+    The result is the best fit to the dataset whose file has the hash ``sha256``. Without such a fit it is the best of
+    all bending fits, and without bending fits the best of all fits.
     """
     bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
     to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]
@@ -119,7 +125,7 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a fit with the colour and marker of its law and the line style of its origin, given by their numbers."""
+    """Return a fit with the colour and marker of law number `law` and the line style of origin number `origin`."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

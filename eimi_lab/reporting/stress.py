@@ -1,8 +1,8 @@
-"""Compute the stress of each fit against strain in three modes of deformation, and read the tensile tests.
+"""Compute stress against strain of each fit in three modes of deformation, and read the tensile tests.
 
-Uniaxial tension, planar tension and simple shear deform an incompressible material in one parameter, the strain e. The
-logarithmic principal stretches are h(e) (r1, r2, r3) with constant ratios r whose sum is 0. The work done per volume is
-the strain energy W, so the engineering stress is
+Uniaxial tension, planar tension and simple shear deform an incompressible material. The deformation depends on one
+number, the strain e. The logarithmic principal stretches are h_i = r_i h(e), with constant ratios r_i whose sum is 0.
+The work done per volume is the strain energy W, so that the engineering stress is
 
     dW/de = h'(e) Σ r_i ∂W/∂h_i
 
@@ -30,21 +30,23 @@ Array = NDArray[np.float64]
 _LARGEST_STRAIN = 1.0  # largest strain in a figure
 _BENDING_ALONE = 3.0  # without a tensile fit, the figure ends at this multiple of the largest strain in bending
 _DRAWS = 200  # draws per fit, evenly spread over the modulus: enough for an interval of 95 %
-BAND = "Bands contain 95 % of the draws of each fit; those of tensile fits end with their data."
+BAND = "Bands contain 95 % of the draws of each fit. The bands of tensile fits end where the data end."
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode of deformation of an incompressible material (see the equation of this module).
+    """A mode of deformation of an incompressible material: uniaxial tension, planar tension or simple shear.
+
+    The logarithmic principal stretches at the strain e are r_i h(e).
 
     Attributes
     ----------
     words : str
         Name of the mode.
     strain : str
-        Name of its strain.
+        Name of the strain e.
     ratios : tuple of float
-        The ratios r of the three logarithmic principal stretches to the first.
+        The ratios r_i of the three logarithmic principal stretches to the first logarithmic stretch.
     log, slope : callable
         The first logarithmic stretch h and its derivative h' at strains (m,).
     """
@@ -60,7 +62,7 @@ class Mode:
         return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
 
     def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:
-        """Return the engineering stress (..., m) in Pa for parameters (..., n) of a law at strains (m,)."""
+        """Return the engineering stress (..., m) in Pa at m strains, for parameters (..., n) of a law."""
         stretches = np.exp(np.outer(self.log(strain), self.ratios))
         _, gradient, _ = law.principal(np.asarray(parameters)[..., None, :], stretches)
         return np.asarray(gradient @ np.array(self.ratios) * self.slope(strain))
@@ -85,7 +87,7 @@ MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 @dataclass(frozen=True)
 class StressCurve:
-    """The engineering stress (m,) of a fit in Pa at strains (m,) in one mode, and the ends (m, 2) of its 95 % band."""
+    """The stress of a fit against strain in one mode: m strains, stresses (m,) in Pa, and their 95 % band (m, 2)."""
 
     shown: ShownFit
     mode: Mode
@@ -96,7 +98,7 @@ class StressCurve:
 
 @dataclass(frozen=True)
 class TensilePoints:
-    """The rows of a tensile test within the strain range of the figure."""
+    """The rows of a tensile test in the range of strain of a figure: strain (m,) and stress (m,) in Pa."""
 
     label: str
     strain: Array
@@ -104,24 +106,27 @@ class TensilePoints:
 
 
 def bending_strain(fits: Sequence[ShownFit]) -> float | None:
-    """Return the largest engineering strain of a bent specimen in any fit; None without a bending fit."""
+    """Return the largest engineering strain in the data of any bending fit; None without a bending fit."""
     return max((s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, FitRecord)), default=None)
 
 
 def largest_strain(fits: Sequence[ShownFit]) -> float:
-    """Return the strain at which the figure ends: the largest tensile strain, or a multiple of the bending strain."""
+    """Return the strain at which the figure ends.
+
+    With tensile fits this is the largest tensile strain, at most 1. Otherwise it is 3 times the largest bending strain.
+    """
     tensile = [s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, TensileRecord)]
     return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(fits) or 0.0)
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain that corresponds, in a mode, to the largest stretch in a fit's data with its tensile curves."""
+    """Return the strain of a mode at the largest stretch in the data of a fit, including its tensile curves."""
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
-    """Return the stress of a fit at strains (m,), with the 95 % band of its draws; the band is NaN without draws."""
+    """Return the stress of a fit at m strains, with the 95 % band of its draws. Without draws the band is NaN."""
     fit = shown.fit
     law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)
     stress = mode.stress_Pa(law, np.array(fit.values()), strain)
@@ -142,13 +147,13 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
     Returns
     -------
     points : list of TensilePoints
-        One for each test that could be read.
+        One element for each test that could be read.
     missing : list of str
         A sentence for each test or band that cannot be drawn, with the reason.
     """
     points = []
     missing = [
-        f"{s.path} was written by an earlier release and holds no draws: no band for {s.label}."
+        f"{s.path} was written by an earlier release and holds no draws: the figure has no band for {s.label}."
         for s in fits
         if not s.fit.draws
     ]
@@ -156,7 +161,8 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
     curves = [c for s in fits if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
     sources += [(c.path, c.sha256) for c in curves if c.path]
     missing += [
-        f"{name} is not drawn: the fit names no file." for name in dict.fromkeys(c.name for c in curves if not c.path)
+        f"{name} is not drawn, because its numbers are in no file."
+        for name in dict.fromkeys(c.name for c in curves if not c.path)
     ]
     for name, sha256 in dict.fromkeys(sources):
         path = Path(name)

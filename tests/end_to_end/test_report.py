@@ -51,7 +51,7 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
     assert "is not drawn" not in page
     assert "://" not in page
     first_pages, appendix = page.split('<h1 class="appendix"')
-    for words in ("Can it be believed?", "error by field", "Causes of the"):
+    for words in ("Can the modulus be believed?", "error by field", "Causes of the"):
         assert words in first_pages
     for words in ("The result of each fit", "Each fit on each specimen", "of each fit minus that of", "SHA-256"):
         assert words in appendix
@@ -259,7 +259,7 @@ def test_a_report_says_which_tensile_curve_or_band_cannot_be_drawn(done: Done, f
     del content["fits"][0]["draws"]  # as an earlier release wrote it
     (folder / "earlier.json").write_text(json.dumps(content))
     page = page_of(done, folder, "unseen.h5", "--fit", "earlier.json")
-    assert page.count("holds no draws: no band for neo-hookean, tensile 20 %.") == 1
+    assert page.count("holds no draws: the figure has no band for neo-hookean, tensile 20 %.") == 1
     assert "Shaded" not in page
     assert "<h2>Search</h2>" not in page
 

@@ -101,7 +101,7 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     assert "*VISCOELASTIC, TIME=PRONY" in card.read_text()
     code, said = run("report", imported, "--fit", fits, "-o", imported.parent / "report.html")
     assert code == 0, said
-    assert "Law of time" in (imported.parent / "report.html").read_text(encoding="utf-8")
+    assert "Viscoelastic law" in (imported.parent / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

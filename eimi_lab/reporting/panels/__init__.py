@@ -1,22 +1,22 @@
-"""The panels of the report, one in each module. The page shows them in the order of their places.
+"""The panels of the report, one in each module. The page shows the panels in the order of their places.
 
 Panels of the first pages, which can be read alone:
 
-first_screen            the result in words, with a picture of the beam and its error by field
+first_screen            the result in words, with a picture of the beam and the error by field
 causes                  possible causes of the residuals, with their probabilities
 published_values        published moduli of the same silicone
 
 Panels of the appendix:
 
 laws                    parameters, misfit and range of each fit, and the comparison of the laws
-uncertainty_budget      the share of each source of uncertainty in the interval
+uncertainty_budget      the contribution of each source of uncertainty to the interval
 causes_of_all_fits      causes of the residuals of the other fits
-law_of_time             ring-downs, the modulus against time, and creep
+law_of_time             viscoelastic (Prony) law: ring-downs, the modulus against time, and creep
 parameter_correlation   correlation of the errors of the unknowns of a fit
 stress_strain           stress against strain of each law
 error_boxes             errors of the states, by law and specimen
 every_fit               the mean error of each fit on each specimen
-convergence             best error against generation of each search
+convergence             smallest error against generation of each search
 law_stability           the stretch up to which each law is stable
 provenance              files, programs and command line
 methods                 a methods paragraph and references
@@ -29,5 +29,5 @@ error_against_field     error of each fit in each state
 magnified_residuals     residuals of the best fit as arrows on the beam
 residuals_along_beam    residuals of the best fit along the edges
 
-A new module that defines `PANEL` adds a panel; `eimi_lab.reporting.panel` describes its fields.
+A new module that defines `PANEL` adds a panel. The module `eimi_lab.reporting.panel` describes the fields of a panel.
 """

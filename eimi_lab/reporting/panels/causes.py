@@ -1,4 +1,4 @@
-"""Show the possible causes of the residuals of the chosen fits with their probabilities."""
+"""Show the possible causes of the residuals of the best fits, with their probabilities."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from eimi_lab.reporting.findings import findings
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
 
-_HEAD = ("law", "cause", "probability", "value", "change of the modulus", "decide by")
+_HEAD = ("law", "cause", "probability", "value", "change of the modulus", "measurement that decides")
 _CAPTION = (
-    "Possible causes of the residuals, weighed against each other by their evidence. The change of the modulus is "
-    "that of a fit that takes the cause into account."
+    "Possible causes of the residuals, compared by their evidence. Value: the most probable size of the cause. Change "
+    "of the modulus: the result of a fit that takes the cause into account, relative to the result without the cause."
 )
-_NOTE = "Two causes may be present together, so that the probabilities may add up to more than 1."
+_NOTE = "Two causes may be present at the same time. The sum of the probabilities may therefore exceed 1."
 _LEAST = 0.01  # a cause of smaller probability has no row, except the first two
 
 
 def table_of_causes(fits: Sequence[ShownFit]) -> Table | None:
-    """Return a table of the probable causes of the residuals of each fit; None if no fit has compared causes."""
+    """Return a table of the probable causes of the residuals of each fit; None if causes were never compared."""
     rows = [
         (
             shown.label,

@@ -16,4 +16,6 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     return {"table": table} if table else None
 
 
-PANEL = ReportPanel(place=16, title="Causes, by other fits", template="{{ table | table }}", values=_values)
+PANEL = ReportPanel(
+    place=16, title="Causes of the residuals of other fits", template="{{ table | table }}", values=_values
+)

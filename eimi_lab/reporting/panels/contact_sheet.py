@@ -1,4 +1,4 @@
-"""Show the first frame of each state with its edges, and the flags of the state."""
+"""Show the first frame of each state with the edges, and the flags of the state."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FLAG_CHARACTERS = 17
 
 
 def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Drawing:
-    """Draw the thumbnails in the order of the states. The unit of the axes is the width of a thumbnail."""
+    """Draw thumbnails of the states in their order. The unit of the axes is the width of a thumbnail."""
     crop = crop_of(contents)
     states = shown_states(contents)
     rows = -(-len(states) // _ABREAST)
@@ -74,7 +74,7 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """Draw a frame of width 1 at its upper left corner (x, y), and return its edges in the units of the axes."""
+    """Draw a frame of width 1 with its upper left corner at (x, y), and return its edges in the units of the axes."""
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
     image = crop.of(contents.dataset.images(state.index, 1)[0])
@@ -90,7 +90,7 @@ def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
 
 
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
-    """Return a table of the flags with their states, their worst value and their remedy; None without flags."""
+    """Return a table of the flags: states, value farthest from the limit, and remedy; None without flags."""
     by_name: dict[str, list[tuple[int, Flag]]] = {}
     for index, flags_of_state in flags.items():
         for flag in flags_of_state:

@@ -1,4 +1,4 @@
-"""Show the convergence of each search."""
+"""Show how each search converges."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
 
 _HEAD = ("law", "generations", "evaluations", "discarded", "polish", "final error", "stopped by", "seed", "time")
 _CAPTION = (
-    "The search by CMA-ES of each fit. Polish: the mean error before and after the refinement by Gauss-Newton, on the "
-    "mesh and with the planar section of the search. Final error: with the corrections for a finer mesh and for the "
-    "solid section."
+    "The CMA-ES search of each fit. Polish: the mean error before and after the Gauss-Newton refinement, on the mesh "
+    "and with the planar section of the search. Final error: the mean error with the corrections for a finer mesh and "
+    "for the solid section."
 )
 
 
 def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
-    """Draw the best mean error of each search against the generation."""
+    """Draw the smallest mean error of each search against the generation."""
     drawing = Drawing(3.2)
     axes = drawing.subplots()
     for shown in fits:
@@ -33,7 +33,7 @@ def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
             axes.semilogy(range(1, len(best) + 1), best, label=shown.label, **style)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     plain_logarithm(axes)
-    label(axes, "generation", "best mean error, µm")
+    label(axes, "generation", "smallest mean error, µm")
     drawing.legend(
         loc="outside right upper" if len(fits) > 6 else "outside lower center", ncols=1 if len(fits) > 6 else 3
     )
@@ -65,8 +65,8 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
         return None
     drawn = drawn_convergence(report.bending)
     caption = (
-        "The best mean error of each search up to each generation, on the mesh and with the planar section of the "
-        "search. The corrections for a finer mesh and for the solid section follow the search."
+        "The smallest mean error that each search has reached up to each generation, on the mesh and with the planar "
+        "section of the search. The corrections for a finer mesh and for the solid section are made after the search."
     )
     return {
         "picture": Picture("convergence", drawn, "best error by generation", caption),

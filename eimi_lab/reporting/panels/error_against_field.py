@@ -25,10 +25,11 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 
 
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
-    """Draw the errors of all fits against the field; against the state if the field is constant.
+    """Draw the errors of all fits in the states of a dataset against the field.
 
-    The bars extend one standard deviation of the distances along the edges to each side. With several fits, a panel
-    below shows the differences of their errors from the error of the first fit, because the curves may coincide.
+    If the field is constant, the errors are drawn against the index of the state. The bars extend one standard
+    deviation of the distances along the edges to each side. With several fits, a panel below shows the differences of
+    the errors from the error of the first fit, because the curves may coincide.
     """
     states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])
@@ -83,7 +84,10 @@ def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x
 
 
 def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
-    """Add a legend with colour and marker of each law and, if there are several origins, the line of each origin."""
+    """Add a legend with the colour and marker of each law.
+
+    If the laws were fitted to different kinds of data, the line style of each kind is added.
+    """
     handles = {
         s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in fits
     }
@@ -96,13 +100,13 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     if not contents.simulated:
         return None
     caption = (
-        "Error of each fit in each state: the root-mean-square distance between simulated and measured beam. "
-        "Bars: the standard deviation of the distances."
+        "Error of each fit in each state: the root mean square of the distances between simulated and "
+        "measured beam. Bars: the error ± one standard deviation of the distances."
     )
     if len(contents.simulated) > 1:
         first = contents.simulated[0].fitted_law.label
         caption += (
-            " The fits of one state are drawn slightly apart, so that none hides another. Below: the error of each fit "
+            " The fits of one state are drawn slightly apart, so that all can be seen. Below: the error of each fit "
             f"minus that of {first}."
         )
     return {"picture": Picture("error_against_field", drawn_errors(contents.simulated), "error by state", caption)}

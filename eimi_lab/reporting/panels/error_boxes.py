@@ -1,4 +1,4 @@
-"""Compare the errors of all fits on each specimen by box plots over the states."""
+"""Compare the errors of all fits on each specimen by box plots."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw axes of the same scale for each specimen, with a box for each fit in the colour of its law."""
+    """Draw axes of the same scale for each specimen, with a box over the states for each fit.
+
+    The boxes have the colours of the laws.
+    """
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)
     drawing = Drawing(2.3 * rows + 0.6)
@@ -67,9 +70,9 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
         return None
     caption = (
         "Errors of the states, by specimen and fit: median, quartiles and extremes. The fits are in the order of the "
-        "table of laws; the line of the whiskers shows what the law was fitted to. The fits were simulated again for "
-        "this figure. With a solid section the errors may differ by up to half a µm from those of the fits, which "
-        "interpolate the effect of the depth between states."
+        "table of laws. The line style of the whiskers shows the data to which the law was fitted. The fits were "
+        "simulated again for this figure. With a solid section these errors may differ by up to half a µm from the "
+        "errors of the fits, because a fit interpolates the effect of the depth between states."
     )
     return {"picture": Picture("error_boxes", drawn_boxes(report), "box plots of the errors", caption)}
 

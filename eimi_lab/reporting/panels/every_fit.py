@@ -15,7 +15,7 @@ _ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Return each fit with its validation on each dataset, and whether its error is the smallest on that dataset."""
+    """Return each fit with its validations on all datasets. A flag tells whether the error is the smallest there."""
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
     return [
@@ -25,7 +25,7 @@ def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation
 
 
 def tables(report: ReportContents) -> list[Table]:
-    """Return the errors of all fits on all specimens, in as many tables as the width of a page requires."""
+    """Return tables of the errors of all fits on all specimens, each as wide as a page allows."""
     names = [shown.name for shown in report.datasets]
     caption = "Each fit on each specimen: mean error over the states in µm, with its 95 % interval."
     parts = []
@@ -52,9 +52,10 @@ PANEL = ReportPanel(
     title="Each fit on each specimen",
     template="""
 {% for matrix in tables %}{{ matrix | table }}{% endfor %}
-<p class="note">The interval contains 95 % of the mean errors of the draws of the fit on this specimen, including the
-uncertainty of the specimen. &gt;: no upper end, because one of the draws has no equilibrium. *: fitted to this
-specimen; all other errors are those of predictions. Bold: the smallest error of the column.</p>
+<p class="note">The interval contains 95 % of the mean errors that the draws of the fit give on this specimen, including
+the uncertainty of the specimen. &gt;: the interval has no upper end, because the beam has no equilibrium for one of the
+draws. *: the law was fitted to this specimen; all other errors are errors of predictions. Bold: the smallest error of
+the column.</p>
 """,
     values=_values,
     of_intervals=True,

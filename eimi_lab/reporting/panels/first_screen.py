@@ -27,9 +27,9 @@ _LAST = 6  # the close-up shows the last 1/6 of the edges
 
 
 def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Draw measured edges (dots) and simulated edges (lines) over the frames of the smallest and the largest load.
+    """Draw measured edges (dots) and simulated edges (lines) over frames.
 
-    The last axes show a close-up of the tip at the largest load.
+    The frames are those of the smallest and the largest load. The last axes show the tip at the largest load.
     """
     crop = crop_of(contents)
     states = some_states(contents, 2)
@@ -57,7 +57,7 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw one frame with its edges; `points` is the number of measured points drawn on each edge, None for all."""
+    """Draw one frame with its edges. `points` is the number of measured points on each edge; None draws all points."""
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
     for side, measured in enumerate(measured_mm(contents, k)):
@@ -82,7 +82,7 @@ def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> N
 
 
 def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Draw the tracked points of the smallest, a middle and the largest load, with the simulated outlines."""
+    """Draw the tracked points and the simulated outlines at the smallest, a middle and the largest load."""
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, PointObservation):
         raise ValueError("frames have no tracked points")
@@ -105,7 +105,10 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 
 
 def picture_of(report: ReportContents) -> Picture | None:
-    """Draw the first dataset that the fit of the first finding simulates; the last dataset if there is none."""
+    """Return the picture of the first dataset that the fit of the first finding simulates; None without datasets.
+
+    If no dataset is simulated by this fit, the picture shows the last dataset.
+    """
     results = findings(report)
     best_fit = results[0].shown if results else None
     for contents in report.datasets:

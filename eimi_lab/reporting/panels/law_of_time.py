@@ -1,4 +1,4 @@
-"""Show the law of time: the decay of each ring-down, frequency and loss by amplitude, mu(t), and creep."""
+"""Show the viscoelastic (Prony) law: ring-downs, frequency and loss by amplitude, modulus by time, and creep."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from eimi_lab.showing.drawing import Drawing
 
 _HEAD = ("ring-down", "from", "to", "amplitude", "frequency", "loss factor", "used")
 _CAPTION = (
-    "Law of time. Top left: displacement of the point that moves most, and the fitted envelope. Top right: frequency "
-    "over that at small amplitude, and loss factor of the decay, by amplitude. Bottom left: shear modulus after a "
-    "sudden strain with its 95 % band; the grey range is that of the data. Bottom right: rotation of the tip in creep, "
-    "measured and fitted."
+    "Viscoelastic (Prony) law. Top left: displacement of the point that moves most, and the fitted envelope. "
+    "Top right: change of the frequency from its value at small amplitude (solid), and loss factor of the decay "
+    "(dashed). Bottom left: shear modulus against the time after a sudden strain, with its 95 % band. In the grey range the data "
+    "determine the modulus to 5 %. Bottom right: rotation of the tip in creep, measured and fitted."
 )
-_WINDOWS = "Windows of each ring-down. Only amplitudes below 5 % of the length are used."
+_WINDOWS = "Time windows of each ring-down. The fit uses only amplitudes below 5 % of the length of the beam."
 
 
 def _picture(time: LawOfTime, label: str) -> Picture:
@@ -91,7 +91,7 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
 
 PANEL = ReportPanel(
     place=9,
-    title="Law of time",
+    title="Viscoelastic law",
     template="{{ picture | figure }}{{ windows | table }}",
     values=_values,
     of_fits=True,

@@ -22,8 +22,8 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     if not report.fits:
         return None
     note = (
-        "Stability by Drucker's criterion. ≥: stable at all stretches that were checked. Beyond the limit a "
-        "finite-element program may fail."
+        "Stability by Drucker's criterion. ≥: stable at all stretches that were checked. Beyond the "
+        "limit a finite-element simulation may fail."
     )
     rows = [_row(shown.label, shown.fit) for shown in report.fits]
     return {"stability": Table("stability", "The stretch up to which each law is stable.", _HEAD, rows, [note])}

@@ -26,18 +26,18 @@ _HEAD = (
     "stretch reached",
 )
 _NOTE = (
-    "Stretch reached: the largest in the data; beyond it a law is an extrapolation. Not measured: the bounds of the "
-    "search determine the value and its interval, or the interval from a tensile curve contains zero."
+    "Stretch reached: the largest stretch in the data. Beyond this stretch a law is an extrapolation. Not measured: "
+    "the bounds of the search determine the value and its interval, or the interval from a tensile curve contains zero."
 )
 _INTERVALS = (
-    "Intervals of bending fits include the scatter of the measured edges or points about the simulated ones, the error "
-    "of the mesh, and all uncertainties that specimen, calibration and rig state. A number without a stated "
-    "uncertainty is taken as exact, and so is the section assumption."
+    "Intervals of bending fits include the scatter of the measured edges or points, the error of the mesh, and all "
+    "uncertainties in the files of specimen, calibration and rig. The section assumption and all numbers without a "
+    "stated uncertainty are taken as exact."
 )
 
 
 def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
-    """Return a table with a row for each fit; `bending` adds the note on the intervals of bending fits."""
+    """Return a table with a row for each fit. `bending` adds a note on the intervals of bending fits."""
     rows = [
         (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
         for s in fits
@@ -47,7 +47,7 @@ def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
 
 
 def table_of_choice(choices: Sequence[Choice]) -> Table:
-    """Return a table with the information criteria of each law and its error on states left out of the fit."""
+    """Return a table that compares laws by information criteria and by the error on states left out of the fit."""
     head = ("law", "unknowns", "AICc", "BIC", "Akaike weight", "error on states left out, µm")
     rows = [
         (
@@ -61,8 +61,8 @@ def table_of_choice(choices: Sequence[Choice]) -> Table:
         for c in choices
     ]
     caption = (
-        "Comparison of the laws: the difference of AICc and of BIC from the best law. The smaller, the better do the "
-        "data support the law and the number of its parameters."
+        "Comparison of the laws. AICc and BIC are differences from the best law. A smaller difference means that the "
+        "data support the law, with its number of parameters, better."
     )
     return Table("comparison", caption, head, rows, [points_in_words(choices), *too_few_in_words(choices)])
 
@@ -87,7 +87,7 @@ def _marked(text: str, held: bool) -> str | Cell:
 
 
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
-    """Return the remarks on each fit, except its doubts: several fits may share a doubt."""
+    """Return the remarks on each fit, without doubts. Doubts are listed apart, because fits may share a doubt."""
     remarks_of_fits = []
     for shown in report.fits:
         fit = shown.fit

@@ -27,20 +27,20 @@ _LARGE = 0.95  # quantile of the residuals that counts as a large one
 
 
 def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Array]:
-    """Return the residuals of state k as vectors.
+    """Return the residuals of state k as vectors at n measured points.
 
     Parameters
     ----------
     simulated : Prediction
     k : int
-        Place of the state in the evidence.
+        Index of the state in the evidence.
 
     Returns
     -------
     places_mm : ndarray, shape (n, 2)
         The measured points, in the beam frame.
     vectors_mm : ndarray, shape (n, 2)
-        Measured minus simulated; of edges, the component normal to the simulated edge.
+        Measured minus simulated place. For edges, the component normal to the simulated edge.
     """
     observed, residuals = simulated.evidence.experiment.observed, simulated.residuals_mm[k]
     if not isinstance(observed, EdgeObservation):
@@ -59,7 +59,7 @@ def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Ar
 
 
 def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
-    """Draw the simulated outlines with magnified arrows to the measured points; return the magnification too."""
+    """Draw the simulated outlines with magnified arrows to the measured points, and return the magnification, too."""
     chosen = some_states(contents, _STATES)
     residuals = [residual_vectors(simulated, k) for k in chosen]
     sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in residuals])
@@ -103,7 +103,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     drawn, magnification = drawn_residuals(contents, best)
     caption = (
         f"The beam simulated with {best.fitted_law.label} (grey), and its residuals: arrows to the measured points, "
-        f"magnified {magnification:g} times. The titles state load and error of each state."
+        f"magnified {magnification:g} times. The titles give the load and the error of each state."
     )
     return {"best": best, "picture": Picture("residual_arrows", drawn, "residuals as arrows on the beam", caption)}
 

@@ -20,7 +20,7 @@ _SECTIONS = {
 
 
 def paragraph(report: ReportContents) -> str:
-    """Return the paragraph: what was measured, how the law was identified, and the results."""
+    """Return a methods paragraph: the measurement, the identification of the law, and the results."""
     sentences = [_measured(shown) for shown in report.datasets]
     bending = [shown.fit for shown in report.bending if isinstance(shown.fit, FitRecord)]
     if bending:

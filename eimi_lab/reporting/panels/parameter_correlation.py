@@ -1,4 +1,4 @@
-"""Show the correlation of the errors of the unknowns of each fit."""
+"""Show the correlations between the errors of the unknowns of each fit."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     if not fits:
         return None
     caption = (
-        "Correlation of the errors of all unknowns of a fit. Near ±1 the data determine a combination of the two "
-        "unknowns, but not each of them."
+        "Correlation of the errors of all unknowns of a fit. Where a correlation is near ±1, the data determine a "
+        "combination of the two unknowns, but not each unknown alone."
     )
     if len(fits) > _MOST:
-        caption += f" The first {_MOST} of {len(fits)} fits."
+        caption += f" Shown are the first {_MOST} of {len(fits)} fits."
     drawn = drawn_correlations(fits[:_MOST])
     return {"picture": Picture("correlation", drawn, "correlation of the unknowns", caption)}
 

@@ -1,4 +1,4 @@
-"""List the files, the programs and the command from which the report was made."""
+"""List the files, the program versions and the command from which the report was made."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def sources(report: ReportContents) -> Table:
 
 
 def versions(report: ReportContents) -> list[str]:
-    """Return the versions of the programs that made the fits, one line for each different set."""
+    """Return the versions of the programs that computed the fits, a line for each different set of versions."""
     lines = [", ".join(f"{name} {number}" for name, number in s.fit.versions.items()) for s in report.fits]
     return list(dict.fromkeys(lines))
 
@@ -45,7 +45,7 @@ PANEL = ReportPanel(
     template="""
 {{ files | table }}
 {% for line in versions %}<p>Fitted with {{ line }}.</p>{% endfor %}
-{% if command %}<p>This report was written by</p><pre>{{ command }}</pre>{% endif %}
+{% if command %}<p>This command wrote the report:</p><pre>{{ command }}</pre>{% endif %}
 """,
     values=_values,
 )

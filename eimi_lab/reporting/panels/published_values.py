@@ -13,22 +13,25 @@ from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.published_moduli import PublishedModulus, published_moduli
 from eimi_lab.reporting.rounded import format_quantity
 
-_HEAD = ("shear modulus", "over this one", "how", "source")
+_HEAD = ("shear modulus", "ratio to this result", "how", "source")
 _NOTE = (
-    "Silicones differ between lots, mixtures and cures, and a modulus depends on the strain at which it is taken: a "
-    "factor of two between sources is common."
+    "The modulus of a silicone depends on lot, mixture and cure, and on the strain at which the modulus is determined. "
+    "A factor of two between sources is common."
 )
 
 
 def table_of_published(finding: Finding, material: str) -> Table | None:
-    """Return published moduli of a material with their ratios to the modulus of a finding; None without any."""
+    """Return a table of published moduli of a material, with their ratios to the identified modulus.
+
+    None is returned if no modulus of the material was published.
+    """
     published = published_moduli(material)
     if not published:
         return None
     modulus = finding.shown.fit.initial_shear_modulus
     here = (format_quantity(modulus), "1", f"this result: {finding.how}; 95 % interval", "this report")
     rows = [here, *(_row(row, modulus) for row in published)]
-    return Table("published", f"Published shear moduli of {material} beside this result.", _HEAD, rows, [_NOTE])
+    return Table("published", f"Published shear moduli of {material}, compared with this result.", _HEAD, rows, [_NOTE])
 
 
 def _row(row: PublishedModulus, modulus: Quantity) -> tuple[str, str, str, str]:
@@ -49,7 +52,7 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
 
 
 def _materials(finding: Finding, report: ReportContents) -> list[str]:
-    """Return the materials of the data of a finding."""
+    """Return the names of the materials of the fitted specimens."""
     fit = finding.shown.fit
     if not isinstance(fit, FitRecord):
         return [fit.source.material] if fit.source.material else []

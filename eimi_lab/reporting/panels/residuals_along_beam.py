@@ -20,9 +20,9 @@ from eimi_lab.showing.drawing import Drawing, by_field, colours_in_order, label
 Array = NDArray[np.float64]
 
 _AT_THE_MAGNET = (
-    "A narrow spike of a few µm at the face of the magnet, which grows with the load, may come from the corner there "
-    "and not from the material: where the soft beam meets the rigid magnet, its edge turns within less than a pixel, "
-    "and the blur of the image and the mesh smooth this corner differently."
+    "At the face of the magnet a narrow peak of a few µm may grow with the load. This peak may come from the corner "
+    "between soft beam and rigid magnet, and not from the material. The edge turns there within less than a pixel, and "
+    "the blur of the image and the mesh smooth the corner differently."
 )
 
 
@@ -30,7 +30,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
     """Return the positions of measured points along the beam at rest.
 
     The nearest point of the simulated edge is mapped back to the beam at rest. The soft part of the beam is assumed to
-    be stretched uniformly; the rigid part at the tip keeps its length.
+    be stretched uniformly. The rigid part at the tip keeps its length.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Draw the residuals along both edges, a line for each state in the colour of its field."""
+    """Draw the residuals along both edges, with a line for each state in the colour of its field."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
@@ -82,7 +82,7 @@ def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit])
 
 
 def rigid_tip_mm(contents: DatasetContents) -> float:
-    """Return the length of the rigid part at the tip: the magnet and the part of the beam beyond it."""
+    """Return the length (mm) of the rigid part at the tip: the magnet and the part of the beam beyond the magnet."""
     magnet = contents.dataset.specimen.magnet
     return magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
 
@@ -108,7 +108,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     best = contents.best
     if contents.dataset.kind != "frames" or best is None:
         return None
-    caption = f"Residuals of {best.fitted_law.label} along both edges, a line for each state."
+    caption = f"Residuals of {best.fitted_law.label} along both edges, with a line for each state."
     noise = residual_noise(best)
     if contents.dataset.specimen.magnet is not None:
         caption += " " + _AT_THE_MAGNET

@@ -38,11 +38,11 @@ _HEADROOM = 1.5  # upper limit of the axis, relative to the largest measured str
 
 
 def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent_to: float | None) -> Drawing:
-    """Draw a column for each mode of deformation and a row for each origin of the fits.
+    """Draw stress against strain: a column for each mode of deformation, a row for each kind of fitted data.
 
     The lines are solid within the data of a fit, and thin and dashed beyond. Strains that no bent specimen reached are
-    shaded. With several fits, the last row shows their stresses relative to that of the first fit, because the curves
-    may coincide.
+    shaded. With several fits, the last row shows the relative difference of each stress from the stress of the first
+    fit, because the curves may coincide.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
 
 
 def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode) -> None:
-    """Draw the relative difference (%) of each fit's stress from that of the first fit, up to `_MOST_PERCENT`."""
+    """Draw the relative difference (%) of the stress of each fit from the stress of the first fit."""
     nonzero = strain[1:]
     curves = [stress_curve(shown, nonzero, mode) for shown in fits]
     for shown, curve in zip(fits, curves, strict=True):
@@ -118,7 +118,7 @@ def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode
 
 
 def _legend(drawing: Drawing, all_axes: Sequence[Axes]) -> None:
-    """Add a legend in which each label occurs once."""
+    """Add a legend to the drawing in which each label of the axes occurs once."""
     entries: dict[str, Any] = {}
     for axes in all_axes:
         for handle, words in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -134,11 +134,11 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     words = "Engineering stress of each law: solid within the data of the fit, dashed beyond."
     if bent_to:
         words += (
-            f" Shaded: beyond {100 * bent_to:.1f} % strain (or the shear with the same stretch), the largest in any "
-            "bent specimen; there a law identified by bending is an extrapolation."
+            f" Shaded: strains beyond {100 * bent_to:.1f} % (or the shear with the same stretch), the largest strain "
+            "of any bent specimen. There a law identified by bending is an extrapolation."
         )
     if len(report.fits) > 1:
-        words += f" Last row: the stress minus that of {report.fits[0].label}, relative to it."
+        words += f" Last row: relative difference of the stress from the stress of {report.fits[0].label}."
     caption = " ".join([words, BAND, *missing])
     drawn = drawn_stress(report.fits, points, bent_to)
     return {"picture": Picture("stress_strain", drawn, "stress against strain of each law", caption)}

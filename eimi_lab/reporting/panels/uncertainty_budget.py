@@ -1,4 +1,4 @@
-"""Show the share of each source of uncertainty in the modulus's interval, and the quantity to measure better next."""
+"""Show how much each source of uncertainty contributes to the interval of the modulus, and what to measure next."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 
 _CAPTION = (
-    "The standard deviation of the initial shear modulus due to each source of uncertainty alone. The squares add up; "
-    "the 95 % interval extends about twice the root of the sum to each side."
+    "The standard deviation of the initial shear modulus due to each source of uncertainty alone. The standard "
+    "deviation due to all sources is the root of the sum of squares. The 95 % interval extends about twice this value "
+    "to each side."
 )
 _MOST = 8  # sources with a bar each; the others share a bar
 
 
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
-    """Return the sources of a fit, each with the standard deviation (%) of the modulus that it causes.
+    """Return the standard deviation (%) of the modulus that each source of uncertainty causes, by name.
 
-    The smaller sources are combined in one entry. The last entry is the share of noise and mesh.
+    The smaller sources are combined in one entry. The last entry is the contribution of noise and mesh.
     """
     rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]
@@ -40,7 +41,7 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw axes for each fit, with a bar for each source."""
+    """Draw axes for each fit, with a bar for each source of uncertainty."""
     rows = [shares(fit) for _, fit in fits]
     drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
     grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])

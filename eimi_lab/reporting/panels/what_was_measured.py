@@ -16,10 +16,12 @@ Facts = list[tuple[str, str]]
 
 
 def facts(contents: DatasetContents) -> Facts:
-    """Return names and values of the facts about a dataset; a fact that the file does not state is omitted."""
+    """Return the names and values of the facts about a dataset. A fact that the file does not contain is omitted."""
     dataset = contents.dataset
     start = dataset.start_time()
-    gravity = _gravity_words(dataset.gravity_angle_deg) if dataset.gravity else "none: the weight does not bend it"
+    gravity = (
+        _gravity_words(dataset.gravity_angle_deg) if dataset.gravity else "none: the weight does not bend the beam"
+    )
     states = contents.evidence.used.in_words() + ("" if dataset.finished else "; the run is not finished")
     rows = [*_of_specimen(contents), ("measured on", f"{start.day} {start:%B %Y, %H:%M %Z}")]
     rows += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
@@ -33,12 +35,12 @@ def facts(contents: DatasetContents) -> Facts:
     if dataset.truth() is not None:
         rows.append(("origin", "simulated on the virtual rig"))
     if contents.validations and not any(v.seen for v in contents.validations):
-        rows.append(("unseen", "no law was fitted to this dataset: all errors here are those of predictions"))
+        rows.append(("unseen", "no law was fitted to this dataset; its errors are errors of predictions"))
     return [*rows, ("content", f"sha256 {contents.evidence.sha256}")]
 
 
 def _measured(contents: DatasetContents) -> Facts:
-    """Return the facts from sensors: field, temperature of the specimen, and heat of the coil."""
+    """Return the facts from sensors: field, temperature of the specimen, and temperature of the coil."""
     evidence = contents.evidence
     field, specimen = MeasuredField.of(evidence), MeasuredTemperature.of(evidence)
     rows = [("measured field", field.in_words)] if field else []
@@ -115,7 +117,11 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """Return a function that writes the uncertainty of a key: ` ± 0.02`, nothing for 0, or ` (± not stated)`."""
+    """Return a function that writes the uncertainty of a key.
+
+    The function returns, for example, ` ± 0.02`; nothing for the uncertainty 0; ` (± not stated)` without an
+    uncertainty.
+    """
 
     def words(key: str) -> str:
         value = (stated or {}).get(key)
@@ -126,7 +132,7 @@ def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
 
 def _gravity_words(degrees: float) -> str:
     angle = math.remainder(degrees, 360.0)
-    return "along the beam at rest, which hangs" if abs(angle) < 0.5 else f"at {angle:.4g}° to the beam at rest"
+    return "along the beam at rest (the beam hangs)" if abs(angle) < 0.5 else f"at {angle:.4g}° to the beam at rest"
 
 
 def _values(contents: DatasetContents) -> dict[str, Any]:

@@ -154,13 +154,13 @@ def test_the_first_screen_states_the_result_of_a_fit(
 ) -> None:
     (finding,) = findings.findings(report_of(fit, evidence))
     verdicts = {verdict.question: verdict for verdict in finding.verdicts}
-    belief = verdicts["Can it be believed?"]
+    belief = verdicts["Can the modulus be believed?"]
     assert belief.answer == "budget stated"
-    assert "beam is 12 µm (0.31 pixel) from the measured beam" in belief.words
-    assert "mean over the states), and 23 µm in states left out" in belief.words
+    assert "The error is 12 µm (0.31 pixel)" in belief.words
+    assert "left out of the fit the error is 23 µm." in belief.words
     assert verdicts["What is extrapolated?"].answer == "beyond 25.0 % strain"
     assert "a stretch of 1.250" in verdicts["What is extrapolated?"].words
-    assert "by width, whose standard uncertainty moves the modulus by 3 %" in finding.limit
+    assert "by width, whose standard uncertainty changes the modulus by 3 %" in finding.limit
     assert verdicts["What to measure better next?"].answer == fit.measure_next.words
     assert "3 states of bending, fields up to 6 mT" in finding.how
     for change, answer in (({"held_out_error_mm": 0.0130}, "predicted unseen states"), ({"budget": ()}, "noise only")):
@@ -189,7 +189,7 @@ def test_a_hidden_truth_is_inside_the_interval_or_outside(
 ) -> None:
     truth = {"model": "neo-hookean", "parameters": {"mu_Pa": mu}}
     (finding,) = findings.findings(report_of(fit, evidence, truth))
-    verdict = next(v for v in finding.verdicts if v.question == "How far from the true value?")
+    verdict = next(v for v in finding.verdicts if v.question == "How far is the modulus from the true value?")
     assert f"initial shear modulus {1e-3 * mu:g} kPa, {where} the interval" in verdict.words
     assert verdict.answer.replace("−", "-") == f"{100 * (50e3 / mu - 1):+.2f} %"
     assert Score(fit, mu).difference_percent == pytest.approx(100 * (50e3 / mu - 1))
@@ -211,7 +211,7 @@ def test_several_datasets_share_one_verdict_on_their_residuals_and_one_on_the_hi
     for answer, parts in (("no", verdicts[1].parts), ("1 of 2 datasets", verdicts[2].parts)):
         (finding,) = findings.findings(report)
         (noise,) = (v for v in finding.verdicts if v.question == "Do the residuals look like noise?")
-        (hidden,) = (v for v in finding.verdicts if v.question == "How far from the true value?")
+        (hidden,) = (v for v in finding.verdicts if v.question == "How far is the modulus from the true value?")
         assert noise.answer == answer
         assert f"one.h5: no, {verdicts[0].parts}; two.h5: {'no' if answer == 'no' else 'yes'}, {parts}" in noise.words
         assert hidden.words.startswith("one.h5, two.h5 were made on the virtual rig. Hidden material: neo-hookean, mu")
