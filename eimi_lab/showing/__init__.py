@@ -1,4 +1,4 @@
-"""The common parts of all figures and tables.
+"""The parts that all figures and tables have in common.
 
 drawing  the style of figures, and figures as files
 palette  colours, markers and line styles

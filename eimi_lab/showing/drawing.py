@@ -1,4 +1,4 @@
-"""The style of all figures of results, figures that a notebook displays, and figures as files."""
+"""The style of all figures of results, figures for a notebook, and figures as files."""
 
 from __future__ import annotations
 
@@ -38,11 +38,14 @@ STYLE: Any = {
     "path.simplify_threshold": 0.2,
 }
 styled = matplotlib.rc_context(STYLE)
-"""Decorator for functions that draw, since artists take their style when they are created."""
+"""Decorator for functions that draw. Artists take their style at creation, so that the style must be set before."""
 
 
 class Drawing(Figure):
-    """A matplotlib figure as wide as a page that a notebook displays, even if pyplot is not loaded."""
+    """A matplotlib figure as wide as a page.
+
+    A notebook displays the figure even if pyplot is not loaded.
+    """
 
     def __init__(self, height_in: float = 3.0, width_in: float = WIDTH_IN) -> None:
         super().__init__(figsize=(width_in, height_in), layout="constrained")
@@ -52,14 +55,14 @@ class Drawing(Figure):
 
 
 def saved(figure: Figure, format: str, **how: Any) -> bytes:
-    """Return the file of a figure as bytes, without the time of its creation.
+    """Return a figure as the bytes of a file, without the time of its creation.
 
     Parameters
     ----------
     figure
         The figure.
     format
-        Such as ``"png"``, ``"svg"`` or ``"pdf"``.
+        The type of the file, such as ``"png"``, ``"svg"`` or ``"pdf"``.
     **how
         Further arguments of matplotlib's ``savefig``.
     """
@@ -75,13 +78,16 @@ def saved(figure: Figure, format: str, **how: Any) -> bytes:
 
 
 def label(axes: Axes, x: str, y: str) -> None:
-    """Set the labels of both axes."""
+    """Set the labels of the x axis and the y axis."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
 
 
 def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
-    """Return the abscissa of the states and its name: the field or, if the field is constant, the state number."""
+    """Return the x values of the states in a figure (K,), and the label of the x axis.
+
+    The x values are the fields in mT. If the field is constant, the x values are the numbers of the states.
+    """
     fields = np.array(field_mT, dtype=np.float64)
     return (
         (fields, "field, mT") if len(fields) and np.ptp(fields) > 0 else (np.array(numbers, dtype=np.float64), "state")
@@ -89,7 +95,7 @@ def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray
 
 
 def colours_in_order(values: NDArray[np.float64]) -> ScalarMappable:
-    """Return the colours of an ordered quantity between its least and its largest value."""
+    """Return the map from the values of an ordered quantity to colours, between the smallest and the largest value."""
     ends = (values.min(), values.max()) if len(values) else (0.0, 1.0)
     return ScalarMappable(Normalize(ends[0], max(ends[1], ends[0] + 1e-9)), matplotlib.colormaps[IN_ORDER])
 

@@ -1,4 +1,7 @@
-"""Colours, markers and line styles of all figures; this module does not import matplotlib, which loads slowly."""
+"""Colours, markers and line styles of all figures.
+
+This module does not import matplotlib, because matplotlib loads slowly.
+"""
 
 from __future__ import annotations
 

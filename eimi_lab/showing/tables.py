@@ -1,4 +1,4 @@
-"""Results as tables: HTML for a notebook, and data frames if pandas is installed."""
+"""Results as tables: HTML for a notebook, comma-separated text, and data frames if pandas is installed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> str:
-    """Return an HTML table with a caption above it and notes below it; all texts are escaped."""
+    """Return an HTML table with a caption above and notes below the table. Special characters are escaped."""
     cells = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     titles = "".join(f"<th>{escape(name)}</th>" for name in head)
     below = "".join(f"<p>{escape(note)}</p>" for note in notes)
@@ -22,19 +22,19 @@ def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
 
 
 def csv_text(rows: Iterable[Sequence[str]]) -> str:
-    """Return rows as comma-separated lines."""
+    """Return rows of cells as comma-separated text, one line for each row."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 
 def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
-    """Return rows as a pandas.DataFrame with one column as its index; raise ImportError without pandas."""
+    """Return rows as a pandas.DataFrame whose index is the column `index`. Raises ImportError without pandas."""
     return installed("pandas").DataFrame(list(rows)).set_index(index)
 
 
 def installed(package: str) -> Any:
-    """Import an optional package; if it is missing, raise an ImportError that says how to install it."""
+    """Import and return an optional package. Raises ImportError with the command that installs a missing package."""
     try:
         return import_module(package)
     except ImportError as error:

@@ -1,7 +1,7 @@
 """Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens of hidden materials.
 
 hidden_materials   the laws of the specimens, which differ from all fitted laws
-extent             the whole evaluation, or a quick part of the evaluation
+extent             the extent of the evaluation: the whole evaluation or a quick part
 stored_parts       store each result, so that an interrupted study can continue
 observed           simulate the edges of the specimens, with the noise of the edge finder
 routes             identify laws by bending of type 1 and by tensile tests
@@ -14,6 +14,6 @@ figures            the figures, in the form of the paper
 pages              write all results on one page
 whole_study        compute all parts in order
 
-The fits receive only edges and tensile curves. The hidden materials are used to simulate these data and to score the
-results.
+The fits receive only edges and tensile curves. The hidden materials are used only to simulate these data and to score
+the results.
 """

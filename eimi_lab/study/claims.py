@@ -1,7 +1,7 @@
 """Compare four claims of the paper with the results of the study.
 
-The claims are taken from the paper's abstract and results, in the words of this project. The numbers of the paper are
-not compared, because geometry and materials differ.
+The claims are those of the abstract and the results of the paper, in the words of this project. The numbers of the
+paper are not compared, because geometry and materials differ.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ MEASURE = (
     "Judged by mean errors over the unseen types without twist. Better: the worst law by bending has a smaller error "
     "than the best tensile fit of all laws and windows. Similar: the largest error is at most "
     f"{_SIMILAR:g} times the smallest. Steady: the error in the stronger half of the fields is at most {_STEADY:g} "
-    "times that in the weaker half. ∞: no equilibrium on an unseen type."
+    "times the error in the weaker half. ∞: no equilibrium on an unseen type."
 )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one claim for one material and section: whether the results agree, with numbers as evidence."""
+    """The verdict on one claim of the paper for one material and section, with numbers as evidence."""
 
     claim: str
     material: str
@@ -41,7 +41,7 @@ class Verdict:
 
 
 def verdicts(findings: Findings) -> list[Verdict]:
-    """Judge each claim for each section and material."""
+    """Return the verdict on each claim for each section and material."""
     return [
         verdict
         for section in SECTIONS
@@ -64,7 +64,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
     evidence += f", {number(both.ratios[0], 2)} times as much" if both.ratios[0] else _lost(findings, key, section)
     low, high = (number(1e-3 * modulus) for modulus in both.bending_modulus_Pa)
     evidence += (
-        f". Initial moduli: bending {low} to {high} kPa, that tensile fit {number(1e-3 * both.tension.modulus_Pa)} "
+        f". Initial moduli: bending {low} to {high} kPa, best tensile fit {number(1e-3 * both.tension.modulus_Pa)} "
         f"kPa, true {number(1e-3 * MATERIALS[key].modulus_Pa)} kPa"
     )
     claim = "Laws by EIMI are better than the best conventional fit."
@@ -72,7 +72,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Name the laws fitted to bending that have no equilibrium on an unseen type, with their limits of stability."""
+    """Return words on the laws by bending without equilibrium on an unseen type, with their limits of stability."""
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
         kinds = [k for k in untwisted(findings) if np.isinf(_bending_um(findings, key, section, k)[route.law])]
@@ -84,7 +84,7 @@ def _lost(findings: Findings, key: str, section: str) -> str:
 
 
 def _bending_um(findings: Findings, key: str, section: str, kind: str) -> dict[str, float]:
-    """Return the mean error in µm on one type, for each law fitted to bending."""
+    """Return the mean error (µm) on one type of specimen, for each law fitted to bending."""
     routes = findings.routes(key, section)
     errors = findings.errors[key, section, kind]
     return {r.law: mean_error_um(e) for r, e in zip(routes, errors, strict=True) if r.source == BENDING}
@@ -100,7 +100,7 @@ def _similar(findings: Findings, key: str, section: str) -> Verdict:
         evidence += _lost(findings, key, section)
     elif not agrees:
         evidence += (
-            ". Apart from noise and mesh only the law is wrong here, so the errors may show how the laws differ"
+            ". Here only the law is wrong, apart from noise and mesh, so that the errors may show how the laws differ"
             if section == "solid"
             else ". A law with more parameters may fit a part of the effect of the wrong section on the shape"
         )
@@ -122,7 +122,7 @@ def _steady(findings: Findings, key: str, section: str) -> Verdict:
     evidence = f"weaker half of the fields {number(weak)} µm, stronger half {number(strong)} µm"
     if not agrees:
         evidence += (
-            ". Apart from noise and mesh only the law is wrong here, and its error may grow with strain"
+            ". Here only the law is wrong, apart from noise and mesh. The error of the law may grow with strain"
             if section == "solid"
             else ". The effect of the wrong section may grow with curvature"
         )
@@ -141,13 +141,16 @@ def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
         + f"; {TWISTED} is turned by {TWIST_DEG:g}° at its tip in the strongest field"
     )
     if len(laws) < len(by_kind[TWISTED]):
-        evidence += f". Only {', '.join(laws)}: the other laws have no equilibrium on one of the types"
+        evidence += f". Means over {', '.join(laws)} only: the other laws have no equilibrium on one of the types"
     agrees = all(mean[TWISTED] > value for kind, value in mean.items() if kind != TWISTED)
     return [Verdict("Type 4, which twists, is worse.", MATERIALS[key].name, section, agrees, evidence)]
 
 
 def in_words(findings: Findings) -> list[str]:
-    """Compare bending with tension in plane strain and with the solid section, in a paragraph for each material."""
+    """Return a paragraph for each material that compares bending with tension.
+
+    The comparison is made in plane strain and with the solid section.
+    """
     compared = {(a.material, a.section): a for a in advantages(findings, untwisted(findings))}
     lines = []
     for key in findings.inputs.extent.materials:
@@ -157,7 +160,7 @@ def in_words(findings: Findings) -> list[str]:
             f"{number(flat.tension_um)} µm, the laws by bending {number(flat.bending_um[0])} to "
             f"{number(flat.bending_um[1])} µm; with the solid section {number(solid.tension_um)} µm against "
             f"{number(solid.bending_um[0])} to {number(solid.bending_um[1])} µm. The best tensile fit is chosen by "
-            f"these errors; the median one has {number(flat.median_tension_um)} µm in plane strain and "
+            f"these errors. The median tensile fit has {number(flat.median_tension_um)} µm in plane strain and "
             f"{number(solid.median_tension_um)} µm with the solid section."
         )
     return lines

@@ -1,4 +1,4 @@
-"""Compute the errors of a law on a specimen as `eimi validate` does, with the corrections for mesh and section."""
+"""Compute the errors of identified laws on a specimen like `eimi validate`, with corrections for mesh and section."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ Array = NDArray[np.float64]
 
 
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
-    """Compute the errors of each route on one specimen.
+    """Compute the errors of identified laws on one specimen.
 
-    The depth correction of the first route is the starting point for the corrections of the other routes.
+    The depth correction of the first law is the starting point for the corrections of the other laws.
 
     Parameters
     ----------
     routes : sequence of Route
+        The identified laws.
     experiment : Experiment
         The specimen with its measured edges.
 
     Returns
     -------
     list of dict
-        For each route `error_mm` and `deviation_mm` by state, and the simulated `edges_mm` (2, n, 2) of the last state.
-        All are None if the law has no equilibrium.
+        For each law: `error_mm` and `deviation_mm` by state, and the simulated `edges_mm` (2, n, 2) of the last state.
+        All values are None if the beam has no equilibrium with the law.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()
@@ -58,10 +59,10 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 
 
 def mean_error_um(stored: dict[str, Any]) -> float:
-    """Return the mean error over the states in µm; infinity if the law has no equilibrium."""
+    """Return the mean error over the states in µm; infinity if the beam has no equilibrium with the law."""
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean deviation over the states in µm; infinity if the law has no equilibrium."""
+    """Return the mean deviation over the states in µm; infinity if the beam has no equilibrium with the law."""
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

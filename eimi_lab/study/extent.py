@@ -1,4 +1,4 @@
-"""Choose which part of the evaluation is done."""
+"""The extent of the evaluation: materials, specimens, laws, states and windows."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ TRAINED_ON = "type1"
 
 @dataclass(frozen=True)
 class Extent:
-    """The part of the evaluation that is done.
+    """The materials, specimens, laws, states and windows that a study evaluates.
 
     Attributes
     ----------
     materials, types, laws : tuple of str
+        Keys of the hidden materials, names of the shipped specimens, and names of the fitted laws.
     states : int or None
         Number of states of each protocol, evenly chosen; None for all.
     windows_percent : tuple
@@ -41,11 +42,11 @@ class Extent:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Return the types on which the laws are validated."""
+        """Return the types of specimen on which the laws are validated: all types to which no law is fitted."""
         return tuple(kind for kind in self.types if kind != TRAINED_ON)
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the chosen states among `count`, including the first and the last."""
+        """Return the indices of the chosen states of a protocol with `count` states, first and last included."""
         return np.unique(np.linspace(0, count - 1, min(self.states or count, count)).round().astype(int))
 
 

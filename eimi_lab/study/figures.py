@@ -25,7 +25,7 @@ _TENSION = PALETTE[len(_OF_LAW)]
 
 @styled
 def all_figures(findings: Findings) -> dict[str, bytes]:
-    """Return the contents of the PNG files, by their names."""
+    """Return the contents of the PNG files of a study, by file name."""
     return {
         "stress_strain.png": _png(_stress_strain(findings)),
         "errors.png": _png(_boxes(findings)),
@@ -35,7 +35,7 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the tensile fit of the material with the smallest errors on the unseen types."""
+    """Return the index of the tensile fit of a material with the smallest errors on the unseen types."""
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
     errors = findings.errors
@@ -63,7 +63,7 @@ def _legend(figure: Figure) -> None:
 
 
 def _stress_strain(findings: Findings) -> Figure:
-    """Draw figure 1: the hidden curve, laws by bending with the solid section, and Yeoh's law by windows of tension."""
+    """Draw figure 1: stress against strain of the hidden material, of laws by bending, and of Yeoh's law by tension."""
     keys = findings.inputs.extent.materials
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
     for row, key in zip(grid, keys, strict=True):

@@ -1,8 +1,8 @@
 """The materials of the specimens of the study: two laws that are not among the fitted laws.
 
-Both soften at the small strains of a bending beam and stiffen at large strains, as the published tensile curves of such
-silicones do. Both depend on the second invariant. The moduli are of the order of published tensile tests; the functions
-and their numbers are chosen by this project.
+Both laws soften at the small strains of a bending beam and stiffen at large strains, as published tensile curves of
+such silicones do. Both laws depend on the second invariant. The moduli are of the order of published tensile tests. The
+functions and their numbers are chosen by this project.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MODULUS = Coordinate("initial shear modulus", *SHEAR_MODULUS_PA)
 
 
 class _OfOneShape(InvariantLaw):
-    """A law whose energy is its initial shear modulus times a fixed function of the invariants."""
+    """A law whose strain energy is the initial shear modulus times a fixed function of the invariants."""
 
     needs_second = True
     parameter_names = ("mu",)
@@ -29,19 +29,19 @@ class _OfOneShape(InvariantLaw):
     coordinates = (_MODULUS,)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the modulus, which is the only parameter."""
+        """Return the initial shear modulus (P, 1) of P candidates, the only parameter of the law."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the modulus, which is the only parameter."""
+        """Return the initial shear modulus in Pa, the only parameter of the law."""
         return np.asarray(parameters[..., 0])
 
 
 class PowersOfFirstInvariant(_OfOneShape):
-    """A law with three powers of I1 and a linear term in I2, see `formula`.
+    """A law with three powers of I1 and a linear term in I2; see `formula`.
 
-    The sum is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). Σ m + 2 c = 1, so that mu is the initial shear
-    modulus.
+    The sum of the powers is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The shares fulfil Σ m + 2 c = 1, so
+    that mu is the initial shear modulus.
     """
 
     name = "powers of I1, and I2"
@@ -51,7 +51,10 @@ class PowersOfFirstInvariant(_OfOneShape):
     second = 0.05
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives; log1p and expm1 keep both accurate near rest."""
+        """Return the energy and its derivatives with respect to x = I1 - 3 and y = I2 - 3.
+
+        The functions log1p and expm1 keep the values accurate near rest.
+        """
         mu, growth = parameters[..., 0], np.log1p(x / 3)
         terms = list(zip(self.shares, self.powers, strict=True))
         energy = sum(1.5 * m / a * np.expm1(a * growth) for m, a in terms) + self.second * y
@@ -61,14 +64,17 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """Gent's law (1996, Rubber Chem. Technol. 69:59), a term that softens with strain, and a term in I2."""
+    """Gent's law (1996, Rubber Chem. Technol. 69:59) with an added term that softens with strain, and a term in I2."""
 
     name = "fading Gent"
     formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"
     lasting, most, fading, rate, second = 0.66, 60.0, 0.26, 6.0, 0.04
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives, for I1 - 3 below its limit Jm."""
+        """Return the energy and its derivatives with respect to x = I1 - 3 and y = I2 - 3.
+
+        The values are valid for x below its limit Jm.
+        """
         mu, jm, room = parameters[..., 0], self.most, np.maximum(self.most - x, 1e-9)
         fade = np.exp(-self.rate * x)
         energy = -0.5 * self.lasting * jm * np.log(room / jm) - 0.5 * self.fading / self.rate * np.expm1(-self.rate * x)
@@ -79,7 +85,7 @@ class FadingGent(_OfOneShape):
 
 @dataclass(frozen=True)
 class HiddenMaterial:
-    """A silicone of the study.
+    """A silicone of the study, whose law the fits do not know.
 
     Attributes
     ----------
@@ -104,11 +110,11 @@ class HiddenMaterial:
 
     @property
     def parameters(self) -> Array:
-        """Return the parameters (1, 1) of the material as one candidate of a model."""
+        """Return the parameter of the material as an array (1, 1): one candidate with one parameter."""
         return np.array([[self.modulus_Pa]])
 
     def tensile_curve(self) -> tuple[Array, Array]:
-        """Return engineering strain (m,) and stress (m,) in Pa of a tensile test without measurement errors."""
+        """Return strain (m,) and stress (m,) in Pa of a tensile test without measurement errors; engineering values."""
         strain = np.linspace(0.01, self.tested_to, round(100 * self.tested_to))
         return strain, engineering_stress(self.law, self.parameters[0], strain)
 

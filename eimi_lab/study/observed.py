@@ -1,12 +1,12 @@
 """Simulate the measured edges of the hidden specimens.
 
-The edges are the outline of the solid, on a finer mesh than that of a fit, with normal noise of the size of the error
-of the edge finder. Frames are not rendered: on a clean picture the edge finder has an error of a hundredth of a pixel,
-and rendering would take most of the time.
+The edges are the outline of the solid on a finer mesh than that of a fit. Normal noise is added, of the size of the
+error of the edge finder. Frames are not rendered: on a clean picture the error of the edge finder is a hundredth of a
+pixel, and rendering would take most of the time.
 
-Type 4 is turned about its own axis, as the paper reports for its specimen. Here the angle is proportional to the field
-and to the distance from the clamp. The camera then sees a part of its depth in addition to its width. The models of the
-fits do not include this twist.
+The specimen of type 4 is turned about its own axis, as the paper reports. Here the angle is proportional to the field
+and to the distance from the clamp. The camera then sees a part of the depth in addition to the width. The beam models
+of the fits do not include this twist.
 """
 
 from __future__ import annotations
@@ -39,34 +39,34 @@ _AT_ENDS = 4  # points of an edge that are not measured at the clamp; half as ma
 
 
 def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
-    """Return the fields (K,) in mT of the states that are measured."""
+    """Return the fields of the K states that are measured on a material, in mT, shape (K,)."""
     fields = np.array(load_protocol(material.protocol).currents_A) * COIL_mT_PER_A
     return fields[extent.chosen(len(fields))]
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return a shipped specimen with the solid section."""
+    """Return the shipped specimen of this type (`type1` to `type4`) with the solid section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 
 def outlines_mm(
     material: HiddenMaterial, specimen: Specimen, fields: Array, bulk_modulus_Pa: float | None = None
 ) -> Array:
-    """Simulate the left and right edges of a hidden solid, without noise.
+    """Simulate the left and right edges of a specimen of a hidden material as a solid, without noise.
 
     Parameters
     ----------
     material : HiddenMaterial
     specimen : Specimen
     fields : ndarray, shape (K,)
-        Fields in mT.
+        Fields of the K states in mT.
     bulk_modulus_Pa : float, optional
-        Bulk modulus in Pa; incompressible without it.
+        Bulk modulus in Pa; without a bulk modulus the material is incompressible.
 
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
-        Points in mm.
+        n points of the left and the right edge in each state, mm.
 
     Raises
     ------
@@ -84,7 +84,10 @@ def outlines_mm(
 
 
 def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
-    """Simulate the measured edges (K, 2, n, 2) of a material and type, with noise and, for one type, twist."""
+    """Return the simulated measured edges of a specimen type of a material (mm), shape (K, 2, n, 2), for K states.
+
+    The edges have noise. The edges of type 4 also include the twist of the beam.
+    """
     material, specimen = MATERIALS[key], specimen_of(kind)
     fields = field_mT(material, extent)
     edges = outlines_mm(material, specimen, fields)
@@ -94,19 +97,19 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Return normal noise in mm; the name ``of``, such as that of a specimen, seeds the generator."""
+    """Return normal noise in mm. The text ``of``, such as the name of a specimen, is the seed of the random numbers."""
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 
 def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
-    """Turn a beam about its axis, by an angle that grows linearly along the beam.
+    """Return the edges of a beam that is turned about its axis by an angle that grows linearly along the beam.
 
     A section of width w and depth d that is turned by t has the apparent width w cos t + d |sin t|.
 
     Parameters
     ----------
     edges : ndarray, shape (K, 2, n, 2)
-        Edges without twist, in mm.
+        Edges without twist in K states, in mm.
     specimen : Specimen
     at_tip_rad : ndarray, shape (K,)
         Angle at the tip in each state, in radians.
@@ -114,6 +117,7 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
+        Edges with twist, in mm.
     """
     angle = at_tip_rad[:, None, None] * np.linspace(0.0, 1.0, edges.shape[2])
     wider = 0.5 * (specimen.width_mm * (np.cos(angle) - 1) + specimen.depth_mm * np.abs(np.sin(angle)))
@@ -125,7 +129,7 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:
-    """Return the data of a fit: edges (K, 2, n, 2), fields (K,) and the specimen with a section assumption."""
+    """Return the data of a fit: edges (K, 2, n, 2) in mm and fields (K,) in mT of K states, and the specimen."""
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])

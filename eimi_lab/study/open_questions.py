@@ -1,7 +1,7 @@
 """Answer the open questions of the paper: compressibility, magnetic moment, number of states, choice of the optimiser.
 
-The first three use type 1 made of a Neo-Hookean silicone. The law of the fit is then the true law, so that each
-deviation is due to the effect in question. Each answer is a list of rows for JSON.
+The first three questions use a specimen of type 1 made of a Neo-Hookean silicone. The law of the fit is then the true
+law, so that each deviation is due to the effect in question. Each answer is a list of rows for JSON.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Fit materials of finite bulk modulus, once as incompressible and once with a free bulk modulus.
 
     The incompressible fits use the solid section and plane strain. The fit with a free bulk modulus uses plane strain,
-    the only section for which the search has a bulk modulus; its edges are also simulated in plane strain.
+    because the search has a bulk modulus only for this section. The edges for this fit are simulated in plane strain,
+    too.
 
     Parameters
     ----------
@@ -89,10 +90,10 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a magnet that is stronger than stated, with the moment fixed at the stated value and with a prior on it.
+    """Fit a magnet that is stronger than stated, once with the stated moment and once with a prior on the moment.
 
     The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
-    simulated by a stronger field. The rows are the settings of magnet and prior.
+    simulated by a stronger field. Each returned row is one setting of magnet and prior.
     """
     off = 1 + MOMENT_OFF
     settings: tuple[tuple[str, float, float | None], ...] = (
@@ -123,8 +124,9 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Compute the half-width of the 95 % interval of the modulus, in per cent, for several numbers of states.
 
-    The prediction is 1.96 σ / s for each noise σ, where s is the sensitivity of all edge points to a relative change of
-    the modulus; the points are assumed independent. A fit with noise of 0.1 px is computed for comparison.
+    For each noise σ the half-width is predicted as 1.96 σ / s. Here s is the root of the sum of squares of the changes
+    of all edge points for a relative change of the modulus. The edge points are assumed independent. A fit with a noise
+    of 0.1 px is computed for comparison.
     """
     rows = []
     for count in STATES[: extent.cases]:
@@ -160,7 +162,7 @@ def _fit(
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:
-    """Return the root of the sum of squares of the changes of all edge points, per relative change of the modulus."""
+    """Return the change of all edge points (mm, root of the sum of squares) per relative change of the modulus."""
     step = 1e-3
     around = PLAIN.modulus_Pa * np.array([[1 - step], [1 + step]])
     shapes = experiment.model.solve(PLAIN.law, around, experiment.loads, tolerance_mm=1e-4)

@@ -3,7 +3,8 @@
 All optimisers search the unit cube of the coordinates of a law, in which the modulus covers three decades. They
 minimise the mean error on the edges of type 1 of a hidden material, on the mesh of the search. The result is the number
 of evaluations after which the modulus of the best candidate stays within one per cent of the modulus of the optimum.
-Gauss-Newton and the mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
+Gauss-Newton and the mean of CMA-ES start in the middle of the cube. The other optimisers start at points that depend on
+the seed.
 """
 
 from __future__ import annotations
@@ -36,25 +37,25 @@ _NEAR = 0.01
 
 @dataclass
 class _Counted:
-    """A problem that records its evaluations in order: candidates (n,) in the unit cube, and objectives in mm."""
+    """A problem that records all evaluated candidates (n,) in the unit cube, and their objectives in mm, in order."""
 
     problem: Problem
     units: list[Array] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def evaluate(self, units: Array) -> Evaluation:
-        """Evaluate candidates (P, n)."""
+        """Evaluate and record P candidates (P, n) in the unit cube, and return the evaluation."""
         evaluation = self.problem.evaluate(units, 1.0)
         self.units += list(np.atleast_2d(units))
         self.values += evaluation.objective_mm.tolist()
         return evaluation
 
     def objective(self, unit: Array) -> float:
-        """Return the objective of one candidate (n,) in mm."""
+        """Evaluate and record one candidate (n,) in the unit cube, and return its objective in mm."""
         return float(self.evaluate(unit[None]).objective_mm[0])
 
     def moduli_Pa(self) -> Array:
-        """Return the modulus (m,) of the best candidate after each evaluation."""
+        """Return the modulus of the best candidate after each of the m evaluations (Pa), shape (m,)."""
         values = np.array(self.values)
         best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
         parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
@@ -103,8 +104,9 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
     Returns
     -------
     list of dict
-        For each law and optimiser, by seed: `to_one_percent`, the number of evaluations after which the modulus stays
-        within one per cent (None: never); `evaluations`, their total; `least_error_um`, the smallest error in µm.
+        A row for each law and optimiser. Each of these entries has a value for each seed:
+        `to_one_percent`, the number of evaluations after which the modulus stays within one per cent (None: never);
+        `evaluations`, the number of all evaluations; `least_error_um`, the smallest error in µm.
     """
     experiment = _experiment()
     rows = []
@@ -147,7 +149,10 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which all moduli stay near the target; None if the last is not near."""
+    """Return the number of evaluations after which all moduli are within one per cent of the target.
+
+    None is returned if the last modulus is not within one per cent.
+    """
     far = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
     first = int(far[-1]) + 1 if len(far) else 0
     return first + 1 if first < len(moduli_Pa) else None

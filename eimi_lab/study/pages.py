@@ -1,4 +1,4 @@
-"""Write a study as one page, `study.md`, with its figures as PNG files and its tables as CSV files."""
+"""Write the results of a study as one page, `study.md`, with figures as PNG files and tables as CSV files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_lab.study.whole_study import Findings
 
 _TITLES = {
     "stress_strain.png": "Stress against strain (figure 1): laws by bending with the solid section, Yeoh by windows of "
-    "tension; grey: the strains that type 1 reaches",
+    "tension; grey: strains that occur in type 1",
     "errors.png": "Errors by type (figure 7): boxes over the states; a law without equilibrium has no box",
     "overlays.png": "The strongest state of each type (figure 8), and the tip of one edge, 1 mm across",
     "error_by_field.png": "Error against field (figure 9): mean over the unseen types that do not twist",
@@ -24,14 +24,14 @@ _TITLES = {
 
 
 def claims_table(judged: Sequence[Verdict]) -> Table:
-    """Return the verdicts as a table."""
+    """Return a table with the verdict on each claim of the paper."""
     rows = tuple((v.claim, v.material, v.section, "yes" if v.agrees else "**no**", v.evidence) for v in judged)
     head = ("claim of the paper", "material", "section", "confirmed", "evidence")
     return Table("claims", "The paper's claims", head, rows, MEASURE)
 
 
 def write_pages(output: Path, findings: Findings) -> list[str]:
-    """Write all files of a study into a folder, replacing the files of an earlier run; return the lines to print."""
+    """Write all files of a study into a folder, and return the lines to print. Files of an earlier run are replaced."""
     claims, tables = claims_table(verdicts(findings)), all_tables(findings)
     figures = all_figures(findings)
     for table in (claims, *tables):
@@ -55,8 +55,8 @@ def _page(
     parts = [
         "# The evaluation of Di Lecce et al. 2022 on hidden materials",
         f"The laws are fitted to type 1 and validated on {', '.join(extent.unseen)}. The specimens are simulated as "
-        "solids. Their outlines, without rendered frames, are the measured edges, with normal noise of "
-        f"{1e3 * NOISE_MM:g} µm: the error of the edge finder on clean pictures. {TWISTED.capitalize()} is turned by "
+        "solids. The measured edges are their outlines, without rendered frames, with normal noise of "
+        f"{1e3 * NOISE_MM:g} µm, the error of the edge finder on clean pictures. {TWISTED.capitalize()} is turned by "
         f"up to {TWIST_DEG:g}° about its axis. Geometry, hidden materials and noise are chosen by this project, so the "
         "numbers of the paper are not compared. The hidden materials differ from all fitted laws, and follow their "
         "tensile curves exactly:",

@@ -1,4 +1,4 @@
-"""Make the tables of a study: the tables of the paper, and one table for each open question."""
+"""The tables of a study: the tables of the paper, and one table for each open question."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_lab.study.whole_study import Findings
 
 @dataclass(frozen=True)
 class Table:
-    """A table; `name` is the name of its CSV file, and `note` is written below it."""
+    """A table of a study. `name` is the name of its CSV file, and `note` is printed below the table."""
 
     name: str
     title: str
@@ -28,14 +28,14 @@ class Table:
     note: str = ""
 
     def markdown(self) -> str:
-        """Return table and note in Markdown."""
+        """Return the table and its note in Markdown."""
         lines = [self.head, tuple("---" for _ in self.head), *self.rows]
         table = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         return f"{table}\n\n{self.note}".strip()
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Format a number with this many significant digits; `–` for None, `∞` for infinity.
+    """Return a number as text with this many significant digits; `–` for None, `∞` for infinity.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def all_tables(findings: Findings) -> list[Table]:
 
 
 def searches(findings: Findings) -> Table:
-    """Return table 4 of the paper: the cost and the error of each search."""
+    """Return a table like table 4 of the paper: the cost and the error of each search."""
     rows = [
         (
             MATERIALS[key].name,
@@ -98,7 +98,7 @@ def _values(route: Route) -> str:
 
 
 def parameters(findings: Findings, key: str) -> Table:
-    """Return table 5 or 6 of the paper: parameters for one material, with mean error and deviation by type."""
+    """Return a table like table 5 or 6 of the paper: parameters, mean errors and deviations for one material."""
     extent = findings.inputs.extent
     rows: list[tuple[str, ...]] = []
     for section in SECTIONS:
@@ -123,7 +123,7 @@ def parameters(findings: Findings, key: str) -> Table:
 class Advantage:
     """The mean errors of laws fitted to bending and of laws fitted to a tensile curve, for one material and section.
 
-    The means are over types of specimen to which no law was fitted.
+    The means are over the types of specimen to which no law was fitted.
 
     Attributes
     ----------
@@ -148,12 +148,12 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return the error of the best tensile fit, divided by the worst and by the best error of the bending fits."""
+        """Return the smallest error by tension divided by the largest error by bending, and by the smallest."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 
 def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") -> list[Advantage]:
-    """Compare the laws fitted to bending with those fitted to a tensile curve, for each material and section.
+    """Compare laws fitted to bending with laws fitted to a tensile curve, for each material and section.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
     kinds : sequence of str
         The types of specimen over which the errors are averaged.
     source : {"own", "published"}
-        The tensile curve: that of the hidden material, or a published one.
+        Whether the tensile curve is that of the hidden material or a published curve.
     """
     compared = []
     for key, section in findings.bending:
@@ -191,7 +191,10 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the types of specimen to which no law was fitted, without the types that twist, unless all of them do."""
+    """Return the types of specimen to which no law was fitted, without the type that twists.
+
+    If only the type that twists is left, this type is returned.
+    """
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 
@@ -229,12 +232,12 @@ def advantage_table(findings: Findings) -> Table:
             "error of the modulus by bending, %",
             "best tensile fit",
             "tension, µm",
-            "error of its modulus, %",
-            "tension over bending, worst and best law",
+            "error of the modulus of this fit, %",
+            "error by tension over error by bending, worst and best law",
             "median of tension, µm",
         ),
         tuple(rows),
-        f"Mean error over {', '.join(kinds)}: for bending the best and the worst of the laws; for tension the best of "
+        f"Mean error over {', '.join(kinds)}: for bending, of the best and the worst law; for tension, of the best of "
         "all laws and windows, chosen by these errors, and the median. A pixel of the virtual rig is 40 µm.",
     )
 
@@ -307,8 +310,8 @@ def _moment(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "Neo-Hookean type 1 in six states, solid section. Only gravity separates the effects of moment and modulus. It "
-        "bends the beam back, so that the relative error of the modulus is larger than that of the moment.",
+        "Neo-Hookean type 1 in six states, solid section. Only gravity separates the effects of moment and modulus. "
+        "Gravity bends the beam back, so that the relative error of the modulus is larger than that of the moment.",
     )
 
 
@@ -321,7 +324,7 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
             "states",
             *(f"± %, noise {words}" for words in noises),
             "± % of a fit, noise 0.1 px",
-            "error of its modulus, %",
+            "error of the modulus of this fit, %",
         ),
         tuple(
             (
@@ -332,17 +335,23 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        f"{_enough(rows)} Half-widths of 95 % intervals: predicted from the sensitivity of the edges to the modulus, "
-        "and of a fit, which includes the errors of mesh and section. The fields are equally spaced from zero. The "
+        f"{_enough(rows)} The table gives half-widths of 95 % intervals: predicted from the sensitivity of the edges "
+        "to "
+        "the modulus, and those of a fit, which include the errors of mesh and section. The fields are equally spaced "
+        "from zero. The "
         "modulus varies as the width to the power −3: with a width of 3 mm and a standard uncertainty of 0.02 mm, the "
         "interval is at least ± 3.9 % for any number of states.",
     )
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a sentence with the smallest number of states whose fit has a half-width of at most 1 %."""
+    """Return a sentence with the smallest number of states for which a fit has a half-width of at most 1 %."""
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
-    return f"{min(enough)} states are enough if all other inputs are exact." if enough else "None of these is enough."
+    return (
+        f"{min(enough)} states are enough if all other inputs are exact."
+        if enough
+        else "None of these numbers of states is enough."
+    )
 
 
 def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
@@ -370,8 +379,8 @@ def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "The number is the evaluation after which the modulus of the best candidate stays within one per cent of that "
-        "of the optimum. Gauss-Newton counts the evaluations for its derivatives, and has one run, because it always "
-        "starts in the middle. The smallest error is that of the planar model of the search, before the correction "
-        "for the solid section.",
+        "The number is the evaluation after which the modulus of the best candidate stays within one per cent of "
+        "the modulus of the optimum. Gauss-Newton counts the evaluations for its derivatives. It has one run, because "
+        "it always starts in the middle. The smallest error is the error on the planar mesh of the search, before the "
+        "correction for the solid section.",
     )

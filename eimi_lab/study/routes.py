@@ -1,4 +1,4 @@
-"""Identify laws by two routes: by the bending of one specimen, and by least squares on windows of a tensile curve."""
+"""Identify laws in two ways: from the bending of one specimen, and by least squares on windows of a tensile curve."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BENDING = "bending"
 
 @dataclass(frozen=True)
 class Route:
-    """An identified law and the data from which it was identified.
+    """An identified law, and the data from which it was identified.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Route:
     modulus_Pa : float
         The initial shear modulus in Pa.
     source : {"bending", "own", "published"}
-        The bending of type 1, the tensile curve of the hidden material, or a published tensile curve.
+        The data: bending of type 1, the tensile curve of the hidden material, or a published tensile curve.
     window : str
         The window of the tensile curve, such as `20 %` or `full`; empty for bending.
     """
@@ -47,19 +47,22 @@ class Route:
 
     @property
     def name(self) -> str:
-        """Return the name in tables: `bending`, `tension 20 %`, `published curve, full`."""
+        """Return the data of a law as a name for tables: `bending`, `tension 20 %` or `published curve, full`."""
         if self.source == BENDING:
             return BENDING
         return f"{'tension' if self.source == 'own' else 'published curve,'} {self.window}"
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """Return the route that a stored part describes."""
+        """Return the identified law from its stored JSON content."""
         return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
-    """Identify a law by bending; return the fields of a `Route` and the numbers of the search, for JSON."""
+    """Identify a law by bending.
+
+    Return the fields of a `Route` and the numbers of the search as a dictionary for JSON.
+    """
     fit = identify(law, [experiment], seed=seed)
     return {
         "law": law,
@@ -82,19 +85,20 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
-    """Fit each law to each window of a tensile curve by least squares; windows with too few rows are left out.
+    """Fit each law to each window of a tensile curve by least squares. Windows with too few rows are left out.
 
     Parameters
     ----------
     strain, stress_Pa : ndarray, shape (m,)
         Engineering strain, and engineering stress in Pa.
     source : {"own", "published"}
+        Whether the curve is that of the hidden material or a published curve.
     extent : Extent
 
     Returns
     -------
     list of dict
-        The fields of a `Route` for each fit, with its root mean square error in Pa and its limit of stability.
+        The fields of a `Route` for each fit, with root mean square error (Pa) and limit of stability (stretch).
     """
     fits = []
     for percent in extent.windows_percent:
@@ -120,7 +124,7 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
 
 
 def published_curves(folder: Path | None, materials: Sequence[str]) -> dict[str, Path]:
-    """Return the file of the tensile test of each material in a folder.
+    """Return the file with the tensile test of each material; empty without a folder.
 
     The name of the file begins with the first word of the material's key, and ends with `.csv`.
 

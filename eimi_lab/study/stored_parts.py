@@ -16,13 +16,13 @@ _HEAD = "study"
 
 @dataclass(frozen=True)
 class StoredParts:
-    """The folder `parts` in the output folder of a study."""
+    """The stored results of a study: one JSON file for each part, in the folder `parts` of the output folder."""
 
     folder: Path
 
     @staticmethod
     def of(output: Path, head: dict[str, Any], force: bool) -> StoredParts:
-        """Open the parts of a study with the same head, or begin a new study.
+        """Open the stored parts of a study with the same inputs, or begin a new study.
 
         Parameters
         ----------
@@ -42,7 +42,7 @@ class StoredParts:
         if parts._file(_HEAD).exists() and not force:
             if parts._read(_HEAD) != json.loads(json.dumps(head)):
                 raise InputError(
-                    f"{output}: holds a study of another extent or version; give another folder, or --force"
+                    f"{output}: holds a study with other inputs or of another version; give another folder, or --force"
                 )
             return parts
         new_folder(output, force)
@@ -53,7 +53,7 @@ class StoredParts:
         return parts
 
     def part(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Return the stored part of this name; if there is none, compute and store it first."""
+        """Return the stored result with this name. If there is no such file, compute and store the result first."""
         if not self._file(name).exists():
             self._write(name, compute())
         return self._read(name)

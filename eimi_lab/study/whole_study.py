@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """The inputs of a study: its extent, the seed of its searches, and the published tensile curves by material."""
+    """The inputs of a study: the extent, the seed of the searches, and the published tensile curves by material."""
 
     extent: Extent
     seed: int = 1
@@ -35,11 +35,14 @@ class StudyInputs:
 
     @staticmethod
     def of(extent: Extent, seed: int, tensile_data: Path | None) -> StudyInputs:
-        """Return the inputs, with the published curves of a folder. Raises InputError if a curve is missing."""
+        """Return the inputs of a study, with the published curves of a folder.
+
+        Raises InputError if a curve is missing.
+        """
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """Return the content that identifies an interrupted study when it continues."""
+        """Return the inputs as a dictionary for JSON. An interrupted study continues only if its inputs are equal."""
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
         return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
 
@@ -52,17 +55,17 @@ class Findings:
     ----------
     inputs : StudyInputs
     fields : dict of ndarray, shape (K,)
-        Fields in mT, by material.
+        Fields of the K states in mT, by material.
     edges : dict of ndarray, shape (K, 2, n, 2)
         Measured edges in mm, by material and type.
     bending : dict of list
-        Bending fits to type 1, one for each law, by material and section.
+        Fits to the bending of type 1, one for each law, by material and section.
     tensile : dict of list
         Tensile fits, by material.
     errors : dict of list
-        Errors of each route, by material, section and type.
+        Errors of each identified law, by material, section and type.
     answers : dict of list
-        Answers to the open questions, by name; empty if they were not asked.
+        Answers to the open questions, by name; empty if the open questions were not part of the study.
     """
 
     inputs: StudyInputs
@@ -74,7 +77,7 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Return the routes in the order of their errors: bending fits, then tensile fits."""
+        """Return the identified laws in the order of `errors`: bending fits, then tensile fits."""
         return [Route.of(stored) for stored in (*self.bending[material, section], *self.tensile[material])]
 
 
@@ -86,7 +89,10 @@ def steps(extent: Extent) -> int:
 
 
 def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
-    """Compute the parts that are not stored, and return all results. `report` is called after each part."""
+    """Compute all parts of a study that are not stored, and return all results.
+
+    `report` is called with the name of each part after the part is computed or read.
+    """
 
     def part(name: str, compute: Callable[[], Any]) -> Any:
         content = parts.part(name, compute)
@@ -128,7 +134,7 @@ def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the tensile fits to the curve of the hidden material, and to the published curve if there is one."""
+    """Return the tensile fits to the curve of the hidden material, and to its published curve if there is one."""
     fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])

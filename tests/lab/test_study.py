@@ -74,7 +74,7 @@ def test_a_study_continues_with_its_stored_parts(short):
 
 def test_a_folder_with_another_study_is_refused(short):
     folder, _, _ = short
-    with pytest.raises(InputError, match="another extent"):
+    with pytest.raises(InputError, match="other inputs"):
         StoredParts.of(folder, StudyInputs(SHORT, seed=2).head(), force=False)
 
 

@@ -17,8 +17,8 @@ _HEAD = ("ring-down", "from", "to", "amplitude", "frequency", "loss factor", "us
 _CAPTION = (
     "Viscoelastic (Prony) law. Top left: displacement of the point that moves most, and the fitted envelope. "
     "Top right: change of the frequency from its value at small amplitude (solid), and loss factor of the decay "
-    "(dashed). Bottom left: shear modulus against the time after a sudden strain, with its 95 % band. In the grey range the data "
-    "determine the modulus to 5 %. Bottom right: rotation of the tip in creep, measured and fitted."
+    "(dashed). Bottom left: shear modulus against the time after a sudden strain, with its 95 % band. In the grey "
+    "range the data determine the modulus to 5 %. Bottom right: rotation of the tip in creep, measured and fitted."
 )
 _WINDOWS = "Time windows of each ring-down. The fit uses only amplitudes below 5 % of the length of the beam."
 
