@@ -336,11 +336,9 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
             for row in rows
         ),
         f"{_enough(rows)} The table gives half-widths of 95 % intervals: predicted from the sensitivity of the edges "
-        "to "
-        "the modulus, and those of a fit, which include the errors of mesh and section. The fields are equally spaced "
-        "from zero. The "
-        "modulus varies as the width to the power −3: with a width of 3 mm and a standard uncertainty of 0.02 mm, the "
-        "interval is at least ± 3.9 % for any number of states.",
+        "to the modulus, and those of a fit, which include the errors of mesh and section. The fields are equally "
+        "spaced from zero. The modulus varies as the width to the power −3. With a width of 3 mm and a standard "
+        "uncertainty of 0.02 mm, the interval is at least ± 3.9 % for any number of states.",
     )
 
 
