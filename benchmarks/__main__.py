@@ -21,8 +21,18 @@ from pathlib import Path
 class Benchmark:
     """A benchmark script.
 
-    words: what the table of the script shows; page: the page that explains its figures; arguments: the arguments of a
-    full run; short: the arguments of a short run.
+    Attributes
+    ----------
+    name : str
+        Name of the section on the page.
+    script : str
+        Name of the module.
+    words : str
+        The content of the table that the script prints.
+    page : str
+        The page that explains the figures.
+    arguments, short : tuple of str
+        The arguments of a full run, and those of a short run.
     """
 
     name: str
@@ -101,7 +111,7 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """Run a benchmark; return its section of the page, and whether the benchmark succeeded."""
+    """Run a benchmark; return its section of the page as Markdown, and whether the benchmark succeeded."""
     arguments = benchmark.short if short else benchmark.arguments
     command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
@@ -115,7 +125,7 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of an earlier version of the page by their names."""
+    """Return the sections of an earlier version of the page as Markdown, by name."""
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")
@@ -123,7 +133,7 @@ def sections_of(page: Path) -> dict[str, str]:
 
 
 def heading() -> str:
-    """Return the head of the page: the table of all benchmarks."""
+    """Return the head of the page as Markdown: the table of all benchmarks."""
     rows = "".join(
         f"| {b.name} | {b.words} | `python -m benchmarks.{b.script}` | [{Path(b.page).stem}]({b.page}) |\n" for b in ALL
     )
@@ -142,7 +152,7 @@ def environment() -> str:
 
 
 def main() -> int:
-    """Run the chosen benchmarks; return 1 if one failed."""
+    """Run the chosen benchmarks; return 1 if a benchmark failed, else 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="use reduced sizes")
     parser.add_argument(

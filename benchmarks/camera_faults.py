@@ -1,4 +1,4 @@
-"""Count frames and time of a GigE camera with faults: wrong frames, lost frames, and the time to report a fault.
+"""Count the wrong and lost frames of a GigE camera with faults, and measure the time until a fault is reported.
 
     python -m benchmarks.camera_faults
 
@@ -29,7 +29,7 @@ PAYLOAD_BYTES = 1400 - 36
 
 
 def picture(number: int, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the picture of exposure number `number`, counted from 0: noise whose seed is the number."""
+    """Return the picture of the exposure with this number, counted from 0: noise with the number as its seed."""
     return np.random.default_rng(number).integers(0, 256, size_px[::-1], dtype=np.uint8)
 
 
@@ -46,7 +46,7 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a row of the table: the numbers of correct, wrong and lost frames, and the time of a frame."""
+    """Return a row of the table for lost packets: numbers of correct, wrong and lost frames, and time of a frame."""
     with gige_process(partial(pictures, size_px), size_px) as process:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
@@ -71,7 +71,11 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Return a row for a camera that is killed; a camera with `serial_number` then replaces it, or none does (None)."""
+    """Return a row of the table for a camera that is killed.
+
+    Another camera with `serial_number` then replaces the killed camera; no camera replaces it if `serial_number` is
+    None.
+    """
     size_px = SIZES_PX[0]
 
     def outcome() -> str:
@@ -96,7 +100,7 @@ def vanished(what: str, serial_number: str | None) -> str:
 
 
 def rounded_region() -> str:
-    """Return a row for a camera that rounds its region."""
+    """Return a row of the table for a camera that rounds the region of the sensor."""
     with gige_process(partial(pictures, SIZES_PX[0]), SIZES_PX[0], rows_step=16):
         try:
             open_camera("aravis", LOOPBACK, CameraSettings(region=(0, 0, 128, 90))).close()

@@ -3,24 +3,25 @@
 python -m benchmarks.coverage [--experiments 2000] [--seed 1] [--workers 2]
 
 Each experiment is a separate virtual measurement. Every source of uncertainty that specimen, calibration and rig can
-state (`eimi_fitting.inference.evidence.sources`) is drawn at random with the standard uncertainty of the bench
-examples: width, magnet, scale, coil, clamp, angles, zero of the current. The beam with the drawn values is simulated on
-26 x 3 elements and seen by the camera with the drawn errors. Each edge point gets noise: half of its variance is white,
-half has an exponential correlation along the edge, as blur, illumination and threshold cause it. The fit knows the
-nominal values and their uncertainties only. Every fourth hidden beam is a solid and is fitted as a solid.
+give (`eimi_fitting.inference.evidence.sources`) is drawn at random with the standard uncertainty of the bench examples:
+width, magnet, scale, coil, clamp, angles, zero of the current. The beam with the drawn values is simulated on 26 x 3
+elements and seen by the camera with the drawn errors. Each edge point gets noise. Half of the variance of this noise is
+white. The other half has an exponential correlation along the edge, as blur, illumination and threshold cause it. The
+fit knows only the nominal values and their uncertainties. Every fourth hidden beam is a solid and is fitted as a solid.
 
 Two simplifications make this number of experiments affordable:
 
 - The fit consists of the polish, corrections, noise, budget and draws of `eimi fit`, in four states on 13 x 1 elements.
   The search is left out, because it does not change the optimum. The polish starts within 20 % of the true modulus;
   the other coordinates start anywhere in the middle half of their ranges.
-- The depth effect is solved once for each law and nominal specimen. The hidden beams use it as a function of the tip
-  rotation. It is a few hundredths of the deflection, and the drawn values change it by a few hundredths of itself.
+- The depth effect is solved once for each law and nominal specimen. The hidden beams use this effect as a function of
+  the rotation of the tip. The effect is a few hundredths of the deflection, and the drawn values change the effect by
+  a few hundredths.
 
-A row is right if, within the statistical error of the number of experiments, 93 to 97 % of the intervals contain the
-true value, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column "drawn" shows how
-much of the statistical error is due to the drawn sources: the share of experiments in which the sum of the drawn
-deviations times their effects in the budget is within 1.96 standard deviations.
+A row of the table is right if 93 to 97 % of the intervals contain the true value, within the statistical error of the
+number of experiments, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column "drawn"
+shows how much of the statistical error is due to the drawn sources. It is the share of experiments in which the sum of
+the drawn deviations times their effects in the budget is within 1.96 standard deviations.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ from tests.shared.virtual_measurements import Case, Outcome, Row, outcome, row
 
 
 def rows(outcomes: Iterable[Outcome]) -> Iterator[Row]:
-    """Yield rows of planar beams by law and noise, of solids by law, and of the planar, solid and all experiments."""
+    """Yield the rows of the table, each for a group of experiments.
+
+    The groups are planar beams by law and noise, solids by law, all planar beams, all solids, and all experiments.
+    """
     groups: dict[str, list[Outcome]] = {}
     for o in outcomes:
         section = "solid" if o.case.is_solid else "planar"
@@ -56,7 +60,7 @@ HEADER = (
 
 
 def line(row: Row) -> str:
-    """Return a row of the table in Markdown."""
+    """Return the statistics of a group of experiments as a row of a Markdown table."""
     low, high = row.chance_percent
     return (
         f"| {row.name} | {row.experiments} | {row.half_width_percent:.1f} | "
@@ -67,7 +71,7 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the coverage of each row; the exit status is 1 if a row is not right."""
+    """Print the coverage of each group; the exit status is 1 if a row is not right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

@@ -7,17 +7,18 @@ Each hidden law has one, two or three terms of the library, drawn at random, and
 
 - a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
 - a beam of type 1, 2 or 3 bent in six states, simulated on a finer mesh than that of the fit, with 0.4 µm of noise on
-  its edge points. Its material lot is stiffer or softer than that of the tensile test by 2 % (one standard deviation);
-  the discovery knows this uncertainty.
+  its edge points. The material lot of the beam is stiffer or softer than the lot of the tensile test by 2 % (one
+  standard deviation). The discovery knows this uncertainty.
 
-Hidden beams and fits are in plane stress, which costs a quarter of the solid; ``--solid`` uses solids for both. The
-search for the modulus at the beginning of a discovery is left out: the discovery starts within 10 % of the true value.
+Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid. ``--solid`` uses solids for
+both. The search for the modulus at the beginning of a discovery is left out: the discovery starts within 10 % of the
+true value.
 
-``--off 1.3`` hides laws whose Jm, b and alpha differ from those of the library by a factor of up to 1.3; the terms are
+``--off 1.3`` hides laws whose Jm, b and alpha differ from those of the library by a factor of up to 1.3. The terms are
 then compared by their kinds.
 
-The table counts the laws for which exactly the true terms are identified (right), those for which the answer is "not
-identifiable" (open), and those for which other terms are named (wrong), from both kinds of evidence together and from
+The table counts the laws with each result: "right" if exactly the true terms are identified, "not identifiable" if the
+discovery leaves the terms open, and "wrong" if other terms are named. The rows are both kinds of evidence together, and
 bending alone.
 """
 
@@ -46,8 +47,14 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 class Case:
     """One hidden law.
 
-    noise: noise of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha;
-    evidence: the kinds of evidence, each of which is used separately.
+    Attributes
+    ----------
+    noise : float
+        Noise of the tensile test, as a share of the largest stress.
+    off : float
+        Largest factor on Jm, b and alpha.
+    evidence
+        The kinds of evidence, each of which is used separately.
     """
 
     seed: int
@@ -60,7 +67,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A hidden law and its discovery from each kind of evidence; None if the discovery found no equilibrium."""
+    """A hidden law, and its discovery from each kind of evidence; None if the discovery found no equilibrium."""
 
     number: int
     hidden: Hidden
@@ -68,7 +75,7 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """Hide and discover one law; return None if the hidden beam has no equilibrium."""
+    """Hide one law, discover its terms, and return the result; None if the hidden beam has no equilibrium."""
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
     curve = hidden.curve(case.noise, rng)
@@ -88,7 +95,7 @@ def outcome(case: Case) -> Outcome | None:
 
 
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
-    """Return "right", "open" or "wrong" for a discovery."""
+    """Return "right", "open" or "wrong" for the result of a discovery."""
     if discovery is None or not discovery.identified:
         return "open"
     return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
@@ -99,7 +106,7 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 
 
 def row(name: str, words: Sequence[str]) -> str:
-    """Return a row of the table in Markdown."""
+    """Return a row of the table in Markdown, from the results of all laws."""
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"
 

@@ -2,11 +2,13 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-It prints its address, then a line for every change of output, set-point or true current: the time in seconds of the
-monotonic clock, which all processes of a machine share; 1 or 0 for the output; the set-point and the true current in
-amperes. The name of a fault on its standard input, such as `shorted`, begins this fault, see ``eimi emulate --faults``.
-Answers of a slow supply are delayed by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends the faults. The
-transport `port` is a serial port that can be unplugged.
+The script prints its address. It then prints a line for every change of output, set-point or true current. The line
+contains the time in seconds of the monotonic clock, which all processes of a machine share; 1 or 0 for the output; and
+set-point and true current in amperes.
+
+The name of a fault on the standard input, such as `shorted`, begins this fault; see ``eimi emulate --faults``. The
+fault `slow` delays answers by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends all faults. The transport `port` is
+a serial port that can be unplugged.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ LEAST_CHANGE_A = 0.02
 
 
 class CoilOnLeads(CoilSupply):
-    """A coil whose supply also measures the voltage of the leads. contact_ohm: resistance of a bad contact."""
+    """A coil whose supply also measures the voltage of the leads. `contact_ohm` is the resistance of a bad contact."""
 
     contact_ohm = 0.0
 
@@ -48,7 +50,7 @@ SERVE = {"pty": serve_pty, "port": serve_port, "tcp": serve_tcp, "hislip": serve
 
 
 def main() -> None:
-    """Serve the supply until standard input ends."""
+    """Serve the emulated supply until the standard input ends."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("driver")
     parser.add_argument("transport", choices=SERVE)

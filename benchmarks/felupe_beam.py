@@ -1,9 +1,9 @@
 """Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe) with its most suitable elements.
 
 FElupe assembles the forces and tangents of the flexible part. The magnet is a rigid body as in `eimi_fitting`: the last
-column of points is condensed onto two translations and a rotation, including their geometric stiffness. Newton's method
-is the ordinary one. Each state starts from the previous one, because polynomial extrapolation diverges. If a state does
-not converge, the load step is halved.
+column of points is condensed onto two translations and a rotation, including their geometric stiffness. The nonlinear
+equations are solved by the ordinary Newton method. Each state starts from the previous state, because polynomial
+extrapolation diverges. If a state does not converge, the load step is halved.
 """
 
 from __future__ import annotations
@@ -31,9 +31,15 @@ _MOST_ITERATIONS, _MOST_HALVINGS = 30, 4
 class Elements:
     """The elements of a mesh.
 
-    kind: "bilinear" (mean dilatation, `SolidBodyNearlyIncompressible`, which FElupe's documentation recommends) or
-    "serendipity" (eight points, 2 x 2 Gauss points); along, across: their numbers; graded: whether the mesh is graded
-    as in `eimi_fitting`.
+    Attributes
+    ----------
+    kind : {"bilinear", "serendipity"}
+        "bilinear" has mean dilatation (`SolidBodyNearlyIncompressible`, which FElupe's documentation recommends).
+        "serendipity" has eight points and 2 x 2 Gauss points.
+    along, across : int
+        Numbers of elements.
+    graded : bool
+        Whether the mesh is graded as in `eimi_fitting`.
     """
 
     kind: str
@@ -43,24 +49,24 @@ class Elements:
 
     @property
     def text(self) -> str:
-        """The description of the elements for a table."""
+        """Return the description of the elements for a table."""
         return f"{self.kind} {self.along} x {self.across}, {'graded' if self.graded else 'equal'}"
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The places (K, 2) of the tip in mm, and the number of Newton iterations in all states together."""
+    """The places of the tip in the K states (mm), shape (K, 2), and the number of all Newton iterations."""
 
     tip: Array
     iterations: int
 
 
 class NoEquilibrium(Exception):
-    """Newton's method failed, even with halved load steps."""
+    """The exception for a state that Newton's method cannot solve, even with halved load steps."""
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
-    """Return points and cells in FElupe's order."""
+    """Return the points and the cells of the mesh in FElupe's order."""
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
     x = graded(length, elements.along, 0.5 * width, *finer)
     mesh = grid_mesh(x, np.linspace(-0.5 * width, 0.5 * width, elements.across + 1))
@@ -71,7 +77,7 @@ def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDA
 
 
 def _material(law: str, parameters: Array) -> tuple[Any, float]:
-    """Return the isochoric material (MPa) and its initial shear modulus; raise ValueError for any other law."""
+    """Return the isochoric material (MPa) and its initial shear modulus. Raises ValueError for an unknown law."""
     if law == "neo-hookean":
         return felupe.NeoHooke(mu=parameters[0]), float(parameters[0])
     if law == "ogden":  # FElupe's moduli are mu_p alpha_p / 2
@@ -81,7 +87,10 @@ def _material(law: str, parameters: Array) -> tuple[Any, float]:
 
 
 class Beam:
-    """A specimen with a magnet and one material; gravity acts along the beam, and the field (mT) across it."""
+    """A beam with a magnet at its tip, of one material.
+
+    Gravity acts along the beam, and the field (mT) across the beam.
+    """
 
     def __init__(self, specimen: Specimen, elements: Elements, law: str, parameters_MPa: Array) -> None:
         magnet = specimen.magnet
@@ -124,7 +133,7 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements of all points from the unknowns."""
+        """Return the displacements of all points from the unknowns of the flexible part and the magnet."""
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
         c, s = np.cos(x[-1]), np.sin(x[-1])
@@ -132,7 +141,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the Newton step from ``x``, and leave ``x`` in the field container."""
+        """Return the Newton step from the unknowns ``x``, and store ``x`` in the field container."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()
@@ -158,7 +167,7 @@ class Beam:
         return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
 
     def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
-        """Iterate Newton's method; return the solution or None, and the number of iterations."""
+        """Return the solution of Newton's method (None without convergence), and the number of iterations."""
         for iteration in range(_MOST_ITERATIONS):
             step = self._step(x, field_mT)
             largest = np.abs(step).max()
@@ -170,7 +179,10 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Solve the states in order to a tolerance of the Newton step; raise NoEquilibrium on failure."""
+        """Return the tip places in all states, which are solved in order.
+
+        `tolerance_mm` limits the last Newton step. Raises NoEquilibrium if a state cannot be solved.
+        """
         x, before, spent, tips = np.zeros(self.n + 3), 0.0, 0, []
         for target in fields_mT:
             size = target - before

@@ -1,10 +1,10 @@
-"""A cantilever that is bent and tapered at rest: displacements by FElupe (github.com/adtzlr/felupe) and by ours.
+"""Compare FElupe (github.com/adtzlr/felupe) with `eimi_fitting` on a cantilever that is bent and tapered at rest.
 
 python -m benchmarks.felupe_strip
 
-Plane strain, Neo-Hookean, 46 kPa, 30 x 3 x 5 mm, cast with a bend of 3 mm, 1 mm narrower at the tip than at the clamp.
-A force of 2 mN acts at the tip. FElupe has bilinear elements with mean dilatation. Printed is the displacement of the
-middle of the tip in mm.
+The cantilever is in plane strain, Neo-Hookean, 46 kPa, 30 x 3 x 5 mm. It is cast with a bend of 3 mm, and is 1 mm
+narrower at the tip than at the clamp. A force of 2 mN acts at the tip. FElupe has bilinear elements with mean
+dilatation. The script prints the displacement of the middle of the tip in mm.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SPECIMEN = with_modes(Specimen(30.0, 3.0, 5.0, 0.0, "plane-strain"), (3.0, 0.5),
 
 
 def ours(along: int, across: int) -> Array:
-    """Return the displacement (2,) of the tip as `eimi_fitting` computes it with quadratic elements."""
+    """Return the displacement (2,) of the tip in mm, computed by `eimi_fitting` with quadratic elements."""
     model = BeamModel(SPECIMEN, along, across)
     force_N = FORCE_N * np.arange(1, 5) / 4
     loads = Loads.along(np.zeros(4), 90.0, None, tip_force_N=force_N, tip_force_angle_deg=90.0)
@@ -36,7 +36,7 @@ def ours(along: int, across: int) -> Array:
 
 
 def felupes(along: int, across: int) -> Array:
-    """Return the displacement (2,) of the tip as FElupe computes it with bilinear elements."""
+    """Return the displacement (2,) of the tip in mm, computed by FElupe with bilinear elements."""
     half = 0.5 * SPECIMEN.width_mm
     straight = felupe.Rectangle(a=(0, -half), b=(SPECIMEN.length_mm, half), n=(along + 1, across + 1))
     tip = int(np.argmin(np.linalg.norm(straight.points - [SPECIMEN.length_mm, 0], axis=1)))
@@ -57,7 +57,7 @@ def felupes(along: int, across: int) -> Array:
 
 
 def main() -> None:
-    """Print the displacements by both programs, each on two meshes."""
+    """Print the displacements of the tip by both programs, each on two meshes."""
     for name, model, meshes in (("eimi_fitting", ours, ((13, 1), (26, 3))), ("FElupe", felupes, ((60, 6), (120, 12)))):
         for along, across in meshes:
             x, y = model(along, across)

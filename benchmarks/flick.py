@@ -1,14 +1,16 @@
-"""Measure fits of videos as a phone records them: a level strip that is flicked, of hidden law of time.
+"""Measure fits of videos as a phone records them: a flicked level strip with a hidden viscoelastic (Prony) law.
 
     python -m benchmarks.flick [--scenes 20] [--first 0] [--share 1] [--difficulties] [-o FOLDER]
     python -m benchmarks.flick --film flick.mp4 [--seconds 2.4]
 
-Each scene is drawn, filmed and typed with errors (`tests.shared.phone_films`): a phone's perspective and tilt, rolling
-shutter, exposure, noise and video compression. The video is imported with three clicks on the strip and fitted as in
-the tutorial "A modulus without a magnet: flick a strip". The table gives the error of the dynamic modulus, the
-half-width of its 95 % interval, and whether the interval holds the hidden modulus. The goal: every error below 5 %.
-With --difficulties, one scene is filmed in the ways in which recordings by hand differ from that. With --film FILE,
-only the video of the first scene is written, for the tutorial.
+Each scene is rendered, filmed and described with errors (`tests.shared.phone_films`): a phone's perspective and tilt,
+rolling shutter, exposure, noise and video compression. The video is imported with three clicks on the strip and fitted
+as in the tutorial "A modulus without a magnet: flick a strip".
+
+The table gives the error of the dynamic modulus, the half-width of its 95 % interval, and whether the interval contains
+the hidden modulus. The goal is that every error is below 5 %. With --difficulties, one scene is filmed in the ways in
+which recordings by hand differ from a recording on a support. With --film FILE, only the video of the first scene is
+written, for the tutorial.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ LARGEST_ERROR_PERCENT = 5.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """The fit of one video: hidden and fitted values, flicks and frames, processor time in s, and messages."""
+    """The fit of one video: hidden and fitted values, flicks and frames, processor times (s), and messages."""
 
     hidden_Pa: float
     fitted_Pa: float
@@ -112,7 +114,10 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
 
 
 def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None]]:
-    """Yield names, recordings of one scene that differ from that of a phone on a support, and the rate to state."""
+    """Yield different recordings of one scene, such as a recording by hand.
+
+    Each element is a name, the recording, and the frame rate to give at the import (None: the rate in the file).
+    """
     base = replace(film, rate_Hz=240.0, row_time_s=0.6 / 240.0 / film.scene.size[1])
     size = film.flicks_mm[0]
     yield "as the others", base, None
@@ -135,7 +140,7 @@ def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None
 
 
 def main() -> None:
-    """Print a table of the scenes, and whether the goals are met."""
+    """Print a table of the scenes, and whether the goal is met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

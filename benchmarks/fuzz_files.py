@@ -1,15 +1,15 @@
-"""Read mutated files: each must be read completely or refused in one line.
+"""Read mutated files: each file must be read completely or refused in one line.
 
     python -m benchmarks.fuzz_files --files 2000
 
-Datasets (finished ones, and ones as a crash leaves them), TOML files, fits.json, tensile curves and images are changed
-at random: bits, bytes, blocks, lengths. Every file is read by the functions of the suite's commands, and the outcomes
-are counted. One process reads many files. A process that dies, or that takes more than 10 s of processor time for a
-file, is counted and replaced.
+Bits, bytes, blocks or lengths of files are changed at random. The files are datasets (finished datasets, and datasets
+as a crash leaves them), TOML files, fits.json, tensile curves and images. Every file is read by the functions of the
+suite's commands, and the outcomes are counted. One process reads many files. A process that dies, or that takes more
+than 10 s of processor time for a file, is counted and replaced.
 
 With --recover, only datasets are mutated. A separate process then recovers each dataset as `eimi recover` does, with
-the same limits of memory and time. A process that dies or exceeds the time limit there is not a fault, because
-`recover` reports it in one line.
+the same limits of memory and time. A process that dies or exceeds the time limit is then not a fault, because `recover`
+reports this in one line.
 """
 
 from __future__ import annotations

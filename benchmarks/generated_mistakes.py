@@ -1,8 +1,8 @@
 """Generate mistakes in randomly drawn lines, so that no person who knows the tests chooses the mistakes.
 
 A mistake changes one place of the syntax tree: an operator, a comparison, a condition, a number, two arguments, a name,
-or a whole statement. Lines are drawn with equal probability from all lines that can be changed. For each drawn line
-one of its changes is drawn. Texts, annotations and imports are never changed.
+or a whole statement. The lines are drawn with equal probability from all lines that can be changed. For each drawn line
+one of its possible changes is drawn. Texts, annotations and imports are never changed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one place: lines counted from 1, columns in bytes from 0, the new text, and a description."""
+    """A change of one place in a file: lines from 1, columns in bytes from 0, the new text, and a description."""
 
     line: int
     column: int
@@ -51,7 +51,7 @@ class Change:
 
 
 def room_of(file: str) -> str:
-    """Return the room of a file: the name of its package, such as "acquisition", "supplies" or "inference"."""
+    """Return the name of the package of a file, such as "acquisition", "supplies" or "inference"."""
     parts = Path(file).parts
     start = 1 if parts[0] == "eimi_lab" else 2
     return parts[start] if len(parts) > start + 1 else parts[start - 1]
@@ -87,7 +87,7 @@ def _skipped(tree: ast.AST) -> set[int]:
 
 
 def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
-    """Yield every node with the parameters and local names of its function, and the line where each gets its value."""
+    """Yield each node with the parameters and local names of its function, and the line that sets each name."""
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
         for inner in ast.walk(node):
@@ -157,7 +157,7 @@ def _replaced(node: ast.expr | ast.stmt, new: str, says: str) -> Change:
 
 
 def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> Iterator[Change]:
-    """Yield the change of an operator between two operands; yield nothing if the place of the operator is ambiguous."""
+    """Yield the change of the operator between two operands; nothing if the place of the operator is ambiguous."""
     (line, column), (end_line, end_column) = _end(left), _start(right)
     if line != end_line:
         return
@@ -169,7 +169,7 @@ def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> 
 
 
 def changed(text: str, change: Change) -> str:
-    """Return the text with a change; the columns of a syntax tree count bytes."""
+    """Return the text of a file with a change applied. The columns of a syntax tree count bytes."""
     lines = text.encode().splitlines(keepends=True)
     first, last = lines[change.line - 1], lines[change.end_line - 1]
     middle = first[: change.column] + change.new.encode() + last[change.end_column :]
@@ -186,7 +186,10 @@ def compiles(text: str) -> bool:
 
 
 def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
-    """Return the smallest group of whole lines around a change that occurs once in a text, and the changed lines."""
+    """Return the lines around a change, before and after the change.
+
+    The group of whole lines is the smallest that occurs only once in the text.
+    """
     before, after = text.splitlines(keepends=True), other.splitlines(keepends=True)
     grown = len(after) - len(before)
     first, last = change.line - 1, change.end_line
@@ -203,7 +206,7 @@ def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) ->
     project
         The top folder.
     number
-        Number of lines to draw; if fewer lines can be changed, all of them are drawn.
+        Number of lines to draw. If fewer lines can be changed, all these lines are drawn.
     seed
         Seed of the draw. The same seed and the same code give the same sample.
     rooms

@@ -1,6 +1,8 @@
-"""Fit solids that are hidden on a finer mesh: compare the bias of the modulus with the predicted bias, by section.
+"""Fit hidden solids, and compare the bias of the modulus with the predicted bias, by section assumption.
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
+
+The hidden solids are simulated on a finer mesh than that of the fits.
 """
 
 from __future__ import annotations
@@ -53,7 +55,10 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Return bias and interval of the modulus in per cent, the mean error in µm, and the effect of the solid."""
+    """Return a text with the result of a fit.
+
+    The text gives bias and interval of the modulus in per cent, the mean error in µm, and the change by the solid.
+    """
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
@@ -64,7 +69,10 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print a row for every specimen and hidden law; --short: one specimen only, --solid: the solid section only."""
+    """Print a row for every specimen and hidden law.
+
+    With --short only one specimen is fitted, and with --solid only the solid section is used.
+    """
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]

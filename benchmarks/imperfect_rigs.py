@@ -1,15 +1,18 @@
-"""The error of the modulus on an imperfect bench: fits of virtual solids with one error that no file states.
+"""The error of the modulus on an imperfect bench: fits of virtual solids with one error that no file mentions.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
 
 Each row is one imperfection, with the name of its cause in `fits.json`. The beam is that of the bench example, a hidden
-Neo-Hookean solid on a mesh finer than that of a fit, in eight fields up to 7.05 mT. The edges have white noise. The
-columns are the error of the modulus with the straight shape that the file states and with the measured rest shape, each
-with its 95 % interval from noise and mesh, and whether the interval from all stated uncertainties contains the true
-modulus. The second line states the rank of the true cause among the causes that were compared. With --both the fields
-have both polarities, and increase and then decrease. With --rendered a picture of each state is rendered, and the edges
-are found in the picture. With --planar the hidden and the stated beam are in plane stress, which takes a fifth of the
-time. The last lines count the ranks.
+Neo-Hookean solid on a finer mesh than that of a fit, in eight fields up to 7.05 mT. The edges have white noise.
+
+The columns are the error of the modulus with the straight shape of the specimen's file and with the measured rest
+shape. Each error has its 95 % interval from noise and mesh, and a word whether the interval from all stated
+uncertainties contains the true modulus. The second line gives the rank of the true cause among the compared causes.
+The last lines count the ranks.
+
+--both      The fields have both polarities, and increase and then decrease.
+--rendered  A picture of each state is rendered, and the edges are found in the picture.
+--planar    The hidden and the stated beam are in plane stress, which takes a fifth of the time.
 """
 
 from __future__ import annotations
@@ -50,7 +53,7 @@ STATED = load_specimen("bench_example")
 
 @dataclass(frozen=True)
 class Imperfection:
-    """One thing that is wrong on a bench.
+    """One property of a bench that is not as the files state.
 
     Attributes
     ----------
@@ -59,13 +62,13 @@ class Imperfection:
     words : str
         The size of the imperfection.
     specimen : callable
-        Returns the true specimen for the stated one.
+        Returns the true specimen for the stated specimen.
     loads : callable
-        Returns the true loads for the stated ones.
+        Returns the true loads for the stated loads.
     picture : callable
         Returns where the camera shows places (..., 2) in mm.
     is_clamp_seen : bool
-        Whether the picture of the clamp is changed like that of the beam.
+        Whether the picture of the clamp is changed like the picture of the beam.
     """
 
     cause: str
@@ -82,13 +85,13 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of one loop: at the magnet, the field is 2 % lower 15 mm from the loop's middle."""
+    """Return the loads in the field of a current loop, which is 2 % lower 15 mm from the middle of the loop."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that bend the beam as if its stiffness were multiplied by ``stiffness`` (K,)."""
+    """Return the loads that bend the beam as if its stiffness were multiplied by ``stiffness`` (K,) in the K states."""
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
 
@@ -157,7 +160,7 @@ IMPERFECTIONS = (
 
 
 def together(first: Imperfection, second: Imperfection) -> Imperfection:
-    """Return two imperfections on one bench."""
+    """Return the imperfection of a bench that has both imperfections."""
     return Imperfection(
         f"{first.cause}+{second.cause}",
         f"{first.words}; {second.words}",
@@ -175,14 +178,22 @@ PAIRS = tuple(
 
 
 def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> tuple[Array, Array]:
-    """Return the edges (K, 2, m, 2) of the true beam and the corners (K, 4, 2) of its magnet in mm, as the camera sees.
+    """Return the edges of the true beam and the corners of its magnet, as the camera shows them.
 
     Parameters
     ----------
     imperfection : Imperfection
     field_mT : ndarray, shape (K,)
+        Fields of the K states.
     planar : bool
         Whether the beam is in plane stress instead of a solid.
+
+    Returns
+    -------
+    edges : ndarray, shape (K, 2, m, 2)
+        Points of the left and the right edge in mm.
+    corners : ndarray, shape (K, 4, 2)
+        Corners of the magnet in mm.
     """
     specimen = imperfection.specimen(stated_specimen(planar))
     model = BeamModel(specimen, *MESH[:2]) if planar else SolidBeside(specimen, *MESH)
@@ -194,18 +205,18 @@ def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> t
 
 
 def stated_specimen(planar: bool) -> Specimen:
-    """Return the stated specimen, in plane stress if it is planar."""
+    """Return the specimen as its file states it; in plane stress if `planar` is true, else as a solid."""
     specimen = STATED.mechanics()
     return replace(specimen, section="plane-stress") if planar else specimen
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges (K, 2, m, 2) of the true solid in mm without their ends, as the camera sees them."""
+    """Return the edges (K, 2, m, 2) of the true solid in K states, in mm as the camera shows them, without the ends."""
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 
 
 def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> Experiment:
-    """Return what the bench measures: noisy edges, the stated specimen and its stated uncertainties."""
+    """Return the data of the bench: edges with noise, and the stated specimen with its stated uncertainties."""
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
@@ -215,7 +226,7 @@ def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> 
 def filmed(
     imperfection: Imperfection, seen: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
 ) -> Experiment:
-    """Return the measurements of the bench: the edges found in rendered pictures of the states that a fit uses."""
+    """Return the data of the bench from rendered pictures: the edges found in the states that a fit uses."""
     clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
     observed, used = rendered(*seen, clamp, STATED, seed)
     return _experiment(observed, field_mT[used], planar)
@@ -229,11 +240,18 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 @dataclass(frozen=True)
 class Place:
-    """The place of the true cause in one fit.
+    """The rank of the true cause among the compared causes of one fit. A pair of imperfections has two true causes.
 
-    first: whether the true cause is the first one, or the two of a pair are the first two. second: whether it is among
-    the first two, or the pair among the first three. declared: whether it is in the class of the first cause. wrong:
-    largest probability of a cause that is not true.
+    Attributes
+    ----------
+    first : bool
+        Whether the true cause has rank 1, or the two true causes have ranks 1 and 2.
+    second : bool
+        Whether the true cause is among the first two, or the two true causes are among the first three.
+    declared : bool
+        Whether the true cause is the first cause, or is listed as similar to the first cause.
+    wrong : float
+        Largest probability of a cause that is not true.
     """
 
     first: bool
@@ -243,7 +261,7 @@ class Place:
 
 
 def placed(fit: Fit, cause: str) -> Place:
-    """Return the place of the true cause, or of the two true causes."""
+    """Return the rank of the true cause in a fit; `cause` joins two true causes by `+`."""
     true = set(cause.split("+"))
     names = [entry.name for entry in fit.causes]
     count, alike = len(true), {names[0], *fit.causes[0].like}
@@ -253,7 +271,7 @@ def placed(fit: Fit, cause: str) -> Place:
 
 
 def ranked(fit: Fit, cause: str) -> str:
-    """Return the rank of the true cause among the causes, and the first three causes."""
+    """Return a text with the rank of the true cause, and with the first three causes."""
     names = [entry.name for entry in fit.causes]
     place = " and ".join(str(names.index(one) + 1) if one in names else "-" for one in cause.split("+"))
     first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
@@ -262,7 +280,7 @@ def ranked(fit: Fit, cause: str) -> str:
 
 
 def summary(places: Sequence[Place]) -> str:
-    """Return the shares of fits by the place of the true cause."""
+    """Return lines with the numbers of fits in which the true cause has each rank."""
     counts = {
         "first": sum(place.first for place in places),
         "first or second": sum(place.second for place in places),
@@ -273,7 +291,11 @@ def summary(places: Sequence[Place]) -> str:
 
 
 def in_words(fit: Fit) -> str:
-    """Return a text: the error of the modulus and its interval from noise and mesh (%), and whether the other holds."""
+    """Return a text with the result of a fit.
+
+    The text gives the error of the modulus with its interval from noise and mesh (%), and the half-width of the
+    interval from all uncertainties, with a word whether this interval contains the true modulus.
+    """
     modulus = fit.initial_shear_modulus
     low, high = modulus.interval_95
     error, *ends = (

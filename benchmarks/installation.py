@@ -1,9 +1,10 @@
-"""Print the size of an installation on the disk: that of eimi-lab and of each package that it needs.
+"""Print the size of an installation on the disk: of eimi-lab and of each package that eimi-lab needs.
 
     python -m benchmarks.installation
 
-Run it with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes one). The sizes
-are those of the files that pip recorded, with their compiled modules. Packages of extras are left out.
+Run the script with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes such an
+environment). The sizes are those of the files that pip recorded, with their compiled modules. Packages of extras are
+left out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ LEAST_MB = 2.5  # smaller packages are summed in one row
 
 
 def needed(name: str, found: dict[str, Distribution]) -> None:
-    """Add a package to the packages found, and the packages that it needs without extras."""
+    """Add a package to `found`, and all packages that it needs without extras."""
     try:
         package = distribution(name)
     except PackageNotFoundError:
@@ -35,14 +36,14 @@ def needed(name: str, found: dict[str, Distribution]) -> None:
 
 
 def size_MB(package: Distribution) -> float:
-    """Return the size of the recorded files of a package on the disk in MB."""
+    """Return the size on the disk of the recorded files of a package, in MB."""
     paths = [Path(str(package.locate_file(file))) for file in package.files or []]
     # A block of stat(2) has 512 bytes.
     return sum(512 * path.stat().st_blocks for path in paths if path.exists()) / 1e6
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table of package sizes."""
     found: dict[str, Distribution] = {}
     needed("eimi-lab", found)
     sizes = {name: size_MB(package) for name, package in found.items()}

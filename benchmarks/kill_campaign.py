@@ -73,14 +73,14 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class Heard:
-    """An emulated instrument that records when it receives its first message."""
+    """An emulated instrument that sets the event `first` when it receives its first message."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
         self.first = threading.Event()
 
     def receive(self, data: bytes) -> bytes:
-        """Pass the message on."""
+        """Set the event `first`, and return the answer of the instrument to the message."""
         self.first.set()
         return self._instrument.receive(data)
 
@@ -89,7 +89,15 @@ class Heard:
 class RunEnd:
     """The end of a run.
 
-    on_for_s: how long after the signal the output was still on, 0 if it was off.
+    Attributes
+    ----------
+    status : int
+        Exit status.
+    lines : list of str
+        Messages of the run.
+    lasted_s : float
+    on_for_s : float
+        Time after the signal for which the output was still on; 0 if the output was off.
     """
 
     status: int
@@ -99,12 +107,12 @@ class RunEnd:
 
     @property
     def acknowledged(self) -> int:
-        """The number of states that the run reported as stored."""
+        """Return the number of states that the run reported as stored."""
         return sum(line.startswith("acquire ") for line in self.lines)
 
 
 def make_bench(folder: Path) -> None:
-    """Write the TOML files and the recording of a beam at rest."""
+    """Write the TOML files of a bench, and a recording of a beam at rest."""
     recording = folder / "recording"
     recording.mkdir()
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)
@@ -121,7 +129,10 @@ def make_bench(folder: Path) -> None:
 def run(
     folder: Path, address: str, heard: Heard, coil: CoilSupply, driver: str, kill: tuple[int, float] | None, *more: str
 ) -> RunEnd:
-    """Run `eimi acquire`; `kill` is a signal and the time in seconds after the first message at which it is sent."""
+    """Run `eimi acquire`, and return its end.
+
+    `kill` is a signal, and the time in seconds after the first message at which the signal is sent; None for no signal.
+    """
     (folder / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"
@@ -160,7 +171,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def stored(path: Path) -> list[float | None]:
-    """Return the currents of the states of a dataset, after reading every frame and its checksum."""
+    """Return the currents of the states of a dataset, after every frame and its checksum were read."""
     with open_dataset(path) as dataset:
         for state in dataset.states:
             assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)
@@ -168,7 +179,7 @@ def stored(path: Path) -> list[float | None]:
 
 
 def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
-    """Return the faults after a killed run."""
+    """Return the faults after a killed run: coil left on or off too late, or acknowledged states without a file."""
     faults = []
     if coil.state.output or coil.state.set_current_A:
         faults.append("the coil was left on")
@@ -185,7 +196,7 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
 
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
-    """Kill the runs, print the figures, and return the number of runs with a fault."""
+    """Kill runs at random moments, print the figures, and return the number of runs with a fault."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a child would inherit ignored signals
         signal.signal(number, signal.SIG_DFL)
     random = np.random.default_rng(seed)

@@ -2,13 +2,13 @@
 
 The beams have a known shape, a random colour and a random bend. Each picture has one difficulty of real photographs:
 glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``--pictures N`` (6) sets the number of
-each kind, ``--seed`` the seed, ``--kind NAME`` (one or more) selects kinds, ``--draw FOLDER`` writes an overlay of each
+each kind, ``--seed`` the seed. ``--kind NAME`` selects one or more kinds. ``--draw FOLDER`` writes an overlay of each
 picture.
 
 A picture is *good* if the error is within 0.07 of the beam's width (root mean square), as for `photographs`. It is
-*doubted* if the error is larger and a doubtful flag is set, *refused* if the picture is refused, and *silent* if the
-result is wrong without a flag; there must be no silent picture. With ``lookalike`` there is no beam, and every picture
-that gives points without a doubt is silent.
+*doubted* if the error is larger and a doubtful flag is set, and *refused* if no edges are returned. It is *silent* if
+the result is wrong without a flag. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this
+kind is silent if it gives points without a doubt.
 """
 
 from __future__ import annotations

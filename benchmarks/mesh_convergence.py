@@ -1,6 +1,8 @@
-"""Measure how the place of the tip at 15 mT depends on the mesh, as in the mesh study of the method's paper.
+"""Measure how the place of the tip at 15 mT depends on the mesh.
 
 python -m benchmarks.mesh_convergence [FIGURE.png]
+
+The paper of the method contains the same study.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ def tip(mesh: tuple[int, int]) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the table of the tip's error; draw the figure if a file name is given."""
+    """Print the table of the errors of the tip, and draw the figure if a file name is given."""
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
     print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")
@@ -54,7 +56,7 @@ def main() -> None:
 
 
 def draw(percent: np.ndarray, path: str) -> None:
-    """Draw the errors (n,) of MESHES against the number of elements."""
+    """Draw the errors (n,) in per cent against the number of elements."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter
 

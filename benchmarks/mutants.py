@@ -1,18 +1,18 @@
-"""Put small mistakes into a copy of the project, one at a time, and report which of them the tests detect.
+"""Put small mistakes into a copy of the project, one at a time, and report which mistakes the tests detect.
 
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 ``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
 
 The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, the right fragment, the wrong
-fragment that replaces it, and the tests that concern it. These tests run until one fails; the mistake is then caught. A
-mistake that makes a test hang is caught only if the time limit of that test ends it. With ``--results`` a run continues
-where an earlier one ended, and tries mistakes that survived again.
+fragment that replaces it, and the tests that concern the mistake. These tests run until a test fails; the mistake is
+then caught. A mistake that makes a test hang is caught only if the time limit of that test ends the test. With
+``--results`` a run continues where an earlier run ended, and tries the mistakes that survived again.
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn with the seed.
-The tests that execute the line are run (`tests_by_line`, whose map is recorded first), the quickest first. A mistake
-that no test executes, or that ends in no decision, counts as missed, except those that ``equivalent_mistakes.toml``
-lists with a reason. The shares are printed by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22,
-209, 1927), and so is the time.
+The tests that execute the line are run, the quickest first (`tests_by_line`, whose map must be recorded before). A
+mistake counts as missed if no test executes it or if its tests end without a decision. Mistakes that
+``equivalent_mistakes.toml`` lists with a reason are not counted. The script prints the shares by room with their 95 %
+intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 """
 
 from __future__ import annotations
@@ -60,11 +60,26 @@ _OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other means
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake.
+    """One mistake in the code.
 
-    file: path in the project; right: a fragment that occurs once; wrong: its replacement; tests: files or pytest node
-    identifiers; number: place among all mistakes, from 1; limit_s: time limit of all its tests; is_generated: whether a
-    generator made it.
+    Attributes
+    ----------
+    number : int
+        Index among all mistakes, from 1.
+    room : str
+        Name of the list, or of the package of a generated mistake.
+    says : str
+        Description of the mistake.
+    file : str
+        Path in the project.
+    right, wrong : str
+        A fragment that occurs once in the file, and its replacement.
+    tests : tuple of str
+        Files or pytest node identifiers.
+    limit_s : float
+        Time limit of all tests together.
+    is_generated : bool
+        Whether a generator made the mistake.
     """
 
     number: int
@@ -79,12 +94,12 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """An identifier that does not depend on the place in the list, of a listed mistake with its tests."""
+        """Return an identifier that does not depend on the index. For a listed mistake it depends on the tests."""
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """Return the text with the mistake; raise ValueError unless the fragment occurs exactly once."""
+        """Return the text of the file with the mistake. Raises ValueError unless the fragment occurs exactly once."""
         if text.count(self.right) != 1:
             raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
         return text.replace(self.right, self.wrong)
@@ -112,7 +127,10 @@ def copied(project: Path, folder: Path) -> Path:
 
 
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Return whether the tests detect the mistake in this copy, and the last line of their output; restore the copy."""
+    """Put a mistake into this copy of the project, run its tests, and restore the copy.
+
+    Return the outcome ("caught", "survived" or "broken") and the last line of pytest's output.
+    """
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
@@ -127,7 +145,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) -> tuple[str, str]:
-    """Run tests in a copy until one fails; return the outcome and the last line of their output."""
+    """Run tests in a copy until a test fails; return the outcome and the last line of pytest's output."""
     transcript = copy.with_suffix(".txt")
     child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests), min(TEST_LIMIT_S, limit_s / 2)))
     child.start()
@@ -145,7 +163,7 @@ def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) ->
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on the copy in this new process, which has loaded third-party packages only."""
+    """Run pytest on the copy in a new process, in which only third-party packages are already loaded."""
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
@@ -165,7 +183,7 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: fl
 
 
 def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
-    """Return mistakes in lines that are drawn with the seed, with the tests that execute these lines."""
+    """Return generated mistakes in lines that are drawn with the seed, with the tests that execute these lines."""
     tests = TestsByLine()
     mutants = []
     for place, (file, change) in enumerate(sampled(PROJECT, number, seed, rooms), 1):
@@ -178,7 +196,7 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
 
 
 def wilson_95(hits: int, number: int) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share, both ends between 0 and 1."""
+    """Return Wilson's 95 % interval of the share hits / number; both ends are between 0 and 1."""
     z, share = 1.959964, hits / number
     middle = (share + z * z / (2 * number)) / (1 + z * z / number)
     half = z / (1 + z * z / number) * math.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
@@ -186,13 +204,13 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the reasons of the generated mistakes that change no behaviour, by the keys of the mistakes."""
+    """Return the reason of each generated mistake that changes no behaviour, by the key of the mistake."""
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 
 
 def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown with the share of the caught mistakes of each room, and its interval."""
+    """Return lines of Markdown with the share of caught mistakes in each room, and the interval of this share."""
     excused = equivalent_keys()
     counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
     lines = ["| room | mistakes | caught | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
@@ -207,7 +225,7 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown with the number of mistakes in each list, and how many of them were caught."""
+    """Return lines of Markdown with the number of mistakes in each list, and the number of caught mistakes."""
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:

@@ -1,13 +1,15 @@
-"""Compare the results of the demonstration and of eight complete cases before and after a change.
+"""Compare the results of the demonstration and of eight complete cases before and after a change of the code.
 
     python -m benchmarks.numbers -o before.json [--quick]
     python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
 
-The cases are four specimens, each with two hidden materials: a Neo-Hookean one, fitted with all laws, and a Yeoh
+The cases are four specimens, each with two hidden materials: a Neo-Hookean material, fitted with all laws, and a Yeoh
 material, fitted with Yeoh and Ogden. The results are the edges, every number and word of fits.json, and the errors of
-`eimi validate`. In the comparison the script prints the largest relative difference of each quantity, the quantities
-that only one of the two files has, and the words that differ. The exit status is 1 if a difference is larger than
---rtol or a quantity is missing. --quick runs the quick demonstration only; otherwise the script takes some minutes.
+`eimi validate`.
+
+The script prints the largest relative difference of each quantity, the quantities that only one of the two files
+contains, and the words that differ. The exit status is 1 if a difference is larger than --rtol or if a quantity is
+missing. --quick runs only the quick demonstration; otherwise the script takes some minutes.
 """
 
 from __future__ import annotations
@@ -97,7 +99,7 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield every number or word with its path of keys; a list of numbers is one leaf."""
+    """Yield every number or word with the keys that lead to it. A list of numbers counts as one element."""
     if isinstance(node, dict):
         for key, value in node.items():
             if key not in OF_THE_RUN:
@@ -110,7 +112,7 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """Return the largest difference, relative to the largest number of a list; infinite for words or unequal shapes."""
+    """Return the largest difference relative to the largest number of a list; infinity for words or unequal shapes."""
     if before == after:
         return 0.0
     one, other = (value if isinstance(value, list) else [value] for value in (before, after))
@@ -121,14 +123,14 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the path of a number without the keys of case, law and state, so that all of them are one quantity."""
+    """Return the keys of a number as a text, without the keys of case, law and state."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences; return whether no quantity is missing and no difference is larger than rtol."""
+    """Print the differences; return True if no quantity is missing and no difference is larger than rtol."""
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():

@@ -1,12 +1,14 @@
-"""Measure how quickly the coil is switched off after every fault that can prevent it, at full current.
+"""Measure how quickly the coil is switched off at full current, for every fault that can prevent the switching.
 
     python -m benchmarks.off_campaign --trials 5
 
-Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A, on
-an emulated supply in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a random moment
-after the current is set. The table shows how long the output stayed on after the fault, or after the supply answered
-again; the states that were acknowledged but are not in the file; and whether the run reported the fault. The exit
-status is 0 if no trial had a fault. `--fault NAME` runs one fault only, `--list` prints their names.
+Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A. The
+supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a random moment
+after the current is set.
+
+The table shows for how long the output stayed on after the fault, or after the supply answered again. It also shows the
+number of states that were acknowledged but are not in the file, and whether the run reported the fault. The exit status
+is 0 if no trial had a fault. `--fault NAME` runs one fault only, `--list` prints the names of the faults.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class Outcome:
 
 
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial."""
+    """Run one trial, in which the fault is caused `after_s` seconds after the full current is set."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)
@@ -100,8 +102,8 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 def _called_off_too_early(trial: Trial) -> list[str]:
     """Return the messages that reported the coil as off while a current above the limit flowed.
 
-    The limit is the one that this message or the last one before it states; without one, it is the smallest of all
-    families.
+    The limit is the limit in this message or in the last message before it. Without such a message it is the smallest
+    limit of all families of supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
@@ -125,7 +127,7 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Try each fault, print the figures, and return the number of trials with a fault."""
+    """Try each fault several times, print the figures, and return the number of trials with a fault."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
         signal.signal(number, signal.SIG_DFL)  # a child would inherit ignored signals
     random = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""The faults of `off_campaign`: every fault that can keep a coil on, and what a run should do about it."""
+"""The faults of `off_campaign`: every fault that can keep a coil on, and the reaction that a run must show."""
 
 from __future__ import annotations
 
@@ -14,12 +14,27 @@ from eimi_drivers.emulators.faults import SLEEPS_FOR_S
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that is caused during a run.
+    """A fault that is caused during a run, and the reaction that the run must show.
 
-    act: causes the fault and returns the moment from which the time is counted; said: pattern that the messages of the
-    run must contain; off_within_s: promised time; unread: see `Trial`; flows_on: the current continues after the output
-    is off; out_of_reach: no program can switch the coil off any more, so that the time is counted until the run says
-    that the coil may be on; not_said: pattern that no message may contain.
+    Attributes
+    ----------
+    name, driver, transport : str
+        Name of the fault, driver of the supply, and kind of line to the supply.
+    act : callable
+        Causes the fault, and returns the moment from which the time is counted.
+    said : str
+        Pattern that the messages of the run must contain.
+    off_within_s : float
+        Promised time in which the coil is switched off.
+    unread : bool
+        See `Trial`.
+    flows_on : bool
+        Whether the current continues after the output is off.
+    out_of_reach : bool
+        Whether no program can switch the coil off any more. The time is then counted until the run reports that the
+        coil may be on.
+    not_said : str
+        Pattern that no message may contain.
     """
 
     name: str
@@ -124,7 +139,7 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the name of a line to a supply, with the driver if the line is not in `LINES`."""
+    """Return the name of a line to a supply. The driver is added if the line is not in `LINES`."""
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 
 

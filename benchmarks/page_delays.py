@@ -1,10 +1,11 @@
-"""Measure the live page: delay from a frame to the screen, from STOP to the coil off, and memory while it streams.
+"""Measure the live page: delay from a frame to the screen, from STOP to the coil off, and memory while streaming.
 
 `python -m benchmarks.page_delays` measures the two delays on an emulated supply while every processor core is kept
-busy; it takes some minutes. `--stream 20` streams for 20 minutes and prints the memory of every process each minute.
-The script needs the extras `page` and `test`, and Chromium. All times are of one clock. A frame counts from the moment
-when the run receives it to the moment when the server hears that the browser has drawn it. A stop counts from the key
-press to the moment when the emulated output is off.
+busy. This takes some minutes. `--stream 20` streams for 20 minutes and prints the memory of every process each minute.
+The script needs the extras `page` and `test`, and Chromium.
+
+All times are of one clock. The delay of a frame is the time from its arrival in the run until the server hears that
+the browser has drawn it. The delay of a stop is the time from the key press until the emulated output is off.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ field_angle_deg = 0.0
 
 
 def draw(number: int) -> np.ndarray:
-    """Draw a dark beam below a clamp on a bright noisy background; the bend grows with the number."""
+    """Return a picture of a dark beam below a clamp on a bright noisy background; the bend grows with the number."""
     rng = np.random.default_rng(number)
     wide, high = SIZE_PX
     y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
@@ -83,7 +84,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """Start processes that each use one processor core."""
+    """Start processes that keep one processor core busy each, and end them with the context."""
     workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
     for worker in workers:
         worker.start()
@@ -101,7 +102,7 @@ def _spin() -> None:
 
 @contextmanager
 def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
-    """Open the page of a folder in a headless browser."""
+    """Open the page of a folder in a headless browser; yield the page and the process of the server."""
     from playwright.sync_api import sync_playwright
 
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
@@ -122,7 +123,7 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
 
 
 def start(page: Any, dataset: str) -> None:
-    """Start a run, and wait until it has a current."""
+    """Start a run on the page, and wait until the coil has a current."""
     page.locator("#protocol option").first.wait_for(state="attached")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
@@ -136,7 +137,7 @@ def frame_to_screen_s(page: Any) -> list[float]:
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Return the seconds from the key press to the output being off, and the seconds from a frame to the screen."""
+    """Return two lists of delays (s): from the key press to the output off, and from a frame to the screen."""
     coil, off = CoilSupply(WallClock()), list[float]()
     switch: Callable[[bool], bool] = coil.switch
 
@@ -185,7 +186,7 @@ def memory_MB(server: int) -> dict[str, float]:
 
 
 def stream(minutes: float) -> None:
-    """Print the memory once a minute during a run whose pictures are shown."""
+    """Print the memory of all processes once a minute during a run whose pictures are shown."""
     coil = CoilSupply(WallClock())
     with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
         folder = Path(name)

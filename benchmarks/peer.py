@@ -2,9 +2,9 @@
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
-Both run in one process with one thread, on the same beam, material and 16 field states. The errors are differences from
-a reference: `eimi_fitting` on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe converges to the
-same limit.
+Both programs run in one process with one thread, on the same beam, material and 16 field states. The errors are
+differences from a reference, `eimi_fitting` on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe
+converges to the same limit.
 """
 
 from __future__ import annotations
@@ -31,14 +31,17 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Return the tip error of the last state and the largest tip error of all states, in % of the last deflection."""
+    """Return the error of the tip in the last state and the largest in all states, in % of the last deflection."""
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
     return 100 * off[-1] / deflection, 100 * off.max() / deflection
 
 
 def main() -> None:
-    """Print all times and errors; with --short, use a coarse reference and one FElupe mesh, and time each only once."""
+    """Print all times and errors.
+
+    With --short the reference is coarse, FElupe has one mesh, and each time is measured only once.
+    """
     try:
         import felupe
 

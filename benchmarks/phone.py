@@ -2,9 +2,10 @@
 
     python -m benchmarks.phone [--scenes 20] [--share 0.5] [-o FOLDER]
 
-Each scene is drawn and typed with errors (`tests.shared.phone_photographs`), goes through the functions of the page
-"Weights and a phone", and is fitted as the page does. The table gives the error of the modulus, the half-width of its
-95 % interval, and whether the interval holds the hidden modulus. The goals: every error below 5 %, 19 of 20 held.
+Each scene is rendered and described with errors (`tests.shared.phone_photographs`). It is processed by the functions of
+the page "Weights and a phone", and fitted as on this page. The table gives the error of the modulus, the half-width of
+its 95 % interval, and whether the interval contains the hidden modulus. The goals are that every error is below 5 %,
+and that 19 of 20 intervals contain the hidden modulus.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def outcome(seed: int, share: float, folder: Path) -> Outcome:
 
 
 def main() -> None:
-    """Print a table of the scenes, and state whether the goals are met."""
+    """Print a table of the scenes, and whether the goals are met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

@@ -1,8 +1,8 @@
 """Measure edges in rendered photographs of coloured beams with a known outline: ``python -m benchmarks.photographs``.
 
-Each picture shows a beam of random colour and bend before a cluttered background, with uneven light from the front and
-a shadow beside or under the beam, as a JPEG of quality 80. ``--pictures N`` (200) sets their number; the ``--kind``s
-(all five) alternate.
+Each picture shows a beam of random colour and bend before a cluttered background. The light comes unevenly from the
+front, and a shadow lies beside or under the beam. The picture is a JPEG of quality 80. ``--pictures N`` (200) sets the
+number of pictures. The ``--kind``s (all five) alternate.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Draw pictures of edges for the docs: ``python -m benchmarks.picture_overlays docs/pictures``.
+"""Draw pictures of edges for the documentation: ``python -m benchmarks.picture_overlays docs/pictures``.
 
-``real_pictures.png`` shows traced and detected edges of other people's photographs without the photographs, which may
-not be distributed; it is left out if they are not available. ``benches.jpg`` shows rendered photographs with the
-detected edges.
+``real_pictures.png`` shows traced and detected edges of other people's photographs. The photographs themselves may not
+be distributed and are not shown. The file is left out if the photographs are not available. ``benches.jpg`` shows
+rendered photographs with the detected edges.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """Draw the traced edges (grey, as wide as their uncertainty), the detected edges and the stated clamp."""
+    """Draw traced edges (grey, as wide as their uncertainty), detected edges and stated clamp of a picture."""
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)

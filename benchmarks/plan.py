@@ -1,12 +1,12 @@
-"""Compare planned states with equally spaced ones, and the predicted with the resulting interval, in experiments.
+"""Compare planned states with equally spaced states, and the predicted with the measured interval.
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 
-The experiments are those of `benchmarks.coverage`: every source that the bench examples state is drawn at random, the
-true beam is simulated on a finer mesh, edges get white and correlated noise, and the fit knows the nominal values only.
-A first run has equally spaced fields, and the plan uses the fit of this run only. The planned and the equally spaced
-states, equal in number, are then measured again, and the half-widths of the 95 % intervals of the initial shear modulus
-are compared.
+The experiments are those of `benchmarks.coverage`. Every source of uncertainty in the bench examples is drawn at
+random. The true beam is simulated on a finer mesh, and its edges get white and correlated noise. The fit knows only the
+nominal values. A first run has equally spaced fields, and the plan uses only the fit of this run. Planned states and
+the same number of equally spaced states are then measured again. The table compares the half-widths of the 95 %
+intervals of the initial shear modulus.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tests.shared.virtual_measurements import stated
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
 ) -> None:
-    """Plan and measure several runs; print the means over the runs."""
+    """Plan and measure several runs, and print a row with the means over the runs."""
     every: list[tuple[float, float, float, float]] = []
     chosen = ""
     for number in range(runs):

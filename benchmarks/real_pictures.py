@@ -1,11 +1,15 @@
-"""Compare the edges of other people's photographs with traced ones: ``python -m benchmarks.real_pictures``.
+"""Compare the edges of other people's photographs with traced edges: ``python -m benchmarks.real_pictures``.
 
-The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout; they may not be
-distributed. ``--draws 5`` states clamp, axis, width and length wrongly at random, five times: by up to 4 px, 4 degrees,
-8 % and 10 %. ``--clicks 3`` draws three clicks within 10 px of the centre line, three times, and leaves out the group
-`refusal`, which has no centre line. ``--overlay FOLDER`` draws the detected edges. ``--chance DRAWS`` draws scatter of
-the same correlation at random, and prints for each edge the 95 % range of the ratio of stated to observed deviation,
-and the median of the ratio of stated to true deviation.
+The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout. They may not be
+distributed.
+
+--draws 5         Give wrong values of clamp, axis, width and length, drawn at random five times: by up to 4 px, 4
+                  degrees, 8 % and 10 %.
+--clicks 3        Draw three clicks within 10 px of the centre line, three times. The group `refusal` is left out,
+                  because it has no centre line.
+--overlay FOLDER  Draw the detected edges.
+--chance DRAWS    Draw scatter of the same correlation at random. For each edge, print the 95 % range of the ratio of
+                  stated to observed deviation, and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -33,7 +37,10 @@ _DEGREE = 7  # of the polynomial about which the scatter of an edge is computed
 
 
 def stated_over_seen(edge: EdgePoints) -> float:
-    """Return the ratio of the stated standard deviation to the observed one about a polynomial of the arc length."""
+    """Return the stated standard deviation of an edge over the observed standard deviation.
+
+    The observed deviation is that of the points about a polynomial of the arc length. NaN for too few points.
+    """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
     return math.sqrt(float((edge.sigma_mm**2).mean())) / _SeenScatter(edge.points_mm).deviation
@@ -41,7 +48,7 @@ def stated_over_seen(edge: EdgePoints) -> float:
 
 @dataclass(frozen=True)
 class _SeenScatter:
-    """The observed scatter of an edge's points (n, 2) about a polynomial of their arc length."""
+    """The observed scatter of the points (n, 2) of an edge about a polynomial of their arc length."""
 
     points: Array
 
@@ -69,10 +76,23 @@ class _SeenScatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return the ratios of stated to observed deviation (95 % range) and to true deviation (median) of random scatter.
+    """Draw random scatter about an edge, and return ratios of the stated standard deviation.
 
-    points_px: (n, 2) an edge, whose places and line are kept. The scatter is drawn as a process with exponential
-    correlation along the edge; neighbouring points have the observed correlation.
+    The scatter has an exponential correlation along the edge. Neighbouring points have the observed correlation.
+
+    Parameters
+    ----------
+    points_px : ndarray, shape (n, 2)
+        The edge. Its places and its smooth line are kept.
+    draws : int
+    rng : numpy Generator
+
+    Returns
+    -------
+    low, high : float
+        95 % range of stated deviation over observed deviation.
+    median : float
+        Median of stated deviation over true deviation.
     """
     scatter = _SeenScatter(points_px)
     shared = float((scatter.across[1:] * scatter.across[:-1]).sum() / (scatter.across**2).sum())

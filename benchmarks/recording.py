@@ -1,8 +1,8 @@
 """Measure the recording of a ring-down from a fast camera: `python -m benchmarks.recording`.
 
-Pre-rendered noisy frames come from another process through the interface of a camera, at 120 Hz with 1.3 megapixels and
-at 500 Hz with 640 x 480. A whole run records them for ten seconds and writes them to disk; every frame is read back and
-compared. The load of the machine is printed, because other programs cost frames.
+Another process sends pre-rendered noisy frames through the interface of a camera: 1.3 megapixels at 120 Hz, and
+640 x 480 pixels at 500 Hz. A whole run records the frames for ten seconds and writes them to disk. Every frame is then
+read back and compared. The load of the machine is printed, because other programs can cause lost frames.
 """
 
 from __future__ import annotations

@@ -23,14 +23,14 @@ _CLAMP_MM = np.array([[0.0, -6.0], [0.0, 6.0], [-15.0, 6.0], [-15.0, -6.0]])
 def rendered(
     sides: Array, magnets: Array, clamp: Callable[[Array], Array], specimen: SpecimenFile, seed: int
 ) -> tuple[EdgeObservation, NDArray[np.intp]]:
-    """Return the edges that are found in one picture of each state, and the states that a fit uses.
+    """Return the edges that are found in one rendered picture of each state, and the states that a fit uses.
 
     Parameters
     ----------
     sides : ndarray, shape (K, 2, m, 2)
-        Left and right edge in the picture, in mm of the beam frame.
+        Left and right edge in the picture in K states, in mm of the beam frame.
     magnets : ndarray, shape (K, 4, 2)
-        Corners of the magnet in the picture, likewise.
+        Corners of the magnet in the picture, in mm of the beam frame.
     clamp : callable
         Returns where the camera shows places of the clamp.
     specimen : SpecimenFile

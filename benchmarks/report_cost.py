@@ -1,8 +1,8 @@
 """Measure the cost of `eimi report` for three datasets with twenty fits.
 
-Four laws are fitted in bending and in four tensile windows. The datasets are the shipped specimens type1 to type3 on
-the virtual rig, with 16 states each. The tensile test is `--curve`, or by default a curve of Yeoh's law, which no law
-of two terms follows to its end.
+Four laws are fitted to bending and in four tensile windows. The datasets are the shipped specimens type1 to type3 on
+the virtual rig, with 16 states each. The tensile test is the file of `--curve`. Without `--curve` it is a curve of
+Yeoh's law, which no law of two terms can follow to its end.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Draw pictures of a report for inspection: ``python -m benchmarks.report_pictures report.html -o FOLDER``.
 
-Headless Chromium draws the whole page 1400 and 800 px wide and prints it on A4; `pdftoppm` (poppler) makes a picture of
-every printed page. Look for a heading without its figure, a table or figure that is cut, text that is too small at 800
-px, and information that only a colour shows.
+Headless Chromium draws the whole page 1400 and 800 px wide, and prints the page on A4. `pdftoppm` (poppler) makes a
+picture of every printed page. Look for a heading without its figure, a table or figure that is cut, text that is too
+small at 800 px, and information that only a colour shows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _TIMEOUT_S = 300
 
 
 def browser() -> str:
-    """Return the path of Chromium; exit with a message if it is not installed."""
+    """Return the path of Chromium; exit with a message if no browser is installed."""
     path_of_browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
     if path_of_browser is None:
         sys.exit(f"needs one of {', '.join(_BROWSERS)}")
@@ -31,7 +31,7 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Run the browser once on a page, with a new profile."""
+    """Run Chromium once on a page, with these options and a new profile."""
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]
@@ -39,7 +39,7 @@ def chromium(page: Path, *how: str) -> None:
 
 
 def screen(page: Path, folder: Path, width: int) -> Path:
-    """Draw the whole page at the width of a window, without the empty part at the bottom."""
+    """Draw the whole page in a window of this width, cut the empty part at the bottom, and return the file."""
     path = folder / f"{page.stem}_{width}.png"
     chromium(page, f"--window-size={width},{_TALL_PX}", f"--screenshot={path}")
     with Image.open(path) as whole:
@@ -50,7 +50,7 @@ def screen(page: Path, folder: Path, width: int) -> Path:
 
 
 def printed(page: Path, folder: Path) -> list[Path]:
-    """Print the page on A4, and draw every sheet if `pdftoppm` is installed."""
+    """Print the page on A4; return the PDF file and, if `pdftoppm` is installed, a picture of every sheet."""
     pdf = folder / f"{page.stem}.pdf"
     chromium(page, "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
     if not shutil.which("pdftoppm"):

@@ -1,8 +1,9 @@
-"""Measure the gain in time by a second worker: a grid of fits in one process and in two, alternately.
+"""Measure the gain in time by a second worker process.
 
     python -m benchmarks.second_worker DATASET.h5 [--fits 48]
 
-The time with two processes includes their start.
+A grid of fits is computed alternately in one process and in two processes. The time with two processes includes their
+start.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ TRUTH = {
 
 
 def measured(model: str, seed: int) -> Experiment:
-    """Return the noisy edges of a beam with a known law."""
+    """Return the noisy edges of a beam with this law and its example parameters."""
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)

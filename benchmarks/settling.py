@@ -1,7 +1,7 @@
 """Measure the time of the settling statistic for a frame: `python -m benchmarks.settling`.
 
-The frames have shot noise, a beam with two edges, and 1.3 or 5 million pixels. The first column finds the band along
-the edges anew for each frame; the second keeps it, as the wait for the beam does while the beam is quiet.
+The frames have shot noise, a beam with two edges, and 1.3 or 5 million pixels. In the first column the band along the
+edges is determined anew for each frame. In the second column the band is kept, as in a run while the beam is quiet.
 """
 
 from __future__ import annotations

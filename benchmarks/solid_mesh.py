@@ -25,19 +25,22 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 
 
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
-    """Return the rotations (K,) of the tip in plane stress."""
+    """Return the rotations of the tip in plane stress in the K states (degrees), shape (K,)."""
     model = BeamModel(replace(specimen, section="plane-stress"), along, across)
     return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotations (K,) of the tip of the solid."""
+    """Return the rotations of the tip of the solid in the K states (degrees), shape (K,)."""
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """Print the error in per cent of the modulus in the state with the largest rotation; --short takes one case."""
+    """Print the error of the modulus in per cent, in the state with the largest rotation.
+
+    With --short only one case is computed.
+    """
     short = "--short" in sys.argv
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if short else names:

@@ -1,10 +1,10 @@
-"""Measure the cost of one simulated curve and of one fit, and how the cost grows.
+"""Measure the cost of one simulated curve and of one fit, and how these costs grow.
 
     python -m benchmarks.speed [FIGURE.png]
 
-The figures are processor time of one thread. The curve is that of a 30 x 3 mm beam with a 4 mm magnet in 16 field
-states: for a batch of candidates, for one candidate, and for growing numbers of candidates, states and elements. Whole
-fits follow (`benchmarks.fit_cost`).
+The figures are processor times of one thread. The curve consists of 16 field states of a 30 x 3 mm beam with a 4 mm
+magnet. Its cost is measured for a batch of candidates, for one candidate, and for growing numbers of candidates, states
+and elements. Whole fits follow (`benchmarks.fit_cost`).
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ TOLERANCE_MM = 1e-2  # as in the identification
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return candidates around an example, whose moduli are spread by a third."""
+    """Return `size` candidates of a law around an example, with moduli spread by a third."""
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the processor time (s) of one batch; a batch before it computes the tables and is not counted."""
+    """Return the processor time (s) of one batch. A first batch computes the tables and is not counted."""
 
     def solve() -> Shapes:
         return model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM)
@@ -56,7 +56,7 @@ def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
 
 
 def main() -> None:
-    """Print every table."""
+    """Print the tables of costs, and draw the figure if a file name is given."""
     print(f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, one thread")
     model, fine = BeamModel(SPECIMEN), BeamModel(SPECIMEN, 39, 3)
     loads = Loads.along(np.linspace(0, 7.05, 16))
@@ -86,12 +86,12 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Return the slope of log cost against log number over the last three points."""
+    """Return the slope of the logarithm of the cost against the logarithm of the number, over the last three points."""
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
-    """Draw the three curves of growth side by side, each with a line of slope 1."""
+    """Draw the cost against the numbers of candidates, states and elements, each with a line of slope 1."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.1), layout="constrained")

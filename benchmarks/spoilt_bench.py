@@ -30,7 +30,7 @@ NAMES = 6000
 
 
 class Supply:
-    """An emulated supply in a separate process, and the changes of its coil that it reported."""
+    """An emulated supply in a separate process, with all changes of its coil that the process reported."""
 
     def __init__(self, driver: str, transport: str) -> None:
         self._process = subprocess.Popen(
@@ -56,7 +56,7 @@ class Supply:
             self.told.append((float(at), on == "1", float(set_A), float(true_A)))
 
     def tell(self, word: str) -> None:
-        """Cause a fault, or end the present fault."""
+        """Cause the fault with this name, or end the present fault with `none`."""
         assert self._process.stdin is not None
         print(word, file=self._process.stdin, flush=True)
 
@@ -69,7 +69,7 @@ class Supply:
         return self.on() and self.told[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
-        """Return the time at which the output was last switched off."""
+        """Return the time (s) at which the output was last switched off."""
         off_s = self.told[-1][0]
         for at, on, _, _ in reversed(self.told):
             if on:
@@ -78,11 +78,11 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at a time of the monotonic clock, within the smallest change that is reported."""
+        """Return the true current (A) at a time, within the smallest reported change of the current."""
         return next((true_A for told_s, _, _, true_A in reversed(self.told) if told_s <= at_s), 0.0)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process of the supply."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.wait(WAIT_AT_MOST_S)
@@ -90,10 +90,16 @@ class Supply:
 
 @dataclass
 class Trial:
-    """A run on its bench.
+    """A run on its bench, with the messages of the run and of its guardian.
 
-    unread: whether the standard error of the run goes into a full pipe that nobody reads. heard_s: the time at which
-    each of `lines` came.
+    Attributes
+    ----------
+    unread : bool
+        Whether the standard error of the run goes into a full pipe that nobody reads.
+    lines : list of str
+        The messages.
+    heard_s : list of float
+        The time at which each message came.
     """
 
     folder: Path
@@ -115,7 +121,7 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
-        """Start another run on the same supply."""
+        """Start a run on the supply, and return its process."""
         at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
         (self.folder / "rig.toml").write_text(f"""
 name = "emulated"
@@ -156,28 +162,28 @@ maximum = 12.0
             self.hear(line)
 
     def hear(self, line: str) -> None:
-        """Record a line of the run or its guardian, and the time at which the line came."""
+        """Record a message of the run or of its guardian, and the time at which the message came."""
         self.heard_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
     def wait_for_words(self, pattern: str, after_s: float) -> float:
-        """Wait until a line contains the pattern; return its time, or at least `after_s`."""
+        """Wait until a message contains the pattern; return the time of this message, at least `after_s`."""
         wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
         first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
         return max(after_s, self.heard_s[first])
 
     def end_guardian(self) -> None:
-        """End a guardian that tries to reach a supply which does not come back."""
+        """End a guardian that tries to reach a supply that does not come back."""
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported `TRIES_FOR_S` ago that it cannot identify the supply."""
+        """Return whether the guardian reported at least `TRIES_FOR_S` ago that it cannot identify the supply."""
         reported_s = [at_s for line, at_s in zip(self.lines, self.heard_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
-        """Send signals to the run; return the time of the first one."""
+        """Send signals to the run, with a pause between them; return the time of the first signal."""
         began = time.monotonic()
         for number in numbers:
             self.process.send_signal(number)
@@ -185,7 +191,7 @@ maximum = 12.0
         return began
 
     def spoil(self, name: str) -> float:
-        """Cause a fault of the camera or the clock; return its time."""
+        """Cause a fault of the camera or of the clock; return the time of the fault."""
         (self.folder / name).touch()
         began = time.monotonic()
         if name not in {"clock", "close"}:
@@ -201,10 +207,10 @@ maximum = 12.0
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:
-        """Wait for the end of the run and its guardian, killing the run if necessary; return its exit status.
+        """Wait for the end of the run and of its guardian, and return the exit status of the run.
 
-        A guardian that switched off a supply without confirming its identity tries for an hour; it is ended after
-        `TRIES_FOR_S`.
+        The run is killed if it does not end. A guardian that switched off a supply without confirming its identity
+        tries to do so for an hour. Such a guardian is ended after `TRIES_FOR_S`.
         """
         try:
             status = self.process.wait(20)

@@ -2,8 +2,9 @@
 
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
-If a file `grab`, `flush` or `close` exists, that call never returns. With `grab-locked` the call also keeps Python's
-lock, so that nothing else of the program runs. With `clock` the wall clock steps back by two minutes.
+If a file `grab`, `flush` or `close` exists, the call of this name never returns. With a file
+`grab-locked`, the call `grab` also keeps Python's lock, so that no other part of the program runs. With a file `clock`
+the wall clock steps back by two minutes.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Add the faults to the camera class and the clock."""
+    """Add the faults of the files in a folder to the camera class and to the wall clock."""
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

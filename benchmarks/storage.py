@@ -1,6 +1,6 @@
-"""Measure the frames stored per second, and what limits the rate: `python -m benchmarks.storage`.
+"""Measure the number of frames stored per second, and the cause of its limit: `python -m benchmarks.storage`.
 
-The frames have the size and the noise of the virtual camera; the noise limits their compression.
+The frames have the size and the noise of the virtual camera. The noise limits their compression.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""The map from each line of the code to the tests that execute it; the tests of a mistake are chosen with this map.
+"""The map from each line of the code to the tests that execute the line. It selects the tests of a mistake.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
-writes the map. It takes about twice as long as the tests alone. ``--add`` adds tests to the map of the same code. A
-process that a test starts is not followed; the tests that start one are found by the name of its module.
+writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to the map of the same code.
+Coverage does not follow a process that a test starts. Tests that start a module in a process are found by the name of
+the module.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ MAP = PROJECT / ".tests_by_line"
 SECONDS = MAP.with_suffix(".json")
 PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 MOST_TESTS, MOST_S = 300, 60.0
-"""Number of tests that are tried on one mistake, and the sum of their recorded durations (s)."""
+"""Largest number of tests for one mistake, and largest sum of their recorded durations (s)."""
 
 _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(PACKAGES)}\n"
 
 
 def record(tests: Sequence[str], add: bool = False) -> int:
-    """Run the tests and write the map, or add them to the map; return pytest's exit status."""
+    """Run the tests and write the map, or add the tests to the map; return pytest's exit status."""
     with tempfile.TemporaryDirectory() as folder:
         new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"
         settings.write_text(_SETTINGS, encoding="utf-8")
@@ -55,18 +56,18 @@ def record(tests: Sequence[str], add: bool = False) -> int:
 
 
 def seconds_in(report: Path) -> dict[str, float]:
-    """Return the duration of each test in a report of pytest (JUnit's XML, family xunit1), by its identifier."""
+    """Return the duration (s) of each test in a report of pytest (JUnit's XML, family xunit1), by test identifier."""
     cases = ElementTree.parse(report).iter("testcase")
     return {f"{case.get('file')}::{case.get('name')}": float(case.get("time", "0")) for case in cases}
 
 
 class TestsByLine:
-    """The recorded map from lines to tests."""
+    """The recorded map from the lines of the code to the tests that execute them."""
 
     __test__ = False  # it is no test, in spite of its name
 
     def __init__(self) -> None:
-        """Read the map. Raises FileNotFoundError if it was not recorded."""
+        """Read the map from its file. Raises FileNotFoundError if the map was not recorded."""
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
@@ -76,10 +77,10 @@ class TestsByLine:
     def of(self, file: str, line: int) -> tuple[str, ...]:
         """Return the tests for a mistake in a line, within `MOST_TESTS` and `MOST_S`, in the order of trial.
 
-        These are the tests that execute the line. If a fixture executes the line, the other tests of its file follow,
-        because they may share the fixture. A line outside all functions is executed by the first import alone: the
-        tests that import the module come first, then those that execute any line of the module. If no test executes
-        the line, the tests of the files that name the module are returned.
+        These are the tests that execute the line. If a fixture executes the line, the other tests of the fixture's file
+        follow, because they may use the fixture. A line outside all functions is executed only by the first import. For
+        such a line, the tests that import the module come first, then the tests that execute any line of the module. If
+        no test executes the line, the tests in the files that contain the module's name are returned.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -102,7 +103,7 @@ class TestsByLine:
         return tuple(within[:MOST_TESTS] or chosen[:1])
 
     def seconds(self, tests: Iterable[str]) -> float:
-        """Return how long the tests took when the map was recorded."""
+        """Return the total duration (s) of these tests when the map was recorded."""
         return sum(self._seconds.get(test, 1.0) for test in tests)
 
     @cached_property
@@ -116,7 +117,10 @@ class TestsByLine:
         return {node for file in files for node in self._by_file.get(file, [])}
 
     def _in_order(self, nodes: Iterable[str]) -> list[str]:
-        """Return the quickest test of each file, then the second of each, and so on: tests of one file are similar."""
+        """Return tests in the order of trial: the quickest test of each file, then the second of each file, and so on.
+
+        Tests of one file are similar, so that the first tests should come from different files.
+        """
         quickest = sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))
         before: dict[str, int] = {}
         ranks: dict[str, int] = {}
@@ -127,7 +131,7 @@ class TestsByLine:
 
 
 def _lines_of_functions(path: Path) -> set[int]:
-    """Return the lines of the bodies of all functions; the other lines run when the module is imported."""
+    """Return the lines in the bodies of all functions. All other lines run when the module is imported."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, functions)]
     return {line for node in nodes for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}

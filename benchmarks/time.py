@@ -1,10 +1,10 @@
-"""Verify frequencies, losses and laws of time: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
+"""Verify frequencies, losses and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
 
-The first table compares frequencies with those of Euler-Bernoulli beams, roots of one mode with closed forms, and the
-complex frequency of small vibrations with a motion in time that shares neither mesh nor integrator with it. The second
-fits hidden materials with two Prony terms: a run with two ring-downs and two records of creep is simulated by the rod
-of the virtual rig, with the stiffness of a solid whose dimensions differ from the stated ones by their uncertainties,
-and fitted.
+The first table compares the frequencies with those of Euler-Bernoulli beams, and roots of one mode with closed forms.
+It also compares the complex frequency of small vibrations with a solution in time, which has another mesh and another
+integrator. The second table fits hidden materials with two Prony terms. For each material a run with two ring-downs and
+two recordings of creep is simulated by the rod of the virtual rig and then fitted. The rod has the stiffness of a solid
+whose dimensions differ from the stated dimensions by their uncertainties.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TIMES_S = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 
 
 def in_field(field_mT: float) -> Loads:
-    """Return the loads of a hanging beam in a field across it."""
+    """Return the loads of a hanging beam in a field (mT) across the beam."""
     return Loads.along([field_mT])
 
 
@@ -143,7 +143,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
 
 
 def print_hidden(seed: int) -> bool:
-    """Print the errors of the fit of one hidden material; return whether the interval of the modulus holds."""
+    """Print the errors of the fit of one hidden material; return whether the interval contains the true modulus."""
     instantaneous, series, motions, static = hidden_run(np.random.default_rng(seed))
     stated = [StatedSource(key, sigma, "specimen") for key, sigma in STATED.items()]
     found: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)

@@ -1,4 +1,4 @@
-"""Count how many 95 % intervals hold the truth if every source that a file can state has its usual uncertainty.
+"""Count how many 95 % intervals contain the truth if every source that a file can give has its usual uncertainty.
 
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 
@@ -8,9 +8,10 @@ elements, its edges as arrays with noise. All sources are drawn together: 3 degr
 angles and dimensions (`Source.usual`).
 
 Some experiments are fitted in full, evenly over all beams and levels of noise: polish, corrections, budget and draws
-of `eimi fit`. The rest are fitted by the same objective on residuals that were solved once for 21 moduli of each
-nominal beam, with cubic splines between them. Their intervals have the mean width of the full fits of the same beam and
-noise, in logarithms. The last lines compare both for the experiments that were fitted in full.
+of `eimi fit`. The other experiments are fitted quickly: the same objective is evaluated on residuals that were solved
+once for 21 moduli of each nominal beam, with cubic splines between the moduli. The interval of a quick fit has the mean
+width of the full fits of the same beam and noise, in logarithms. The last lines compare full and quick fits of the
+same experiments.
 """
 
 from __future__ import annotations
@@ -52,14 +53,14 @@ FINE = np.linspace(LOG_MODULI[0], LOG_MODULI[-1], 3201)
 
 @cache
 def nominal(specimen: Specimen) -> tuple[BeamModel, Shapes]:
-    """Return the nominal beam and its shapes for all moduli."""
+    """Return the nominal beam model of a specimen, and its shapes for all moduli."""
     model = BeamModel(specimen, ALONG, ACROSS, specimen.planar_section)
     moduli = COORDINATES["neo-hookean"][0] * np.exp(LOG_MODULI)
     return model, model.solve(LAWS["neo-hookean"], moduli[:, None], Loads.along(FIELD_MT), tolerance_mm=1e-3)
 
 
 def logarithm(case: Case) -> float:
-    """Return the logarithm of the identified modulus over the true one."""
+    """Return ln(identified modulus / true modulus) of a quick fit of one experiment."""
     rng = np.random.default_rng([case.seed, case.number])
     observed = measured(case, deviations_drawn(rng, case.stated), rng).observed
     model, shapes = nominal(case.specimen)
@@ -69,12 +70,12 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the beam and the noise, on which the width of an interval depends."""
+    """Return the beam and the noise of an experiment; the width of an interval depends only on this kind."""
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean interval of the full fits of each kind, relative to the fitted modulus.
+    """Return the mean interval of the full fits of each kind of experiment, relative to the fitted modulus.
 
     The two numbers of a kind are the means of ln(lower end / modulus) and of ln(upper end / modulus).
     """
@@ -86,24 +87,24 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit a case to shapes that were solved before, and return the outcome with the mean interval of the full fits."""
+    """Fit one experiment quickly, and return the outcome with the mean interval of the full fits of its kind."""
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
     return Outcome(case, float(np.exp(value)), interval, interval, 0.0, 0.0)
 
 
 def holds(o: Outcome) -> bool:
-    """Return whether the interval holds the true modulus."""
+    """Return whether the interval of an experiment contains the true modulus."""
     return o.interval[0] <= 1 <= o.interval[1]
 
 
 def width(o: Outcome) -> float:
-    """Return the width of the interval in the logarithm of the modulus."""
+    """Return ln(upper end / lower end) of the interval of an experiment."""
     return float(np.log(o.interval[1] / o.interval[0]))
 
 
 def main() -> None:
-    """Print the coverage of the quick fits and of the full ones, and their differences."""
+    """Print the coverage of the quick fits and of the full fits, and the differences between the two."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--full", type=int, default=24, help="number of those that are fitted in full")
