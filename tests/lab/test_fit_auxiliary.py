@@ -153,7 +153,7 @@ def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
     assert few.split()[2:] == ["too", "few", few.split()[4], "-", "20.00", "µm"]
     assert alone.split()[4:] == ["-", "-"]
     assert "count the data as 8.0 independent points" in points
-    assert sentence.startswith("These points are too few for an AICc of ogden,")
+    assert sentence.startswith("These points are too few for an AICc of ogden.")
     assert sentence.endswith("there are no weights.")
 
 

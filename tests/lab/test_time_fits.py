@@ -107,7 +107,7 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--model", "neo-hookean"), "holds a recorded motion and no states; fit it with --time prony"),
+        (("--model", "neo-hookean"), "holds a recorded motion and no states; fit the motion with --time prony"),
         (("--model", "yeoh", "--time", "prony"), "a ring-down determines only one parameter"),
         (("--model", "neo-hookean", "--time", "pronny"), "--time pronny: should be one of none, prony"),
     ],
