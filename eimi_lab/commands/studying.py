@@ -37,7 +37,10 @@ def discover(
     ] = 0.02,
     section: Annotated[
         str | None,
-        typer.Option(metavar="solid|plane-strain|plane-stress", help="section model, instead of the specimen's"),
+        typer.Option(
+            metavar="solid|plane-strain|plane-stress",
+            help="section assumption; default: the section in the specimen file",
+        ),
     ] = None,
     include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False,
     seed: Annotated[int, typer.Option(help="seed of the search for the starting modulus", min=1)] = 1,

@@ -1,4 +1,4 @@
-"""The assumptions of a fit for a dataset in addition to the law: a free bulk modulus, and freed nuisances.
+"""The inputs that a fit assumes for a dataset in addition to the law: a free bulk modulus, and freed nuisances.
 
 The values of freed nuisances apply to the datasets to which the law was fitted. For any other dataset all inputs have
 their stated values.
@@ -30,7 +30,7 @@ INCOMPRESSIBLE_FROM = 0.495
 
 @dataclass(frozen=True)
 class Assumptions:
-    """The assumptions of a fit, for P candidates.
+    """The inputs that a fit assumes in addition to the law, for P candidate sets of parameters.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Assumptions:
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Compare P candidates of a law with an experiment.
+        """Return the comparison of an experiment with the simulations of P candidates of a law.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ def compressibility_remark(evidence: Evidence) -> str | None:
 
 
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """Return the assumptions of a fit for a dataset, repeated for a number of candidates."""
+    """Return the inputs that a fit assumes for a dataset, repeated for a number of candidates."""
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None

@@ -54,14 +54,14 @@ _REMEDIES: dict[Slip, _Remedy] = {
         "turn --gravity-angle by 180 degrees and import again",
     ),
     "field_too_large": _Remedy(
-        "state coil_constant_mT_per_A in mT per ampere (not per kiloampere)",
-        "state current_A in states.csv in ampere (not mA) and import again",
-        "state field_mT in states.csv in mT and import again",
+        "give coil_constant_mT_per_A in mT per ampere (not per kiloampere)",
+        "give current_A in states.csv in ampere (not mA) and import again",
+        "give field_mT in states.csv in mT and import again",
     ),
     "field_too_small": _Remedy(
-        "state coil_constant_mT_per_A in mT per ampere (not T)",
-        "state current_A in states.csv in ampere and import again",
-        "state field_mT in states.csv in mT (not T) and import again",
+        "give coil_constant_mT_per_A in mT per ampere (not T)",
+        "give current_A in states.csv in ampere and import again",
+        "give field_mT in states.csv in mT (not T) and import again",
     ),
     "force_reversed": _Remedy("", _SIGN_OF_FORCE, _SIGN_OF_FORCE),
     "force_too_large": _Remedy("", _UNIT_OF_FORCE, _UNIT_OF_FORCE),
@@ -88,7 +88,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 def _with(change: str, file: str, path: Path) -> str:
     """Return the instruction to change an input file and to store it in the dataset with `eimi segment`."""
-    return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
+    return f"{change} in {file}.toml, and store this file: eimi segment {path} --{file} {file}.toml"
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
@@ -121,8 +121,12 @@ def _check_magnet(path: Path, experiment: Experiment) -> None:
         largest = 1e3 * float(np.linalg.norm(loads.field_T, axis=1).max())
         raise InputError(
             f"the tip moves by {moved:.2g} mm in fields of up to {largest:g} mT, but the specimen is not magnetic: "
-            "its file has no [magnet] and no magnetisation_kA_per_m; state one of them, and "
-            + (f"give it: eimi segment {path} --specimen specimen.toml" if _is_edges(experiment) else "import again")
+            "its file has no [magnet] and no magnetisation_kA_per_m; add one of these, and "
+            + (
+                f"store this file: eimi segment {path} --specimen specimen.toml"
+                if _is_edges(experiment)
+                else "import again"
+            )
         )
 
 
@@ -160,8 +164,8 @@ def check_width(dataset: Dataset) -> None:
     if width_mm is None or 1 / _WIDTH < width_mm / stated_mm < _WIDTH:
         return
     words = (
-        f"{dataset.path}: the beam in the picture is {width_mm / stated_mm:.2g} times as wide as it should be: "
-        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {stated_mm:g}"
+        f"{dataset.path}: the beam in the picture is {width_mm / stated_mm:.2g} times as wide as stated: "
+        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, but width_mm = {stated_mm:g}"
     )
     if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(

@@ -105,7 +105,7 @@ class Checkpoint:
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
         """Open the checkpoint that the command line names. Raises InputError for `--resume` without `--checkpoint`."""
         if path is None:
-            raise InputError("--resume: needs the file to resume from: give --checkpoint")
+            raise InputError("--resume: give the file to resume from with --checkpoint")
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:

@@ -150,7 +150,7 @@ def load_evidence(
         str(path).encode()
     except UnicodeEncodeError as error:
         raise InputError(
-            f"{str(path)!r}: is not UTF-8, as a result file needs the name of a dataset; rename the file"
+            f"{str(path)!r}: is not UTF-8 and cannot be written to a result file; rename the dataset"
         ) from error
     with open_dataset(path) as dataset:
         if dataset.kind != "frames" or dataset.edges() is not None:
@@ -328,7 +328,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation (mm) that the flags of a state add to that of each edge point."""
+    """Return the standard deviation (mm) that the flags of a state add, in quadrature, to that of its points."""
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -367,7 +367,7 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens."""
+    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens; else nothing."""
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()

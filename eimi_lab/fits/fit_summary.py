@@ -124,8 +124,8 @@ def budget_lines(fit: FitRecord) -> list[str]:
         lines.append(f"{len(smaller)} smaller sources together: ± {_percent(together)} of the modulus")
     if len(fit.budget) > 1:
         lines.append(
-            f"all {len(fit.budget)} sources together: ± {_percent(all_together_percent(fit))} of the modulus, "
-            "the 95 % interval is twice as wide"
+            f"all {len(fit.budget)} sources together: ± {_percent(all_together_percent(fit))} of the modulus "
+            "(standard uncertainty; the 95 % interval is ± twice this value)"
         )
     if modulus.interval_95_fit and fit.budget:
         low, high = modulus.interval_95_fit
@@ -157,7 +157,7 @@ def next_sentence(fit: FitRecord) -> str:
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
         return f"Noise and mesh limit this interval. With about four times as many states {interval}."
-    return f"Measure better next: {fit.measure_next.words}; with half of its uncertainty {interval}."
+    return f"Measure better next: {fit.measure_next.words}; with half of this uncertainty {interval}."
 
 
 def _percent(value: float) -> str:

@@ -33,7 +33,10 @@ class FitOptions:
 
     section: Annotated[
         str | None,
-        typer.Option(metavar="solid|plane-strain|plane-stress", help="section model, instead of the specimen's"),
+        typer.Option(
+            metavar="solid|plane-strain|plane-stress",
+            help="section assumption; default: the section in the specimen file",
+        ),
     ] = None
     include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False
     free: Annotated[

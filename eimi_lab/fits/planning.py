@@ -307,10 +307,10 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return a criterion in which each pair of states, at I and -I, counts as one state.
+    """Return a criterion in which each pair of states, at the currents I and -I, counts as one state.
 
-    The second half of the loads repeats the first half with reversed currents. Raises ValueError if the beam has an
-    equilibrium in fewer than two pairs.
+    The loads of the given criterion are those of all currents I, and then those of all currents -I. Raises ValueError
+    if the beam has an equilibrium in fewer than two pairs.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]

@@ -100,8 +100,8 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
     if not any(one.has_recording for one in datasets):
         paths = ", ".join(str(one.path) for one in datasets)
         raise InputError(
-            f"{paths}: --time prony: there is no ring-down; record one with [ring_down] in the protocol, or import a "
-            "recording with `eimi import --ring-down`"
+            f"{paths}: --time prony: there is no ring-down; record a ring-down with [ring_down] in the protocol, "
+            "or import a recording with `eimi import --ring-down`"
         )
     return list(datasets)
 

@@ -18,7 +18,10 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """A state whose flags add the standard deviation `by_mm` (mm) to that of its points; `state` is its index."""
+    """A state whose flags increase the standard deviation of its points.
+
+    The standard deviation `by_mm` (mm) is added in quadrature. `state` is the index of the state in the dataset.
+    """
 
     state: int
     by_mm: float
@@ -43,7 +46,7 @@ class StatesUsed:
     --------
     >>> used = StatesUsed(16, (FlaggedState(2, ("DEFOCUS",)), FlaggedState(7, ("DEFOCUS", "SATURATED"))), ())
     >>> used.in_words()
-    '14 of 16 states used; left out 2 DEFOCUS (2, 7), 1 SATURATED (7)'
+    '14 of 16 states used; left out: DEFOCUS in 2 (states 2, 7), SATURATED in 1 (state 7)'
     """
 
     total: int
@@ -55,13 +58,13 @@ class StatesUsed:
         """Return the number of used states and, for each flag, the states left out or used despite the flag."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
-            words += f"; left out {_by_flag(self.left_out)}"
+            words += f"; left out: {_by_flag(self.left_out)}"
         if self.flagged:
-            words += f"; used in spite of {_by_flag(self.flagged)}"
+            words += f"; used in spite of flags: {_by_flag(self.flagged)}"
         if self.widened:
             widest = max(self.widened, key=lambda state: state.by_mm)
-            largest = f"by up to {widest.by_mm:.2g} mm ({widest.state})"
-            words += f"; larger uncertainty of the points in {len(self.widened)}, {largest}"
+            largest = f"by up to {widest.by_mm:.2g} mm in state {widest.state}"
+            words += f"; larger uncertainty of the points in {len(self.widened)} ({largest})"
         return words
 
 
@@ -70,4 +73,7 @@ def _by_flag(states: Sequence[FlaggedState]) -> str:
     for flagged in states:
         for flag in flagged.flags:
             by_flag.setdefault(flag, []).append(str(flagged.state))
-    return ", ".join(f"{len(numbers)} {flag} ({', '.join(numbers)})" for flag, numbers in by_flag.items())
+    return ", ".join(
+        f"{flag} in {len(numbers)} (state{'s' * (len(numbers) > 1)} {', '.join(numbers)})"
+        for flag, numbers in by_flag.items()
+    )

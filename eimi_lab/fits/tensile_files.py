@@ -124,7 +124,7 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
     present = [name for name in names if name in header]
     if len(present) != 1:
         raise InputError(
-            f"{path}: row 1: {','.join(header)!r} should be one of {', '.join(STRAINS)} "
+            f"{path}: row 1: {','.join(header)!r} should have one of {', '.join(STRAINS)} "
             f"and one of {', '.join(STRESSES)}, such as strain,stress_MPa"
         )
     return present[0]

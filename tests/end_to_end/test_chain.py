@@ -93,7 +93,7 @@ def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_pat
     for state, flags in ((1, blurred), (2, blurred + bright)):
         edges[state] = replace(edges[state], flags=flags)
     write_edges(tmp_path / "flagged.h5", edges)
-    statement = "4 of 6 states used; left out 2 DEFOCUS (1, 2), 1 SATURATED (2)"
+    statement = "4 of 6 states used; left out: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
     plane = ["--section", "plane-stress"]  # for speed
     fit = done("fit", "flagged.h5", *plane, "--model", "neo-hookean", "-o", "fits.json", folder=tmp_path)
     assert fit[0] == f"flagged.h5: {statement}"
@@ -112,7 +112,7 @@ def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_pat
     ) == 3  # for the dataset, for the fit, and in the methods
     model = ["--model", "neo-hookean"]
     all_the_same = done("fit", "flagged.h5", "--include-flagged", *plane, *model, "-o", "all.json", folder=tmp_path)
-    used = "6 of 6 states used; used in spite of 2 DEFOCUS (1, 2), 1 SATURATED (2)"
+    used = "6 of 6 states used; used in spite of flags: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
     assert any(used in line for line in all_the_same)
 
 

@@ -326,7 +326,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     log.write_text("something else")
     assert "log.jsonl: is not a checkpoint of `eimi fit`" in refused("--resume")
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
-    assert (status, said) == (2, "eimi: --resume: needs the file to resume from: give --checkpoint\n")
+    assert (status, said) == (2, "eimi: --resume: give the file to resume from with --checkpoint\n")
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:

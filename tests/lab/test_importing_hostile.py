@@ -173,8 +173,8 @@ def test_a_fit_uses_doubtful_states_with_wider_points_and_leaves_unusable_ones_o
     evidence = load_evidence(out)
     assert [state.index for state in evidence.states] == [0, 1, 3]
     assert (
-        "left out 1 DEFOCUS (2); used in spite of 1 SATURATED (1), 1 CALIBRATION_STALE (3); "
-        "larger uncertainty of the points in 1, by " in evidence.used.in_words()
+        "left out: DEFOCUS in 1 (state 2); used in spite of flags: SATURATED in 1 (state 1), CALIBRATION_STALE in 1 "
+        "(state 3); larger uncertainty of the points in 1 (by " in evidence.used.in_words()
     )
     observed = evidence.experiment.observed
     assert isinstance(observed, EdgeObservation)

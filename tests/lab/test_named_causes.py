@@ -84,11 +84,11 @@ def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
     [
         ({"fields": (0.0, -3.0, -6.0)}, "a field in the opposite direction", "change the sign of field_mT"),
         ({"gravity": "-150"}, "gravity in the opposite direction", "turn --gravity-angle by 180 degrees"),
-        ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "state field_mT in states.csv in mT and"),
+        ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "give field_mT in states.csv in mT and"),
         (
             {"fields": (0.0, 3e-3, 6e-3)},
             "a field a thousand times too small",
-            "state field_mT in states.csv in mT (not T)",
+            "give field_mT in states.csv in mT (not T)",
         ),
         ({"seen": places(None)}, "gravity", "give --no-gravity"),
     ],
@@ -97,7 +97,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
     status, line = fit(tmp_path, run, **stated)
     assert status == 2
     assert "beam.h5: no material explains this: as stated the smallest error is" in line
-    assert f"without {cause} " in line
+    assert f"mm without {cause}; " in line
     assert remedy in line
     assert not (tmp_path / "fits.json").exists()
 
@@ -121,8 +121,8 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
 @pytest.mark.parametrize(
     ("key", "stated", "told"),
     [
-        ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as it should be: 2"),
-        ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as it should be"),
+        ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as stated: 2"),
+        ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as stated"),
         (
             "width_mm = 2.0\ndepth_mm = 2.0",
             "width_mm = 0.8\ndepth_mm = 2.0",

@@ -126,7 +126,7 @@ def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -
     fit = ("fit", data, "--model", "neo-hookean", "--section", "plane-stress", "-o", fits, "--force")
     status, said = run(*fit)
     assert status == 2
-    assert "the beam in the picture is 0.5 times as wide as it should be" in said
+    assert "the beam in the picture is 0.5 times as wide as stated" in said
     assert f"eimi segment {data} --specimen specimen.toml" in said
     (tmp_path / "specimen.toml").write_text(text)
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0

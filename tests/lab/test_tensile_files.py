@@ -72,8 +72,8 @@ def test_the_database_itself(measured: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "curve.csv: row 1: '' should be one of strain, strain_percent and one of stress_Pa"),
-        ("strain,stress\n0.1,2\n", "row 1: 'strain,stress' should be one of strain, strain_percent and one of"),
+        ("", "curve.csv: row 1: '' should have one of strain, strain_percent and one of stress_Pa"),
+        ("strain,stress\n0.1,2\n", "row 1: 'strain,stress' should have one of strain, strain_percent and one of"),
         ("strain,stress_kPa,stress_MPa\n0.1,2,3\n", "and one of stress_Pa, stress_kPa, stress_MPa"),
         ("strain,stress_kPa,time\n0.1,2,3\n", "row 1: 'time' is not a known column"),
         ("strain,stress_kPa\n0.1,2\n0.2,x\n", "row 3: stress_kPa = 'x' should be a number"),

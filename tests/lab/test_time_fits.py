@@ -126,7 +126,7 @@ def test_a_dataset_without_a_ring_down_is_refused_with_the_remedy(run: Run, impo
         del file["entry"][GROUPS["ring_down"]]
     code, said = run("fit", imported, "--model", "neo-hookean", "--time", "prony", "-o", imported.parent / "fits.json")
     assert code == 2
-    assert f"{imported.name}: --time prony: there is no ring-down; record one with [ring_down]" in said
+    assert f"{imported.name}: --time prony: there is no ring-down; record a ring-down with [ring_down]" in said
 
 
 def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, imported: Path) -> None:

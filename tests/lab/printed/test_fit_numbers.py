@@ -120,7 +120,8 @@ def test_a_fit_of_two_datasets_keeps_dataset_and_index_of_each_state(fitted: Fit
 def test_states_left_out_are_subtracted_from_the_total() -> None:
     used = StatesUsed(16, (FlaggedState(2, ("DEFOCUS",)), FlaggedState(7, ("DEFOCUS",))), (), (WidenedState(3, 0.02),))
     assert used.in_words() == (
-        "14 of 16 states used; left out 2 DEFOCUS (2, 7); larger uncertainty of the points in 1, by up to 0.02 mm (3)"
+        "14 of 16 states used; left out: DEFOCUS in 2 (states 2, 7); "
+        "larger uncertainty of the points in 1 (by up to 0.02 mm in state 3)"
     )
 
 
