@@ -229,6 +229,8 @@ def read_motions(
                 f"{source}: --gravity-angle and --no-gravity: are for tracked points; the calibration of a video "
                 "states the direction of gravity, and without a calibration gravity points down in the picture"
             )
+        if tool is not None:
+            raise InputError(f"{source}: --format: is for the file of a tracking program, not for a video")
         return _of_video(source, specimen, facts, calibration, changes, output)
     loaded = _loaded(calibration, {}) if calibration is not None else None
     if loaded is None and not has_gravity_direction:

@@ -7,6 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_lab.dataset.moving.flicks import parts_of
+from eimi_lab.dataset.moving.free_motion import free_motions
+from eimi_lab.dataset.moving.motion_facts import MotionFacts
 
 RATE_HZ = 120.0
 
@@ -47,3 +49,14 @@ def test_a_beam_that_is_held_aside_before_its_release_is_not_at_rest() -> None:
     moved[time_s >= 8.5] = swinging(time_s, 8.5)[time_s >= 8.5]
     (_, last), _ = parts_of(time_s, points(moved))
     assert time_s[last - 1] <= 7.1
+
+
+@pytest.mark.parametrize("released_s", [0.95, 1.0, 1.5])
+def test_the_motion_after_a_given_release_ends_at_the_next_flick(released_s: float) -> None:
+    time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)
+    places = points(np.where(time_s < 6.0, swinging(time_s, 1.0), swinging(time_s, 6.0)))
+    times, sigma = np.repeat(time_s[:, None], 2, axis=1), np.full((len(time_s), 2), 0.01)
+    facts = MotionFacts(kind="ring_down", released_s=released_s)
+    (motion,) = free_motions(places, np.zeros((2, 2)), times, sigma, facts, "flicks")
+    assert motion.time_s.min() == pytest.approx(0.0, abs=1.0 / RATE_HZ)
+    assert 5.5 < motion.time_s.max() + released_s < 6.0

@@ -97,6 +97,12 @@ def test_a_video_gives_states_and_a_motion_to_one_dataset(run: Run, bench: Path)
         assert len(dataset.ring_downs()) == 1
 
 
+def test_a_video_with_the_format_of_a_tracking_program_is_refused(run: Run, bench: Path) -> None:
+    code, said = imported(run, bench, Flick(seconds=0.1), "--format", "deeplabcut")
+    assert code == 2
+    assert "--format: is for the file of a tracking program, not for a video" in said
+
+
 def test_a_video_without_a_beam_is_refused(run: Run, bench: Path) -> None:
     (bench / "level.toml").write_text(to_toml(LEVEL.model_copy(update={"clamp_midpoint_px": (500.0, 20.0)})))
     code, said = imported(run, bench, Flick(seconds=0.1))

@@ -20,6 +20,7 @@ def test_the_modulus_of_one_scene_is_right_and_its_interval_holds_it(tmp_path: P
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(7200)  # of twenty scenes
 def test_nineteen_of_twenty_intervals_hold_the_hidden_modulus(tmp_path: Path) -> None:
     outcomes = [outcome(seed, 0.5, tmp_path / str(seed)) for seed in range(20)]
     assert sum(one.holds for one in outcomes) >= 19

@@ -21,14 +21,20 @@ _GAP = 1.5  # times the usual interval between frames; in a longer interval fram
 def free_motions(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> tuple[Motion, ...]:
-    """Return the free motions of a recording: one for each flick, unless the release is stated.
+    """Return the free motions of a recording: one for each flick, or the motion after the given release alone.
 
-    See `free_motion`. A note states how many flicks were found.
+    See `free_motion`. A note states how many flicks were found. The motion after a given release ends where the next
+    flick begins.
     """
-    frame_s = time_s.min(axis=1)
-    alone = facts.kind != "ring_down" or facts.released_s is not None or len(frame_s) < FEWEST_FRAMES
-    parts = [(0, len(frame_s))] if alone or not (np.diff(frame_s) > 0).all() else parts_of(frame_s, points_mm)
-    if not alone and len(parts) == 1 and parts[0] != (0, len(frame_s)):
+    frame_s, released_s = time_s.min(axis=1), facts.released_s
+    alone = facts.kind != "ring_down" or len(frame_s) < FEWEST_FRAMES or not (np.diff(frame_s) > 0).all()
+    parts = [(0, len(frame_s))] if alone else parts_of(frame_s, points_mm)
+    if released_s is not None:
+        end = next((last for _, last in parts if frame_s[last - 1] > released_s), len(frame_s))
+        if end < len(frame_s):
+            tell(f"note: {origin}: the motion ends at {frame_s[end - 1]:.4g} s, because the beam is moved again")
+        parts = [(0, end)]
+    elif len(parts) == 1 and parts[0] != (0, len(frame_s)):
         first, last = parts[0]
         tell(
             f"note: {origin}: the beam was moved several times; only the ring-down from {frame_s[first]:.4g} to "

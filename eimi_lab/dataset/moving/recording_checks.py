@@ -12,7 +12,8 @@ LOST = Check(
     finding="lost_frames",
     quantity="number of frames of a recording that were taken and did not arrive",
     limit=0.0,
-    remedy="Lower the frame rate or the region of the camera, or remove other devices from its bus.",
+    remedy="Lower the frame rate or the region of the camera, or remove other devices from its bus. "
+    "For a phone, add light or film at a lower frame rate.",
     severity=Severity.NOTE,
 )
 SLOW = Check(
