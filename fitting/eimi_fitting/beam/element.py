@@ -14,8 +14,8 @@ its length than with three by three points.
 
 Shapes of arrays: E elements, B candidates of the batch, q Gauss points of an element. The first two axes of a
 deformation gradient are the component i of the place and the coordinate I at rest. The tangent stiffness of the whole
-batch is one matrix product for each element: dP/dF, with the first Piola-Kirchhoff stress P, times the integrals w
-dN_a/dX_I dN_b/dX_J of the shape functions N_a and N_b with the Gauss weights w.
+batch is computed by one matrix product for each element. Its factors are dP/dF, with the first Piola-Kirchhoff stress
+P, and the products of the derivatives of the shape functions at the Gauss points, multiplied by the Gauss weights.
 """
 
 from __future__ import annotations

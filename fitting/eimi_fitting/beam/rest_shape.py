@@ -127,8 +127,8 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
     arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
     if abs(arc[-1] / length_mm - 1) > 0.02:
         raise ValueError(
-            f"the centre line is {arc[-1]:.4g} mm long, but the beam has length_mm = {length_mm:g}: they may differ by "
-            "2 %"
+            f"the centre line is {arc[-1]:.4g} mm long, but the beam has length_mm = {length_mm:g}: the two lengths "
+            "should differ by at most 2 %"
         )
     angle = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     shares = np.linspace(0, 1, max(_FEWEST_TURNS, 2 * len(points)))

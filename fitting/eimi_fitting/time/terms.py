@@ -22,7 +22,7 @@ _SHARE = 0.1  # median of the prior of h
 _SHARE_SIGMA = 1.5  # prior standard deviation of ln h
 _HELD_SIGMA = 1e-6  # prior standard deviation of ln tau for a fixed time
 MODULUS_SIGMA = 3.0
-"""Prior standard deviation of ln mu_inf, so large that the prior has no influence."""
+"""Prior standard deviation of the logarithm of the long-term modulus, so large that the prior has no influence."""
 
 
 @dataclass(frozen=True)
