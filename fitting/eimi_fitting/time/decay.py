@@ -30,7 +30,7 @@ _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is o
 
 @dataclass(frozen=True)
 class RingMode:
-    """One damped vibration exp(s t) with the complex rate s = -delta + i omega.
+    """One damped vibration exp(s t): s = -delta + i omega, with the decay rate delta and the angular frequency omega.
 
     Attributes
     ----------

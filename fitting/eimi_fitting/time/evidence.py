@@ -181,7 +181,9 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load, as evidence. A constant rotation is unknown.
+    """The slow motion of the tip after a step of the load, as evidence.
+
+    The zero of the rotation is unknown. Therefore the weighted mean is subtracted from the residuals.
 
     Attributes
     ----------
@@ -216,7 +218,9 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus of the static states of a run, as evidence at the ages of these states.
+    """The shear modulus that an elastic fit to the static states of a run gives, as evidence.
+
+    The edges of a state are measured some time after its load was set. The material has relaxed during this time.
 
     Attributes
     ----------

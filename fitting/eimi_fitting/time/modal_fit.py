@@ -56,10 +56,11 @@ class ModalFit:
     chi2 : float
         Sum of the squared residuals.
     noise : float
-        Standard deviation of the residuals.
+        Standard deviation of the residuals near the frequency of the first mode, or of all residuals if this is larger.
     covariance : ndarray
         Covariance of the fitted values of ``modes`` and ``bend``.
     residuals : ndarray, shape (n, r)
+        In units of the standard uncertainty of the recording, like the reduced signals.
     linear : ndarray
         Coefficients of the columns of `design_matrix` for each reduced signal.
     """
