@@ -3,7 +3,7 @@
 shown          read the fits of all files, and give each fit a label and a style
 sections       choose the section assumption of each fit
 contents       hold fits, datasets and predictions for the panels
-findings       the result in words: the modulus, its interval, the limits of the interval, the reliability
+findings       the result in words: modulus, interval, largest sources of uncertainty, reliability
 error_at_a_glance  draw the error of the leading fit of each dataset against the field
 residual_noise   test whether the residuals of a fit look like noise
 panel          describe a panel: place, title, template and values

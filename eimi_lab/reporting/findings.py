@@ -1,4 +1,4 @@
-"""The findings of a report: the modulus, its interval, the limits of the interval, and the reliability."""
+"""The findings of a report: the modulus, its interval, the largest sources of uncertainty, and the reliability."""
 
 from __future__ import annotations
 
@@ -259,7 +259,7 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
     words = f"The data reach a stretch of {fit.max_stretch:.3f}; any stress {beyond} is extrapolated."
     held = [name for name in fit.held_by_bounds() if name != "initial_shear_modulus"]
     if held:
-        words += f" Not measured: {', '.join(held)}."
+        words += f" The data do not determine {', '.join(held)}."
     if limit is not None:
         where = "at any stretch" if limit <= 1 else f"beyond a stretch of {limit:.3g}"
         words += f" The law is not stable {where}."

@@ -1,4 +1,4 @@
-"""Show the result first: the modulus, the limit of its interval, the reliability, and a picture of the beam."""
+"""Show the result first: modulus, interval, largest source of uncertainty, reliability, and a picture of the beam."""
 
 from __future__ import annotations
 
