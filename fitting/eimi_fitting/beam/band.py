@@ -224,8 +224,8 @@ def factorise(
         _, info = lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
     if only_definite:
         return BandFactor(sound & ~indefinite, indefinite, cholesky, None, k)
-    rest = band[indefinite]
-    lu, rest_sound = _general_factors(rest, rest, np.ones(len(rest), bool))
+    others = band[indefinite]
+    lu, rest_sound = _general_factors(others, others, np.ones(len(others), bool))
     sound = sound.copy()
     sound[indefinite] = rest_sound
     return BandFactor(sound, indefinite, cholesky, lu, k)

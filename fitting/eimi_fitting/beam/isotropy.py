@@ -127,16 +127,16 @@ def _by_invariants(law: InvariantLaw, parameters: Array, C: Array, inverse: Arra
     S = 2 * w1 * first
     mixed = -(w1 / 3) * first
     spherical, product = -w1 * i1 / 9, w1 * i1 / 3
-    rest: Array | float = 0.0
+    of_second: Array | float = 0.0
     if np.any(w2):
         second = scale**2 * (trace * unit - C) - (2 / 3 * i2) * inverse  # dI2/dC
         S += 2 * w2 * second
         mixed -= (2 / 3 * w2) * second
         spherical, product = spherical - 4 / 9 * w2 * i2, product + 2 / 3 * w2 * i2
         identity = np.diag([1, 1, 1, 0.5, 0.5, 0.5]).reshape(6, 6, *(1,) * J.ndim)
-        rest = w2 * scale**2 * (_outer(unit, unit) - identity)
+        of_second = w2 * scale**2 * (_outer(unit, unit) - identity)
     cross = _outer(mixed + 0.5 * spherical * inverse, inverse)
-    D = cross + cross.swapaxes(0, 1) + product * _inverse_product(inverse) + rest
+    D = cross + cross.swapaxes(0, 1) + product * _inverse_product(inverse) + of_second
     if np.any(w11):
         D += w11 * _outer(first, first)
     return S, 4 * D

@@ -40,9 +40,9 @@ class RigidBody:
         translation[:, 0, :, 0] = translation[:, 1, :, 1] = tied
         self._translation = translation.reshape(e, 1, d * n, 2)
         # The rotation moves a node by R'(theta) times its arm: cos times the first, sin times the second.
-        x, y, rest = arms[..., 0], arms[..., 1], [np.zeros((e, n))] * (d - 2)
-        self._cosine = np.concatenate([-y, x, *rest], axis=1)[:, None]
-        self._sine = np.concatenate([-x, -y, *rest], axis=1)[:, None]
+        x, y, in_depth = arms[..., 0], arms[..., 1], [np.zeros((e, n))] * (d - 2)
+        self._cosine = np.concatenate([-y, x, *in_depth], axis=1)[:, None]
+        self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
         """Write the displacements of the body's nodes into the displacements of all nodes, (B, N, d) in mm, in place.

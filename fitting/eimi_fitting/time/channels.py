@@ -180,9 +180,9 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
             break
         level = start.mean(axis=0)
         u, s, v = np.linalg.svd(start - level, full_matrices=False)
-        rest = start - level - (u[:, :4] * s[:4]) @ v[:4]
-        scale = 1.4826 * np.median(np.abs(rest), axis=0) + 1e-12
-        outliers = np.abs(rest) > _OUTLIER * np.maximum(scale, np.median(scale))
+        residual = start - level - (u[:, :4] * s[:4]) @ v[:4]
+        scale = 1.4826 * np.median(np.abs(residual), axis=0) + 1e-12
+        outliers = np.abs(residual) > _OUTLIER * np.maximum(scale, np.median(scale))
         if not outliers.any() or outliers.mean() > 0.05:
             break
         missing = missing | outliers
