@@ -61,14 +61,9 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of this law, and the unit coordinates of its parameters.
+        """Return the unknowns of a fit of this law, and the n parameters in unit coordinates from 0 to 1.
 
-        Returns
-        -------
-        Unknowns
-            The unknowns, with bounds of the modulus 1.5 decades below and above the modulus of the earlier fit.
-        ndarray, shape (n,)
-            The parameters in unit coordinates, from 0 to 1 within the bounds.
+        The bounds of the modulus are 1.5 decades below and above the modulus of the earlier fit.
         """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
@@ -109,23 +104,9 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise of an earlier fit to a number of states.
+        """Return the noise of the edges from an earlier fit to ``states`` states.
 
         If the earlier fit did not separate the noise from the errors of its sources, all its residuals count as noise.
-
-        Parameters
-        ----------
-        earlier : Identifiability
-            The result of the earlier fit.
-        states : int
-            Number of states of the earlier fit.
-        left_percent : float
-            95 % bound of the remaining error of the modulus, in per cent.
-
-        Returns
-        -------
-        EdgeNoise
-            The noise of the edges.
         """
         independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
@@ -140,8 +121,7 @@ class EdgeNoise:
 class Candidates:
     """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
 
-    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. The
-    module defines w, J, C and P.
+    The goal quantity is the initial shear modulus or a parameter of the law. The module defines w, J, C and P.
 
     Attributes
     ----------
@@ -189,10 +169,7 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the expected 95 % interval of the goal quantity, in per cent of its value.
-
-        ``choice`` has the indices of the chosen states.
-        """
+        """Return the half-width of the 95 % interval of the goal quantity, in per cent, for the states ``choice``."""
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
@@ -215,9 +192,8 @@ class Candidates:
         """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
 
         For the noise, the bound assumes that every state gives as much information as the best state. For the sources,
-        the error of the estimate is a weighted mean of the errors that the estimates from single states would have; the
-        weights are non-negative and their sum is one. Non-negative least squares gives the weights with the smallest
-        sum of squared errors. The bound applies to one unknown.
+        the error is a weighted mean of the errors of estimates from single states. The weights are non-negative and
+        their sum is one. Non-negative least squares gives the weights with the smallest sum of squared errors.
 
         Raises
         ------
@@ -244,8 +220,8 @@ class Rivals:
     """S states that could distinguish a first law from a second law, the rival.
 
     The states are linearised in m quantities: the unknowns of the rival and the stated sources. J are the derivatives
-    of the edges in these quantities, r the distances in mm of the rival's edges from the edges of the first law, and w
-    the inverse variance of an independent point.
+    of the edges in these quantities. r are the distances in mm of the rival's edges from the edges of the first law. w
+    is the inverse variance of an independent point.
 
     Attributes
     ----------
@@ -280,10 +256,7 @@ class Rivals:
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC in favour of the first law, if the first law is true.
-
-        ``choice`` has the indices of the chosen states.
-        """
+        """Return the expected difference in AIC in favour of the first, true law, for the states ``choice``."""
         return 1 / float(self.variance(choice[None])[0])
 
 
@@ -315,8 +288,7 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the later fit. The error of this mesh is one more source,
-        unless the section is solid.
+        Number of elements along the beam in the mesh of the later fit, whose error counts unless the section is solid.
 
     Returns
     -------
@@ -362,14 +334,12 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Linearise the states in which the beam has an equilibrium under two laws, to plan their distinction.
-
-    The first law is assumed true.
+    """Linearise the states in which the beam has an equilibrium under two laws, to distinguish these laws.
 
     Parameters
     ----------
     known, rival : KnownLaw
-        The first law and its rival, with the parameters of earlier fits.
+        The first law, which is assumed true, and its rival, with the parameters of earlier fits.
     specimen : Specimen
         The specimen of the planned run.
     loads : Loads
@@ -419,10 +389,7 @@ def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
     """Return the indices of the states with an equilibrium and a stable law; raise ValueError if there is none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
-        raise ValueError(
-            f"no equilibrium with a stable law was found in any of the {len(loads)} states: "
-            "check loads, specimen and law"
-        )
+        raise ValueError(f"none of the {len(loads)} states has a stable equilibrium: check loads, specimen and law")
     return np.flatnonzero(converged)
 
 
@@ -437,10 +404,7 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in n unit coordinates, (n, K, 2, m) in mm, for m points of two edges.
-
-    K is the number of states.
-    """
+    """Return the derivatives of residuals in mm, (n, K, 2, m), in n unknowns for m points of 2 edges in K states."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -448,11 +412,7 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the residuals by the remaining error of the mesh, under the name of this source.
-
-    The standard deviation has the shape (K, 2, m), in mm, for m points of two edges in K states. The result is empty if
-    the finer mesh finds no equilibrium.
-    """
+    """Return one standard deviation of the mesh error, (K, 2, m) in mm, by name; empty without an equilibrium."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -466,10 +426,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor that converts a sum over simulated points into w times the sum over measured points, 1/mm^2.
-
-    w is the inverse variance of an independent point, see the module.
-    """
+    """Return the factor from a sum over simulated points to w (see the module) times a sum over measured points."""
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
