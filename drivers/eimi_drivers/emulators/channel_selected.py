@@ -1,7 +1,7 @@
 """Emulate families of SCPI supplies that have several channels and apply each message to the selected channel.
 
-The coil is connected to one channel. A message for another channel causes an error. This list of messages was
-written independently of the drivers' profiles.
+The coil is connected to one channel. A message for another channel causes an error. The messages in this
+module were written independently of the drivers' profiles.
 """
 
 from __future__ import annotations
@@ -80,7 +80,10 @@ class _ChannelSelected(ScpiDialect):
         )
 
     def _apply_to(self, argument: str) -> bool:
-        """Select the channel in the argument of APPLy, set its set-points, and return whether both was accepted."""
+        """Obey APPLy: select the channel in the argument and set its voltage (V) and current (A).
+
+        Return whether the supply accepted the command.
+        """
         channel, voltage, current = [*(part.strip() for part in argument.split(",")), "", ""][:3]
         return self._select(self._channel_named(channel)) and (not voltage or self._apply(voltage, current))
 

@@ -1,7 +1,7 @@
 """Emulate Delta Elektronika's SM15K, and an SM supply with a PSC-ETH card.
 
-This list of messages was written independently of the drivers' profiles. Each word of a message can be shortened to
-three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
+The messages in this module were written independently of the drivers' profiles. Each word of a message can be
+shortened to three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
 """
 
 from __future__ import annotations

@@ -37,11 +37,11 @@ class Fault(Enum):
     )
     GARBAGE = (
         "every message is obeyed, but its answer is unreadable",
-        "uses no value from such an answer, tries to switch off, and reports that this could not be confirmed",
+        "uses no value from such an answer, tries to switch off, and reports that the coil may still be on",
     )
     PARTIAL = (
         "every message is obeyed, but the second half of its answer is lost",
-        "uses no value from such an answer, tries to switch off, and reports that this could not be confirmed",
+        "uses no value from such an answer, tries to switch off, and reports that the coil may still be on",
     )
     SLOW = (
         "every message is obeyed, but its answer is late",
@@ -52,7 +52,7 @@ class Fault(Enum):
         "reopens the line, asks for the identity, and switches the coil off",
     )
     DISCONNECT = (
-        "the line is cut for good",
+        "the line is cut permanently",
         "reports that the coil may still be on",
     )
     REENUMERATE = (
@@ -70,7 +70,7 @@ class Fault(Enum):
     )
     DRIFT = (
         f"the current rises to {DRIFTS_TO_A:g} A at 1 A/s while the output is on; the set-point reads back as set",
-        "measures the current regularly, and switches off when it leaves the set-point",
+        "measures the current regularly, and switches off when the current differs from the set-point",
     )
     FALLEN = (
         "no current flows although the output reads back as on",
@@ -94,7 +94,7 @@ class Fault(Enum):
     )
     BROWNOUT = (
         f"the mains fail briefly: nothing answers for {RESTARTS_WITHIN_S:g} s, then the supply is as after power-up",
-        "notices that the output is off without a command, and does not continue as if it were on",
+        "notices that the output is off without a command, and does not continue as if the output were on",
     )
 
     def __init__(self, effect: str, correct: str) -> None:

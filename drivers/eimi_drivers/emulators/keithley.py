@@ -1,6 +1,6 @@
 """Emulate Keithley's supplies of the series 2200 (one channel) and 2260B.
 
-This list of messages was written independently of the drivers' profiles.
+The messages in this module were written independently of the drivers' profiles.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Emulate Keysight's power systems N6700, N6900 and RP7900, which have a watchdog for their outputs.
 
-This list of messages was written independently of the drivers' profiles.
+The messages in this module were written independently of the drivers' profiles.
 """
 
 from __future__ import annotations

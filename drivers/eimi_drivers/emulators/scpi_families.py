@@ -1,6 +1,6 @@
 """Emulate families of SCPI supplies that have one channel or expect the channel in each message.
 
-This list of messages was written independently of the drivers' profiles. The coil is connected to one channel. A
+The messages in this module were written independently of the drivers' profiles. The coil is connected to one channel. A
 message for another channel causes an error.
 """
 
