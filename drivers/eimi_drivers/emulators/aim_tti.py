@@ -98,7 +98,7 @@ class AimTtiDialect:
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, obey the complete lines, and return the answers to them."""
+        """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         answers = []
         for line in lines:

@@ -51,7 +51,7 @@ class GenesysDialect:
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, obey the complete lines, and return the answers to them."""
+        """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\r")
         answers = (self._answer(line.decode("latin-1").strip()) for line in lines)
         return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer)

@@ -1,4 +1,4 @@
-"""Serve an emulated GigE Vision camera in a separate process, so that it does not delay the other instruments."""
+"""Serve an emulated GigE Vision camera in a separate process. The camera then does not delay other instruments."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class OutputWatchdog:
         return True
 
     def set_seconds(self, seconds: float, least: float, most: float) -> bool:
-        """Set the time (s) of the timer, and return whether it is between `least` and `most` (s).
+        """Set the time (s) of the timer, and return True. If the time is not between `least` and `most`, return False.
 
         A time that is out of range is not set.
         """

@@ -53,7 +53,7 @@ class ScpiDialect:
         The function that returns the answer to a query, by the header of the query in its short form in capitals.
     commands : dict
         The function that obeys a command, by the header of the command in its short form in capitals. The function
-        takes the argument of the command and returns whether it was accepted.
+        takes the argument of the command and returns whether the supply accepted the command.
     serial_line_begins_local : bool
         True if every message on a serial line is lost until the message ``SYST:REM`` or ``SYST:RWL`` arrives.
     reset_current_A : float
@@ -105,7 +105,7 @@ class ScpiDialect:
         self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, obey the complete lines, and return the answers to them."""
+        """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         replies = (self._reply_to_line(line.decode("latin-1").strip().upper()) for line in lines)
         return b"".join(reply.encode("ascii") + b"\n" for reply in replies if reply)

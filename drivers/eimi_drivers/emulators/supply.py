@@ -186,7 +186,7 @@ class CoilSupply:
         )
 
     def set_current(self, current_A: float) -> bool:
-        """Set the current (A), and return whether it was accepted.
+        """Set the current (A), and return whether the supply accepted the value.
 
         A current that is out of range is not accepted. A locked supply accepts no command.
         """
@@ -194,7 +194,7 @@ class CoilSupply:
         return lowest <= current_A <= self.max_current_A and self._obey(set_current_A=current_A)
 
     def set_voltage(self, voltage_V: float) -> bool:
-        """Set the voltage (V), and return whether it was accepted.
+        """Set the voltage (V), and return whether the supply accepted the value.
 
         A voltage that is out of range is not accepted. A locked supply accepts no command.
         """

@@ -50,7 +50,7 @@ class TripLevel:
         return taken
 
     def set_level(self, level: float) -> bool:
-        """Set the level (V or A), and return whether it was accepted. The switch stays unchanged."""
+        """Set the level (V or A), and return whether the supply accepted the level. The switch stays unchanged."""
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:

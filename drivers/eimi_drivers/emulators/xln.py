@@ -48,7 +48,7 @@ class XlnDialect:
         }
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, obey the complete lines, and return the answers to them."""
+        """Receive bytes, obey the messages in complete lines, and return the answers."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
         answers = (self._answer(line.decode("latin-1").strip().upper()) for line in lines)
         return b"".join(answer.encode("ascii") + b"\r\n" for answer in answers if answer)
