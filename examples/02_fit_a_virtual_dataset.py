@@ -18,7 +18,7 @@ def main() -> float:
     (modulus_Pa,) = truth["parameters"].values()  # a Neo-Hookean material has one parameter
     ratio = fit.initial_shear_modulus.value / modulus_Pa
     print(fit.summary())
-    print(f"{ratio:.4f} times the true modulus")
+    print(f"identified modulus: {ratio:.4f} times the true modulus")
     return float(ratio)
 
 

@@ -8,7 +8,7 @@ def main() -> int:
     lines = eimi.acquire("dragon_skin_10", "type1", "bench_example", dry_run=True).lines
     print("\n".join([*lines[:5], "…", *lines[-5:]]))
     stored = sum(" stored: " in line for line in lines)
-    print(f"{len(lines)} lines, {stored} states stored")
+    print(f"the dry run has {len(lines)} lines; the run would store {stored} states")
     return stored
 
 

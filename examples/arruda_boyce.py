@@ -124,7 +124,7 @@ def _stiffening(locking: Array) -> Array:
 
 
 def _difference(x: Array, i: int) -> Array:
-    """Return (x + 3)^i - 3^i. The sum that is used is accurate for small x, where the difference is not."""
+    """Return (x + 3)^i - 3^i, computed without a loss of accuracy for small x."""
     return np.asarray(x * sum((x + 3) ** k * 3.0 ** (i - 1 - k) for k in range(i)))
 
 
