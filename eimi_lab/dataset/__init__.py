@@ -3,36 +3,36 @@
 layout            groups, columns and attributes of the file
 writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash
 empty_file        a dataset of frames before its first state
-recordings        frames between the states: transients, ring-downs and conditioning
-frame_chunk       a frame as one compressed chunk of HDF5
-frame_stream      frames that are compressed in threads and written while they arrive
-recorded_frames   the frames of a ring-down, read one at a time
-steps             the set-points of a run, and the steps of its ring-downs
+recordings        frames that a run takes outside the states: settling, creep, ring-downs and conditioning
+frame_chunk       storage of a frame as one compressed chunk of HDF5
+frame_stream      compression and writing of frames in threads while the camera takes further frames
+recorded_frames   the frames of a ring-down or of creep, read one at a time
+steps             the set-points of a run, and the current steps that began its ring-downs
 state             the value `State`: the loads and flags of one state
 points            datasets of tracked material points instead of frames
-tip_force_angles  directions of tip forces in the file
-opened_file       open an HDF5 file that is finished, in use or crashed
+tip_force_angles  the directions of the tip forces in the file
+opened_file       open an HDF5 file that is finished, in use or left open by a crash
 reading           `open_dataset`, for finished files, for files in use and for crashed files
-containment       check that a file holds all its data itself and claims no absurd amounts
+containment       refusal of files that refer to other files, or whose data would not fit into memory
 rewriting         safe change of a finished file by way of a copy
 restating         correction of specimen and calibration after a run; the replaced files stay in the dataset
 segmentation      search for the edges of every state
-logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and what it measured
-sensor_logs       the logs of sensors in the file
-measured_heating  the measured temperature of the coil against the model of its heat
-measured_field    the line of the field against the current, with its uncertainties
-measured_columns  measured fields' uncertainties and temperatures of imported states
+logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and its readings
+sensor_logs       the readings of the sensors in the file
+measured_heating  comparison of the measured coil temperature with the thermal model of the coil
+measured_field    a straight line through the measured fields against the current, with uncertainties
+measured_columns  uncertainties of measured fields, and measured temperatures, of imported states
 stored_edges      the edges in the file
-dark_and_flat     the dark frame and the flat field in the file, which correct the frames
+dark_and_flat     the dark frame and the flat field in the file, by which frames are corrected
 labelled          edges and tracked points as an xarray.Dataset
-default_plots     the plots that a viewer of NeXus files shows first
-plotting          edges and tracked points as a figure for a notebook
+default_plots     the plots that a viewer of NeXus files shows when it opens the file
+plotting          a figure of edges or tracked points for a notebook
 upright           rotation from the beam frame to the orientation in which the beam is seen
-importing         datasets from the images or the video of a laboratory
+importing         conversion of existing images or an existing video into a dataset
 listing           the pictures that a table of states lists
 state_loads       the loads of each state in a table of states
 videos            frames and times of a video file
-moving            ring-downs and creep: points with the time of each
+moving            ring-downs and creep as positions of points at measured times
 tracked           import of tracked points in the formats of tracking programs
 recovery          repair of crashed or damaged files
 repair            correction of flipped bits by HDF5's checksums

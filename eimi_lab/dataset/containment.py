@@ -1,7 +1,7 @@
-"""Check that a dataset file holds all its data itself, and claims no absurd amounts of data.
+"""Check that a dataset file contains all its data itself, and that each array would fit into memory.
 
-An HDF5 file can refer to other files, and a few bytes in it can claim any size. Both are refused before anything is
-read, since a file may come from anywhere.
+A file may come from an unknown source. An HDF5 file can refer to other files, and a few damaged bytes can declare an
+array of any size. A file with such references or sizes is refused before its data are read.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
 
 MOST_BYTES = 1 << 30
-"""Largest size of a table, or of a single frame."""
+"""Largest size of a table or of a single frame in bytes."""
 
 FORMER = "former"
-"""Name of the group that keeps the specimens and calibrations that were replaced."""
+"""Name of the group with the specimens and calibrations that were replaced after the run."""
 
 READ = (
     *("entry/specimen", "entry/calibration", "entry/protocol", "entry/rig", "entry/truth", "entry/start_time"),
@@ -38,13 +38,15 @@ READ = (
         "entry/segmentation/edges/right",
     ),
 )
-"""Places of everything that the program reads."""
+"""Paths, inside the HDF5 file, of all groups and arrays that the program reads."""
 
 
 def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
-    """Raise InputError if data of a dataset are in another place, or claim to be larger than memory.
+    """Raise InputError if a dataset refers to data outside the file, or declares an array that is too large.
 
-    Only the places in `READ` are checked; a user may have added other things to the file.
+    An array is too large if a table, or one frame of a stack, exceeds `MOST_BYTES` or a quarter of the free memory.
+    Only the places that the program reads are checked: `READ`, the motions and the sensors. A user may have added
+    other data to the file.
     """
     for place in READ:
         _refuse_members(path, file, place)
@@ -72,7 +74,7 @@ def _refuse_members(path: Path, file: h5py.File, place: str) -> None:
 
 
 def _member(path: Path, parent: h5py.Group, name: str) -> Any:
-    """Return the member of a group; raise InputError if it is a link to another place."""
+    """Return a member of an HDF5 group. Raises InputError if the member is a soft or external link."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
         raise InputError(f"{path}: {place} is a link to another place; a dataset must contain all of its data")
@@ -87,8 +89,13 @@ def _refuse_storage(path: Path, item: Any) -> None:
     if item.name == "/entry/start_time" and item.dtype.hasobject:
         return  # `get_start` reads the copy of fixed length
     if item.dtype.hasobject or item.dtype.kind not in "iufS":
-        raise InputError(f"{path}: {item.name} is of type {item.dtype}; only numbers and text of fixed length are read")
+        raise InputError(
+            f"{path}: {item.name} is of type {item.dtype}; it should have numbers or texts of fixed length"
+        )
     row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize
     if row > MOST_BYTES or item.ndim > 4:
-        raise InputError(f"{path}: {item.name} claims a size of {item.shape}, more than could be read")
+        raise InputError(
+            f"{path}: {item.name} claims a size of {item.shape}, which is more than the program reads; the file is "
+            "damaged, or is not a dataset"
+        )
     refuse_unpacked(row, f"{path}: {item.name} of {item.shape}")

@@ -1,4 +1,4 @@
-"""The dark frame and the flat field of a dataset, stored beside the frames that every segmentation corrects by them."""
+"""The dark frame and the flat field of a dataset, by which every segmentation corrects the frames."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ GROUP = "correction"
 BRIGHTEST_DARK = 0.5  # a dark frame brighter than this fraction of the back-light was taken with light
 
 Images = Mapping[str, NDArray[Any]]
-"""Images (H, W) or (H, W, 3) under the names "dark" and "flat"; either may be absent."""
+"""Images of shape (H, W) or (H, W, 3) with the keys "dark" and "flat", of which one or both may be absent."""
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from files; raise InputError if they cannot correct a frame."""
+    """Read a dark frame and a flat field from image files. Raises InputError if they are unsuitable for a correction.
+
+    The result has the keys "dark" and "flat"; the key of a file that is None is absent.
+    """
     from eimi_lab.vision.image_files import (
         read_image,
     )  # OpenCV loads slowly, and a fit of stored edges does not need it
@@ -38,34 +41,46 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 
 
 def correction_by(images: Images) -> FieldCorrection | None:
-    """Return the correction by these images; None without images. Raises ValueError if they cannot correct a frame."""
+    """Return the correction of frames by a dark frame and a flat field; None if both images are absent.
+
+    Raises ValueError if the images are unsuitable for a correction, see `FieldCorrection`.
+    """
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
-    """Raise InputError if an image differs from a frame in size or depth, or if a dark frame was taken with light."""
+    """Raise InputError if a dark frame or flat field does not suit a frame of the camera.
+
+    An image must have the size and the bit depth of the frame. The median of a dark frame must be at most half of the
+    brightness of the back-light, for which the 99th percentile of the frame is used.
+    """
     from eimi_lab.vision.image_files import describe_image  # imports OpenCV, see above
 
     for name, image in images.items():
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):
-            raise InputError(f"--{name}: is {describe_image(image)}; the frames are {describe_image(frame)}")
+            raise InputError(
+                f"--{name}: is {describe_image(image)}; the frames are {describe_image(frame)}, and the image should "
+                "have the same size and depth"
+            )
     if "dark" in images:
         dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
         if dark > BRIGHTEST_DARK * lit:
             raise InputError(
-                f"--dark: has {dark:g} counts (median) where the frames' back-light has {lit:g}; take it without light"
+                f"--dark: has {dark:g} counts (median) where the frames' back-light has {lit:g}; take the dark frame "
+                "with the light off or the lens covered"
             )
 
 
 def store_correction(path: str | Path, images: Images) -> None:
     """Store a dark frame and a flat field in a dataset of frames.
 
-    An earlier image of the same name is replaced. Stored edges are removed, since they were found without the images.
+    A dark frame replaces the stored dark frame, and a flat field the stored flat field. Stored edges are removed,
+    because they were found without these images.
 
     Raises
     ------
     InputError
-        If the dataset has no frames, or if the images do not fit its frames.
+        If the dataset holds tracked points, or if the images do not suit its frames (see `check_like`).
     """
     path = Path(path)
     with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:
@@ -87,13 +102,13 @@ def store_correction(path: str | Path, images: Images) -> None:
 
 
 def forget_correction(path: str | Path) -> None:
-    """Remove the dark frame and the flat field from a dataset, and the edges that were found with them."""
+    """Remove the dark frame, the flat field and the stored edges from a dataset."""
     with rewritten(Path(path)) as entry:
         _remove(entry)
 
 
 def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
-    """Return the dark frame and the flat field that a dataset holds."""
+    """Return the dark frame and the flat field of a dataset with the keys "dark" and "flat"; empty without them."""
     return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
 
 

@@ -1,6 +1,6 @@
-"""The plots that a viewer of NeXus files shows when it opens a dataset: the tip against the field, and the edges.
+"""The plots that a viewer of NeXus files shows for a dataset: tip deflection against field, and the edges.
 
-The attribute `default` leads a viewer from the file to the first plot (https://manual.nexusformat.org/datarules.html,
+The attribute `default` tells a viewer which plot to show first (https://manual.nexusformat.org/datarules.html,
 "Find the plottable data"). Each plot is an NXdata with one signal along one axis, which a viewer draws as a curve.
 """
 
@@ -19,7 +19,10 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 
 def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
-    """Add the plots `tip` and `outline` to the group of the edges, and make `tip` the default plot of the file."""
+    """Add the plots `tip` and `outline` to a dataset, and make `tip` the plot that a viewer shows first.
+
+    ``entry`` is the group of the dataset. ``process`` is its group of the edges, to which the plots are added.
+    """
     _write_tip(process, entry["states/field"][()], edge_sets)
     if "calibration" in entry:
         _write_outline(process, parse(Calibration, get_text(entry["calibration"], "data"), "calibration"), edge_sets)
@@ -28,7 +31,10 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
 
 
 def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the deflection of the tip, which is the last point of the middle line; NaN for a state without edges."""
+    """Write the plot of the tip deflection (mm) against the field (mT); NaN for a state without edges.
+
+    The tip is the last point of the middle line between the edges.
+    """
     middles = [edges.middle_mm for edges in edge_sets]
     across = np.array([middle[-1, 1] if len(middle) else np.nan for middle in middles])
     order = np.argsort(field_mT[: len(across)], kind="stable")
@@ -40,7 +46,10 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write both edges of every state as the camera sees them, with NaN between the edges to separate the curves."""
+    """Write the plot of both edges of every state, in mm to the right and up in the camera's picture.
+
+    A NaN between two edges makes a viewer draw them as separate curves.
+    """
     gap = np.full((1, 2), np.nan)
     parts = [
         part

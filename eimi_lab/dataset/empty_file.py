@@ -1,4 +1,4 @@
-"""A dataset of frames before its first state: the contents that are created before the writer opens the file."""
+"""The initial contents of a dataset of frames: the description of the run, and empty tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,17 @@ from eimi_lab.dataset.steps import make_steps
 
 
 def empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """Create a dataset without frames in memory, because a full disk can crash HDF5, and return its bytes."""
+    """Return the bytes of a dataset file that has the description of a run but no frames yet.
+
+    The file is made in memory, because HDF5 can crash when it writes to a full disk.
+
+    Parameters
+    ----------
+    header
+        Description of the run.
+    image
+        An example frame (H, W) or (H, W, 3), which has the shape and the type of all frames.
+    """
     memory = io.BytesIO()
     with h5py.File(memory, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)

@@ -1,7 +1,7 @@
 """A frame as one chunk of HDF5, compressed with ISA-L (Intel's igzip) instead of HDF5's own filters.
 
-The chunk has the format of the filters gzip and fletcher32, so that any HDF5 reader reads it. The compression takes
-about a quarter of the time of HDF5's.
+The chunk has the format of HDF5's filters gzip and fletcher32, so every HDF5 program can read the frame. ISA-L needs
+about a quarter of the time that HDF5's gzip filter needs.
 """
 
 from __future__ import annotations
@@ -20,21 +20,26 @@ _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
 
 
 def compressed(image: NDArray[Any]) -> bytes:
-    """Return an image in the file's order of colours as a chunk: compressed, with its checksum behind it."""
+    """Return the chunk of an image: the compressed bytes, followed by their Fletcher-32 checksum (4 bytes).
+
+    The colours of the image must be in the order of the file (red, green, blue).
+    """
     data = isal_zlib.compress(np.ascontiguousarray(image), level=_LEVEL)
     return bytes(data) + fletcher32(data).to_bytes(4, "little")
 
 
 def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
-    """Write a compressed image as a row of a stack that was created by `layout.frame_stack` and is long enough."""
+    """Write the chunk of a compressed image as one row of a stack of frames.
+
+    The stack was created by `layout.frame_stack`, and was lengthened to more than ``row`` rows before.
+    """
     stack.id.write_direct_chunk((row, *(0 for _ in stack.shape[1:])), chunk)
 
 
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
-    """Append an image in the file's order of colours to a stack of frames.
+    """Append an image to a stack of frames. Its colours must be in the order of the file (red, green, blue).
 
-    A stack with other filters than those of `layout.frame_stack`, as another program may have rewritten it, is
-    compressed by HDF5.
+    If another program rewrote the stack with other filters than `layout.frame_stack` uses, HDF5 compresses the image.
     """
     row = len(stack)
     stack.resize(row + 1, axis=0)

@@ -1,9 +1,9 @@
-"""Frames that are compressed in threads and written while they arrive, faster than HDF5's own filters allow.
+"""Compress frames in several threads and write them to the file while the camera takes further frames.
 
-HDF5 compresses in the thread that writes, one chunk after another. Here several threads compress frames
-(`frame_chunk`), and another thread writes the finished chunks in their order.
+HDF5's own filters are slower, because HDF5 compresses one chunk after another in the thread that writes. Here several
+threads compress frames (`frame_chunk`), and another thread writes the finished chunks in the order of the frames.
 
-At most a stated number of bytes of frames is in memory. If the disk or the processors are too slow, `put` waits.
+The bytes of frames in memory have an upper limit. If the disk or the processors are too slow, `FrameStream.put` waits.
 """
 
 from __future__ import annotations
@@ -22,28 +22,30 @@ from eimi_lab.dataset.frame_chunk import compressed, write_chunk
 from eimi_lab.dataset.layout import to_stored
 
 RING_BYTES = 512 << 20
-"""Frames in memory that are not yet on the disk: three seconds of 120 frames of 1.3 MB."""
+"""Default limit of the bytes in memory: about three seconds at 120 frames of 1.3 MB per second."""
 
 COMPRESSING = 2
-"""Threads that compress; igzip leaves Python's lock while it works."""
+"""Number of threads that compress frames; they run in parallel, because igzip releases Python's interpreter lock."""
 
 _AHEAD = 64  # frames by which the stack is lengthened at once
 
 
 class FrameStream:
-    """Appends frames to a stack; use it as a context manager, whose end waits until all frames are written.
+    """A stream that appends frames to a stack in an HDF5 file while the caller takes further frames.
+
+    Use the stream in a ``with`` statement. The end of the block waits until all frames are written.
 
     Parameters
     ----------
     frames : h5py.Dataset
-        The stack, created by `layout.frame_stack`. Nothing else may use its file before the end.
+        The stack, created by `layout.frame_stack`. Until the end of the block, nothing else may use the file.
     ring_bytes : int
-        Largest number of bytes of frames in memory.
+        Largest number of bytes of frames in memory; two frames are always allowed.
 
     Attributes
     ----------
     written : int
-        Number of frames that were written.
+        Number of frames that were written to the file.
     """
 
     def __init__(self, frames: h5py.Dataset, ring_bytes: int = RING_BYTES) -> None:
@@ -59,26 +61,26 @@ class FrameStream:
 
     @property
     def waiting(self) -> int:
-        """The number of frames in memory."""
+        """The number of accepted frames that are not yet written to the file."""
         return self._accepted - self._finished
 
     def __enter__(self) -> FrameStream:
         return self
 
     def put(self, image: NDArray[Any], meanwhile: Callable[[], None] | None = None) -> None:
-        """Accept the next frame, which must not change afterwards.
+        """Accept the next frame for writing; wait if too many frames are in memory.
 
         Parameters
         ----------
         image : ndarray
-            The frame, colours in the program's order.
+            The frame, (H, W) or (H, W, 3: blue, green, red). The caller must not change the array afterwards.
         meanwhile : callable, optional
-            Is called repeatedly while there is no room in memory.
+            Function that is called every 0.1 s during the wait.
 
         Raises
         ------
         ValueError
-            If the frame has another size or depth than the stack.
+            If the size or the bit depth of the frame differs from those of the stack.
         OSError, RuntimeError
             If an earlier frame could not be written.
         """
@@ -114,7 +116,7 @@ class FrameStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Wait until every accepted frame is written, and cut the stack to the written frames.
+        """Wait until every accepted frame is written, and shorten the stack to the written frames.
 
         Raises OSError or RuntimeError if a frame could not be written.
         """

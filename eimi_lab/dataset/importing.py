@@ -1,4 +1,4 @@
-"""Make a dataset from images or a video that exist already, and a table of states."""
+"""Make a dataset from existing images or an existing video, and from a table with the load of each picture."""
 
 from __future__ import annotations
 
@@ -58,8 +58,9 @@ def import_frames(
 ) -> int:
     """Make a dataset from the images in a folder or from a video.
 
-    Only listed pictures are imported, images in the natural order of their names. Consecutive pictures with the same
-    load are the frames of one state. Differences between the frames of a state become its flags.
+    Only the pictures that the table of states lists are imported. Images are taken in the natural order of their names
+    (2 before 10). Consecutive pictures with the same load are the frames of one state. If the frames of a state differ
+    from each other, the state gets flags.
 
     Parameters
     ----------
@@ -74,18 +75,18 @@ def import_frames(
     force
         Whether an existing file is overwritten.
     average
-        Whether the frames of a state are stored as their mean.
+        Whether the mean of the frames of a state is stored instead of the frames.
     progress
-        Function that shows the progress; it is used if there are many frames.
+        Function that shows the progress of an import of at least `MANY_FRAMES` pictures.
     correction
         Dark frame and flat field to store with the frames.
     every
-        Take every n-th frame of a video; each load of the table then acts until the next one.
+        The number n, to take every n-th frame of a video. Each load of the table then acts until the next load.
 
     Returns
     -------
     int
-        The number of states.
+        The number of imported states.
 
     Raises
     ------
@@ -140,8 +141,8 @@ def _append_states(
         for image, name in zip(taken, names, strict=True):
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{name}: is {describe_image(image)}; {first_frame.path.name} is {describe_image(first)}; pictures "
-                    f"of one dataset have one size and depth: {_remedy(image, first)}"
+                    f"{name}: is {describe_image(image)}, but {first_frame.path.name} is {describe_image(first)}; all "
+                    f"pictures of a dataset need the same size and depth: {_remedy(image, first)}"
                 )
         flags = _flags(names, taken, last)
         last = taken[-1]
@@ -161,14 +162,14 @@ def _append_states(
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """Return advice for an image whose size or depth differs from that of the first image."""
+    """Return advice to the user about an image that differs from the first image in size or depth."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
         return "rotate it by 90 degrees, or remove it from states.csv"
     return "export all pictures in the same way, or remove it from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
-    """Return the time at which the oldest of the files was written, as ISO 8601."""
+    """Return the time of the last change (ISO 8601, UTC) of the oldest image or video file."""
     seconds = min(file.stat().st_mtime for file in listing.files())
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
 
@@ -180,7 +181,11 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags of a state from differences between its images, and from the image before the state."""
+    """Return the flags of a state that follow from its images and from the last image of the previous state.
+
+    ``last`` is this last image; None for the first state. If it is identical with the first image of the state, the
+    state gets a flag.
+    """
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
         numbers = list(range(len(names)))
@@ -193,13 +198,20 @@ def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | N
 
 
 def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
-    """Return the mean of images with 16 bits; 8-bit values are multiplied by 257, so that the full scales agree."""
+    """Return the mean of images as an image of 16 bits.
+
+    Values of 8 bits are multiplied by 257, so that 255 becomes 65535.
+    """
     scale = 257.0 if images[0].dtype == np.uint8 else 1.0
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
 
 
 def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
-    """Raise InputError for a clamp or a scale impossible in pictures of this size; warn if the beam leaves them."""
+    """Check whether the clamp and the beam lie within the first picture of an import.
+
+    Raises InputError if the clamp is outside the picture, or if the beam is too large for it at the scale of the
+    calibration. Prints a warning if a part of the straight beam is outside the picture.
+    """
     beam, scale = specimen.specimen, calibration.pixels_per_mm
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"
     if (clamp < -0.5).any() or (clamp > [width - 0.5, height - 0.5]).any():
@@ -211,7 +223,8 @@ def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration
     if wide_px > min(width, height) or long_px > MOST_DIAGONALS * diagonal_px:
         raise InputError(
             f"{image}: is {size}; a beam of length_mm = {beam.length_mm:g} and width_mm = {beam.width_mm:g} at "
-            f"pixels_per_mm = {scale:g} is {long_px:.0f} x {wide_px:.0f} px: correct the scale, or the dimensions"
+            f"pixels_per_mm = {scale:g} is {long_px:.0f} x {wide_px:.0f} px, which does not fit: correct pixels_per_mm "
+            "in the calibration, or length_mm and width_mm of the specimen"
         )
     region_of(calibration, (height, width))
     check_clicked_points(calibration, specimen, (height, width))
@@ -222,5 +235,6 @@ def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration
         tell(
             f"warning: {image}: the straight beam, {long_px:.0f} px long, would leave the picture of {size} "
             f"from clamp_midpoint_px = {list(calibration.clamp_midpoint_px)} at axis_angle_deg = "
-            f"{calibration.axis_angle_deg:g}; if the bent beam also leaves it, check length, scale, clamp and axis"
+            f"{calibration.axis_angle_deg:g}; if the bent beam also leaves the picture, check length_mm, "
+            "pixels_per_mm, clamp_midpoint_px and axis_angle_deg"
         )

@@ -1,4 +1,4 @@
-"""Edges or tracked points as an xarray.Dataset, with the current, the field and the tip force of each state."""
+"""Conversion of edges or tracked points, with the loads of each state, into an xarray.Dataset."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ _MM = {"units": "mm"}
 
 
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
-    """Return tracked points as an xarray.Dataset with the dimensions (state, point, axis), in mm.
+    """Return the tracked points of all states as an xarray.Dataset with the dimensions (state, point, axis).
+
+    The variables are the positions at rest ``rest`` and in the state ``place``, and the standard deviation ``sigma``
+    of a coordinate, all in mm. Field, current, tip force and flags of each state are coordinates.
 
     Parameters
     ----------
     states, tracked
-        The states, and the tracked points of each. A state with fewer points than another is padded with NaN.
+        The states, and the tracked points of each state. If a state has fewer points than another state, NaN takes the
+        place of the absent points.
     attributes
-        Attributes of the result.
+        Attributes of the xarray.Dataset.
 
     Raises
     ------
@@ -42,14 +46,18 @@ def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], a
 
 
 def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes: Mapping[str, str]) -> Any:
-    """Return edges as an xarray.Dataset with the dimensions (state, side, point, axis), in mm.
+    """Return the edges of all states as an xarray.Dataset with the dimensions (state, side, point, axis).
+
+    The variables are the points ``edge`` and their standard deviations ``sigma``, both in mm. Field, current, tip force
+    and flags of each state are coordinates.
 
     Parameters
     ----------
     states, edges
-        The states, and the edges of each. A side with fewer points than another is padded with NaN.
+        The states, and the edges of each state. If an edge has fewer points than another edge, NaN takes the place of
+        the absent points.
     attributes
-        Attributes of the result.
+        Attributes of the xarray.Dataset.
 
     Raises
     ------
@@ -80,7 +88,7 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Stack arrays of shape (n_i, ...) into an array of shape (len(arrays), max n_i, ...), padded with NaN."""
+    """Stack arrays of different lengths n_i into one array (number of arrays, largest n_i, ...), padded with NaN."""
     longest = max((len(a) for a in arrays), default=0)
     filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)
     for row, values in zip(filled, arrays, strict=True):

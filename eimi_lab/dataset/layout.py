@@ -3,22 +3,23 @@
 /entry                      NXentry, as the application definition NXsensor_scan requires it
   title, definition, start_time, program_name; end_time once the edges were stored
   sample                    NXsample
-  sample/environment        NXenvironment: an NXsensor for each sensor of the rig, with an NXlog of one row per frame
+  sample/environment        NXenvironment: an NXsensor for each sensor of the rig; its NXlog has one row for each frame
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
   instrument/detector/settings    NXcollection: exposure, gain and other settings that were read back from the camera
   specimen, calibration, protocol, rig    NXnote: the TOML texts of the run
-  former                    NXcollection of NXnote with a date: specimens and calibrations that were replaced later
+  former                    NXcollection of NXnote with a date: specimens and calibrations replaced after the run
   host                      NXnote: time zone, and versions of the programs that wrote the file
   user_note                 NXnote: the note that the user gave with --note
   data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points, with columns
-  states                    NXcollection: one row for each state; its attributes hold the format and the kind
-  transients, ring_down, conditioning    NXdata: frames between the states, if the protocol asks for them (`recordings`)
+  states                    NXcollection: one row for each state; attributes of the group: version of the format, and
+                            whether the dataset holds frames or tracked points
+  transients, ring_down, conditioning    NXdata: frames outside the states, if the protocol asks for them (`recordings`)
   set_points, ring_down_steps    NXcollection: times of set-points, and one row for each ring-down (`steps`)
-  ring_down_points, creep_points    NXcollection: motions as points with their times (`moving.stored_motions`)
+  ring_down_points, creep_points    NXcollection: motions as points at measured times (`moving.stored_motions`)
   sessions                  NXcollection: one row for each time that the run was started or resumed
   correction                NXcollection: dark frame and flat field, if the user gave them
-  segmentation              NXprocess: the edges after segmentation; the projection of colours used for them; and the
-                            plots tip and outline (NXdata), which a viewer shows first
+  segmentation              NXprocess: the edges; the projection of colours with which they were found; and the plots
+                            tip and outline (NXdata)
   truth                     NXnote: the true materials of a virtual rig, which are used only to score results
 """
 
@@ -48,18 +49,19 @@ if TYPE_CHECKING:  # these modules import every driver, which is slow, and readi
     from eimi_lab.config.rig import Rig
 
 WRITTEN_AS = ("v110", "latest")
-"""Bounds of the version of HDF5's structures: 1.10 is the first with single-writer-multiple-reader mode. A newer lower
-bound, as in "latest", writes files that older releases of HDF5 cannot read."""
+"""Oldest and newest version of the HDF5 structures in a file. HDF5 1.10 is the first version with the
+single-writer-multiple-reader mode. With a newer lower bound, older releases of HDF5 could not read the files."""
 FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
 KIND_ATTRIBUTE = "eimi_kind"
 START_ATTRIBUTE = "eimi_start_time"
-"""The start of the run as a text of fixed length. A damaged text of variable length can claim 4 GiB of memory."""
+"""Name of the attribute with the start of the run. Its text has a fixed length, because HDF5 may allocate 4 GiB for a
+damaged text of variable length."""
 PROGRAM = "eimi-lab"
 PROGRAM_URL = "https://doi.org/10.3389/frobt.2021.790571"
-"""The method that the program implements. NXprocess requires a URL, and the program has no site."""
+"""Paper with the method of the program. NXprocess requires a URL, and the program has no site of its own."""
 DEFINITION, DEFINITION_VERSION = "NXsensor_scan", "1.0"
-"""The application definition of NeXus with which the file complies, and its version."""
+"""Name and version of the NeXus application definition with which a dataset complies."""
 
 Kind = Literal["frames", "points"]
 
@@ -92,24 +94,24 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Header:
-    """The description of a run that is written before its first state; None for a value that an import does not know.
+    """The description of a run or an import, which is written before the first state.
 
     Parameters
     ----------
     specimen, calibration, protocol, rig
-        The files of the run.
+        The input files; None for a file that the run or import does not have.
     instruments
         Identities of the supply, the camera and the sensors.
     truth
-        True materials of a virtual rig.
+        True materials of a virtual rig; None for a real rig.
     note
         The user's note.
     taken
         Time of the first frame in ISO 8601; None for the present time.
     camera_settings
-        Settings as they were read back from the camera.
+        Settings that were read back from the camera; None for an import.
     without_contact
-        What would happen to the coil if the cable were pulled or the computer stopped, in words.
+        Text about what happens to the current of the coil if the cable is pulled or the computer stops.
     sensors
         The sensors that are read during the run.
     """
@@ -128,7 +130,7 @@ class Header:
 
     @property
     def documents(self) -> dict[str, Document | None]:
-        """The TOML documents, by the names of the groups that hold their texts."""
+        """The input files, by the name of the group in the dataset that stores the text; None for an absent file."""
         return {
             "specimen": self.specimen,
             "calibration": self.calibration,
@@ -138,7 +140,7 @@ class Header:
 
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
-    """Write the description of a run into a new file and return the group `entry`."""
+    """Write the description of a run or an import into a new file, and return the new group `entry`."""
     file.attrs["default"] = "entry"
     entry = group(file, "entry", "NXentry")
     entry.attrs["default"] = "data"
@@ -169,20 +171,20 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
 
 
 def to_stored(image: NDArray[Any]) -> NDArray[Any]:
-    """Convert an image between the program's order of colours (blue, green, red) and the file's (red, green, blue).
+    """Convert an image from the order blue, green, red to the order red, green, blue, or back.
 
-    The function is its own inverse. An image (H, W) without colours is returned unchanged.
+    The program uses the first order and dataset files use the second. An image (H, W) is returned unchanged.
     """
     return image if image.ndim == 2 else image[..., ::-1]
 
 
 def identity_text(identity: Identity) -> str:
-    """Return the line of text that a dataset stores for an instrument."""
+    """Return driver, identification and address of an instrument as the line of text that a dataset stores."""
     return f"{identity.driver}: {identity.text} at {identity.address}"
 
 
 def host() -> dict[str, str]:
-    """Return the time zone, and the versions of the programs that write the file."""
+    """Return the time zone, and the versions of eimi-lab, Python, h5py, HDF5 and NumPy, by name."""
     local = datetime.now().astimezone()
     return {
         "time_zone": f"{local:%Z} (UTC{local:%z})",
@@ -195,7 +197,7 @@ def host() -> dict[str, str]:
 
 
 def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
-    """Create the empty table of states and return its columns."""
+    """Create the empty table of states in a new dataset, and return the columns of the table by name."""
     states = group(entry, "states", "NXcollection")
     states.attrs[FORMAT_ATTRIBUTE] = FORMAT
     states.attrs[KIND_ATTRIBUTE] = kind
@@ -204,14 +206,14 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
 
 
 def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
-    """Create empty, extensible columns.
+    """Create empty columns, which can be lengthened, and return them by name.
 
     Parameters
     ----------
     parent
-        The group.
+        The HDF5 group that gets the columns.
     described
-        Type and unit of each column by name; None for a column without a unit.
+        Type and unit of each column by name; the unit is None for a column without a unit.
     """
     created = {}
     for name, (dtype, unit) in described.items():
@@ -231,7 +233,10 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
 
 
 def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
-    """Create an empty, extensible stack of frames with the shape and type of ``image``, (H, W) or (H, W, 3)."""
+    """Create an empty stack of frames, which can be lengthened, and return it.
+
+    Every frame has the shape, (H, W) or (H, W, 3), and the type of ``image``.
+    """
     frames = parent.create_dataset(
         name,
         shape=(0, *image.shape),
@@ -249,57 +254,64 @@ def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Data
 
 
 def append(column: h5py.Dataset, rows: Any) -> None:
-    """Add rows at the end of a column."""
+    """Append rows to a column of a dataset file."""
     count = len(column)
     column.resize(count + len(rows), axis=0)
     column[count:] = rows
 
 
 def group(parent: h5py.Group, name: str, nx_class: str) -> h5py.Group:
-    """Create a group with a NeXus class."""
+    """Create an HDF5 group of a NeXus class, and return the group."""
     created = parent.create_group(name)
     created.attrs["NX_class"] = nx_class
     return created
 
 
 def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
-    """Create an NXnote with a text."""
+    """Create an NXnote that contains a text of a media type such as "application/toml"."""
     created = group(parent, name, "NXnote")
     put_text(created, "type", media_type)
     put_text(created, "data", text)
 
 
 def put_text(parent: h5py.Group, name: str, text: str) -> h5py.Dataset:
-    """Create a UTF-8 text of fixed length, the only kind allowed in HDF5's single-writer-multiple-reader mode."""
+    """Store a text in UTF-8 with a fixed length, and return the HDF5 dataset that contains it.
+
+    HDF5's single-writer-multiple-reader mode does not allow texts of variable length.
+    """
     raw = text.encode() or b"\0"
     return parent.create_dataset(name, data=np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw))))
 
 
 def put_date(parent: h5py.Group, name: str, date: str) -> h5py.Dataset:
-    """Create a date as a text of variable length, the only kind of date that validators of NeXus accept."""
+    """Store a date as a text of variable length, and return the HDF5 dataset that contains it.
+
+    Validators of NeXus files reject dates of fixed length.
+    """
     return parent.create_dataset(name, data=date, dtype=h5py.string_dtype())
 
 
 def get_start(entry: h5py.Group) -> str:
-    """Read the start of the run in ISO 8601.
+    """Return the time at which a run started, in ISO 8601.
 
-    Files of 0.1.0 have it as a text of fixed length only. Raises ValueError if no text of fixed length is in the file.
+    The time is read from the attribute `START_ATTRIBUTE`. Files of version 0.1.0 have no such attribute, but have
+    `start_time` as a text of fixed length. Raises ValueError if neither text is in the file.
     """
     attributes = entry["states"].attrs
     if START_ATTRIBUTE in attributes and attributes.get_id(START_ATTRIBUTE).dtype.kind == "S":
         return bytes(attributes[START_ATTRIBUTE]).decode()
     if entry["start_time"].dtype.hasobject:
-        raise ValueError(f"the attribute {START_ATTRIBUTE} of the states is missing")
+        raise ValueError(f"the attribute {START_ATTRIBUTE} of the group entry/states is missing")
     return get_text(entry, "start_time")
 
 
 def put_definition(entry: h5py.Group) -> None:
-    """Name the application definition of NeXus with which the entry complies, and its version."""
+    """Store name and version of the NeXus application definition with which a dataset complies."""
     put_text(entry, "definition", DEFINITION).attrs["version"] = DEFINITION_VERSION
 
 
 def get_text(parent: h5py.Group, name: str) -> str:
-    """Read a text that `put_text` or `put_date` wrote."""
+    """Return a text that `put_text` or `put_date` stored."""
     return bytes(parent[name][()]).rstrip(b"\0").decode()
 
 
@@ -309,18 +321,17 @@ def now() -> str:
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Convert flags into JSON for a column of fixed width; raise ValueError if they need more than the width."""
+    """Convert the flags of a state into JSON in UTF-8. Raises ValueError if it is too long for the column of flags."""
     text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
-        raise ValueError(f"{len(flags)} flags need {len(text)} bytes; a state has {width}")
+        raise ValueError(f"{len(flags)} flags of a state need {len(text)} bytes; the file has room for {width}")
     return text
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """Convert JSON back into flags, see `flags_to_text`.
+    """Return the flags that `flags_to_text` converted into JSON.
 
-    A flag written by an earlier version has no severity; such a flag made its state unusable, which is the default
-    severity.
+    Flags that early versions stored have no severity. They get the severity `Severity.UNUSABLE`.
     """
     return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

@@ -1,4 +1,4 @@
-"""The pictures that a table of states lists: image files, or frames of a video by number or by time."""
+"""Find the pictures that a table of states lists: image files, or frames of a video by number or by time."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class ListedFrame:
     Parameters
     ----------
     path
-        Path of the image. For a frame of a video: the path of the video, followed by the number of the frame.
+        Path of the image. For a frame of a video: ``<path of the video>/<number of the frame>``.
     row
-        The row.
+        The row of the table.
     time_s
-        Time of the frame in the video; NaN for images, and for frames listed by number.
+        Time of the frame in the video, in s; NaN for an image, and for a frame that is listed by its number.
     """
 
     path: Path
@@ -43,16 +43,16 @@ class ListedFrame:
 
 @dataclass(frozen=True)
 class Listing:
-    """The pictures of an import.
+    """The pictures of an import, with their rows in the table of states.
 
     Parameters
     ----------
     source
         The folder of images, the image or the video.
     frames
-        The listed pictures, in the order in which they were taken.
+        The listed pictures: images in the natural order of their names, frames of a video in the order of time.
     left_out
-        Images of the folder that no row lists.
+        Images in the folder that the table does not list.
     """
 
     source: Path
@@ -60,31 +60,35 @@ class Listing:
     left_out: tuple[Path, ...] = ()
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Read the listed pictures in turn; each call starts with the first picture. Raises InputError."""
+        """Read the listed pictures one after another, from the first to the last.
+
+        Each picture has the shape (H, W) or (H, W, 3: blue, green, red). Raises InputError for an unreadable picture.
+        """
         if is_video(self.source):
             return read_video(self.source, [int(frame.path.name) for frame in self.frames])
         return (read_image(frame.path) for frame in self.frames)
 
     def files(self) -> list[Path]:
-        """Return the files that hold the pictures."""
+        """Return the paths of the image files, or the path of the video."""
         return [self.source] if is_video(self.source) else [frame.path for frame in self.frames]
 
 
 def is_video(path: Path) -> bool:
-    """Return whether a file is a video, judged by its name."""
+    """Return whether the name of a file has the ending of a video."""
     return path.suffix.lower() in VIDEOS
 
 
 def is_image(path: Path) -> bool:
-    """Return whether a file is an image, judged by its name."""
+    """Return whether the name of a file has the ending of an image."""
     return path.suffix.lower() in IMAGES
 
 
 def list_frames(source: Path, states: Path, every: int | None = None) -> Listing:
     """Find the pictures that a table of states lists.
 
-    A row names an image by its path relative to the table, by its name in the folder with or without the ending, or
-    by the number at the end of its name. A row names a frame of a video by its number, counted from 0, or by time_s.
+    A row specifies an image by its path relative to the table, by its name in the folder (with or without the ending),
+    or by the number at the end of its name. A row specifies a frame of a video by its number, counted from 0, or by
+    its time in the column ``time_s``.
 
     Parameters
     ----------
@@ -93,21 +97,26 @@ def list_frames(source: Path, states: Path, every: int | None = None) -> Listing
     states
         The table of states.
     every
-        Take every n-th frame of a video. The load of a row then acts from the time or the frame of the row until
-        ``until_s``, or until the next row; a load is typed once.
+        The number n, to take every n-th frame of a video. A row then specifies the beginning of its load. The load
+        acts until the time in the column ``until_s`` or, without this column, until the next row.
 
     Raises
     ------
     InputError
-        If the table is wrong, or if a row does not name exactly one picture that no other row names.
+        If the table is wrong, if a row specifies no picture or several pictures, or if two rows specify the same
+        picture.
     """
     if every is not None and (every < 1 or not is_video(source)):
-        raise InputError(f"--every {every}: should be 1 or more, and is for a video; {source} is {_kind(source)}")
+        if is_video(source):
+            raise InputError(f"--every {every}: should be 1 or more")
+        raise InputError(f"--every {every}: is for a video only, but {source} is not a video; leave --every out")
     if not is_video(source):
         return _listed_images(source, read_table(states, ["frame"], LOAD_COLUMNS))
     rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS, *(UNTIL_COLUMNS if every else ())])
     if ("frame" in rows[0].cells) == ("time_s" in rows[0].cells):
-        raise InputError(f"{states}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
+        raise InputError(
+            f"{states}: row 1: needs one of the columns frame and time_s, which specify frames of {source.name}"
+        )
     if every is not None:
         return _listed_spans(source, rows, every)
     return _listed_numbers(source, rows) if "frame" in rows[0].cells else _listed_times(source, rows)
@@ -123,7 +132,8 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
             missing.append(row)
             continue
         if len(candidates) > 1:
-            raise row.fault("frame", f"one image; {', '.join(image.name for image in candidates)} all match")
+            names = ", ".join(image.name for image in candidates)
+            raise row.fault("frame", f"the name of one image, but several images fit it: {names}")
         image = candidates[0]
         if earlier := matched.get(followed(image)):
             raise row.fault("frame", f"listed once; row {earlier.row.line} is the same image")
@@ -145,14 +155,17 @@ def _named(name: str, images: list[Path]) -> list[Path]:
 
 
 def _near(row: Row, images: list[Path]) -> str:
-    """Return a suggestion of the image whose name differs only in case or folder; an empty text if there is none."""
+    """Return a suggestion for a row whose image does not exist; an empty text if no image has a similar name.
+
+    The names are similar if they differ only in upper and lower case, in the folder or in the ending.
+    """
     name = re.split(r"[/\\]", row.text("frame"))[-1].casefold()
     near = [image.name for image in images if name in (image.name.casefold(), image.stem.casefold())]
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _beside(row: Row) -> list[Path]:
-    """Return the image at a row's path relative to the table, in a list; an empty list if there is no such image."""
+    """Return a list with the image at the path that a row gives relative to the table; empty if it does not exist."""
     image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []
@@ -167,7 +180,7 @@ def last_number(stem: str) -> int | None:
 
 
 def some(words: list[str]) -> str:
-    """Join at most five words with commas, and state how many more there are."""
+    """Return the first five of a list of words, separated by commas, and the number of further words."""
     return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
 
 
@@ -189,12 +202,11 @@ def _listed_times(video: Path, rows: list[Row]) -> Listing:
     return _in_video(video, "time_s", [(n, float(times[n]), row) for n, row in zip(nearest, rows, strict=True)])
 
 
-def _kind(source: Path) -> str:
-    return "a video" if is_video(source) else "none"
-
-
 def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
-    """Return every n-th frame of a video with the row whose load acts on it; a frame without a load is left out."""
+    """List every n-th frame (``every``) of a video together with the row of the table whose load acts at its time.
+
+    Frames at which no load acts are left out.
+    """
     times = frame_times(video)
     by_time = "time_s" in rows[0].cells
     column = "time_s" if by_time else "frame"
@@ -214,8 +226,8 @@ def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
         if not len(numbers):
             raise row.fault(
                 column,
-                f"the beginning of a load with at least one of the frames 0, {every}, {2 * every}, ...; the "
-                f"video has {len(times)} frames until {times[-1]:.3f} s",
+                f"the beginning of a load with at least one of the frames 0, {every}, {2 * every}, ... of --every "
+                f"{every}; the video has {len(times)} frames and ends at {times[-1]:.3f} s",
             )
         frames += [ListedFrame(video / str(number), row, float(times[number])) for number in numbers]
     return Listing(video, tuple(frames))

@@ -1,4 +1,4 @@
-"""A sensor and its values, as a dataset stores them."""
+"""A sensor and its readings, as a dataset stores them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ class LoggedSensor:
     Parameters
     ----------
     name
-        Name in the rig file.
+        Name of the sensor in the rig file.
     model
-        Identification text of the instrument.
+        Text with which the instrument identifies itself.
     measures
-        Quantity in the rig file, such as "field".
+        Measured quantity: "field", "specimen_temperature", "coil_temperature" or "other".
     unit
-        Unit of the values.
+        Unit of the readings.
     at_magnet
-        Field at the magnet divided by the field at the probe.
-    uncertainty, uncertainty_share
-        Standard uncertainty of a reading, and the relative standard uncertainty that all readings share, as the rig
-        file states them.
+        For a gaussmeter, the field at the magnet divided by the field at the probe.
+    uncertainty
+        Standard uncertainty of one reading, in the unit of the readings; None if the rig file does not give it.
+    uncertainty_share
+        Relative standard uncertainty of a factor that is common to all readings; None if the rig file does not give it.
     """
 
     name: str
@@ -40,17 +41,20 @@ class LoggedSensor:
 
 @dataclass(frozen=True)
 class SensorLog:
-    """The values of a sensor.
+    """The readings of a sensor, one for each of n frames.
 
     Parameters
     ----------
     sensor
         The sensor.
     state
-        (n,) the state of each frame.
-    time_s, value, standard_uncertainty
-        (n,) time on the run's clock, value, and the standard uncertainty that the sensor stated; NaN if the sensor
-        stated none.
+        (n,) the number of the state to which the frame belongs.
+    time_s
+        (n,) the time of the reading on the clock of the run, s.
+    value
+        (n,) the reading; NaN if the sensor was not read with this frame.
+    standard_uncertainty
+        (n,) the standard uncertainty that the sensor reported with the reading; NaN if it reported none.
     """
 
     sensor: LoggedSensor
@@ -60,7 +64,10 @@ class SensorLog:
     standard_uncertainty: NDArray[np.float64]
 
     def by_state(self, states: int) -> NDArray[np.float64]:
-        """Return the mean value of each state, (states,); NaN for a state without a value."""
+        """Return the mean reading in each state, shape (states,); NaN for a state without a reading.
+
+        ``states`` is the number of states.
+        """
         known = np.isfinite(self.value) & (self.state < states)
         count = np.bincount(self.state[known], minlength=states)
         total = np.bincount(self.state[known], weights=self.value[known], minlength=states)

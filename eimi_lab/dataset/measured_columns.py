@@ -1,4 +1,4 @@
-"""Uncertainties of measured fields, and measured temperatures, of imported states, stored beside their table."""
+"""Store and read two measured quantities of imported states: field uncertainty and specimen temperature."""
 
 from __future__ import annotations
 
@@ -11,29 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature_degC", "degC")}
-"""The attribute of a load and the unit, by the name in the file."""
+"""For each column in the file, the attribute of `Measured` that holds the values, and the unit."""
 
 
 class Measured(Protocol):
-    """The load of a state with its measured quantities; None for a quantity that was not measured."""
+    """The measured quantities of an imported state; None for a quantity that was not measured."""
 
     @property
     def field_sigma_mT(self) -> float | None:
-        """Standard uncertainty of the field."""
+        """Standard uncertainty of the measured field, mT."""
 
     @property
     def temperature_degC(self) -> float | None:
-        """Temperature of the specimen."""
+        """Temperature of the specimen, °C."""
 
 
 def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
-    """Write the measured columns into an existing dataset, as `write_measured_columns` does."""
+    """Add the measured quantities of all states to an existing dataset file, see `write_measured_columns`."""
     with h5py.File(path, "r+") as file:
         write_measured_columns(file["entry/states"], loads)
 
 
 def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> None:
-    """Write each column of `COLUMNS` that any state has; NaN for a state without a value."""
+    """Write a column to the table of states for each quantity of `COLUMNS` that was measured in at least one state.
+
+    The column contains NaN for a state in which the quantity was not measured.
+    """
     for name, (key, unit) in COLUMNS.items():
         values = [getattr(load, key) for load in loads]
         if any(value is not None for value in values):
@@ -42,5 +45,8 @@ def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> Non
 
 
 def measured_column(states: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return a column of `COLUMNS`, (count,); NaN where nothing was measured."""
+    """Return a measured quantity of all states from the table of states, shape (count,); NaN if it was not measured.
+
+    ``name`` is a key of `COLUMNS`, and ``count`` is the number of states.
+    """
     return np.asarray(states[name][()]) if name in states else np.full(count, np.nan)

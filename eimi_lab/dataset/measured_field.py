@@ -1,4 +1,4 @@
-"""Fit a straight line, field against coil current, to the readings of a gaussmeter."""
+"""Fit a straight line to the readings of a gaussmeter: the field as a function of the coil current."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 
 @dataclass(frozen=True)
 class FieldLine:
-    """The field at the magnet along the coil's axis as a straight line: slope times current plus offset.
+    """The straight line B = slope · I + offset for the measured field B at the magnet and the coil current I.
+
+    B is the component along the axis of the coil.
 
     Parameters
     ----------
     probe
-        Name and identification of the gaussmeter; datasets with the same probe share the error of its calibration.
+        Name and identification of the gaussmeter. Datasets with the same gaussmeter share its calibration error.
     mT_per_A, offset_mT
-        The slope and the offset. The offset is the sum of the probe's zero error, remanence and the background field.
+        The slope, and the offset, which is the sum of the zero error of the probe, remanence and the background field.
     mT_per_A_sigma, offset_mT_sigma
         Standard uncertainties of slope and offset.
     scatter_mT
-        Standard deviation of the readings about the line.
+        Standard deviation of the readings from the line.
     currents
-        Number of different currents.
+        Number of different currents in the fit.
     shared_is_stated
-        Whether an uncertainty that all readings share was stated. Otherwise the scale of the gaussmeter is exact.
+        Whether the rig file gives ``uncertainty_share``, the relative uncertainty common to all readings. If not, the
+        scale of the gaussmeter is assumed to be exact.
     """
 
     probe: str
@@ -42,7 +45,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """Return slope and offset with their standard uncertainties, in words."""
+        """The slope and the offset with their standard uncertainties, as text."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"
@@ -52,27 +55,28 @@ class FieldLine:
 def field_line(
     sensor: LoggedSensor, current_A: ArrayLike, field_mT: ArrayLike, stated_mT: ArrayLike = np.nan
 ) -> FieldLine | None:
-    """Fit a straight line to the readings of a gaussmeter by least squares.
+    """Fit the straight line B = slope · I + offset to gaussmeter readings by least squares.
 
-    The standard deviation of one reading is the larger of the scatter about the line and the stated uncertainty. The
-    stated uncertainty also applies to the zero of the gaussmeter, which all readings share, and is added to the
-    uncertainty of the offset. The relative uncertainty that all readings share is added to the uncertainty of the slope
-    (JCGM 100:2008, 5.1.2).
+    B is the reading times ``sensor.at_magnet``, and I is the current. Let u be the standard uncertainty of one reading,
+    converted to the magnet. The standard deviation of B is the larger of u and the scatter about the line. The zero of
+    the gaussmeter, an error common to all readings, is assumed to have the uncertainty u too. Therefore u is added to
+    the uncertainty of the offset, and ``sensor.uncertainty_share`` times the slope to the uncertainty of the slope,
+    each as a root sum of squares (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------
     sensor
         The gaussmeter.
     current_A, field_mT
-        (n,) currents and readings; a reading that is NaN is left out.
+        (n,) currents and readings; a pair with NaN is left out.
     stated_mT
-        (n,) or a number: the standard uncertainty that the gaussmeter stated for each reading; NaN if the gaussmeter
-        stated none. An uncertainty stated in the rig file takes precedence.
+        (n,) or a number: the standard uncertainty that the gaussmeter reported with each reading; NaN if it reported
+        none. It is used only if the rig file gives no uncertainty of the gaussmeter.
 
     Returns
     -------
     FieldLine or None
-        None if there are readings at fewer than two different currents.
+        The line; None if there are readings at fewer than two different currents.
     """
     current, field, stated = np.broadcast_arrays(
         np.asarray(current_A, dtype=float), np.asarray(field_mT, dtype=float), np.asarray(stated_mT, dtype=float)
@@ -102,19 +106,19 @@ def field_line(
 
 
 def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine | None:
-    """Fit a straight line, field against current, to the gaussmeter readings of a run.
+    """Fit the straight line of field against current to the gaussmeter readings of a run, see `field_line`.
 
     Parameters
     ----------
     logs
-        The values of all sensors.
+        The readings of all sensors. The first gaussmeter among the sensors is used.
     current_A
-        (states,) the current of each state.
+        (K,) the current in each of the K states.
 
     Returns
     -------
     FieldLine or None
-        None if the run has no gaussmeter, or readings at fewer than two different currents.
+        The line; None if the run has no gaussmeter, or if it was read at fewer than two different currents.
     """
     for log in logs:
         if log.sensor.measures == "field":

@@ -1,9 +1,11 @@
-"""Compare the measured temperature of the coil with the model by which a run predicts its heat.
+"""Compare the measured temperature of the coil with the thermal model of the coil.
 
-The model is that of `eimi_lab.acquisition.heating`: a body of first order, whose temperature rise is R h / I₀², where τ
-dh/dt = I² − h, I₀ is the continuous current and R the rise at this current. The initial temperature and R follow from
-the readings by least squares. The coil is assumed to be cold at the first reading. Each current is assumed to begin at
-the last reading of the previous state, so that ramps are neglected.
+The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0². The quantity h follows from
+the current I by τ dh/dt = I² − h. T0 is the temperature without heating, τ is the thermal time constant, I0 is the
+continuous current, and R is the temperature rise at I0. T0 and R are fitted to the readings by least squares.
+
+The coil is assumed to be cold (h = 0) at the first reading. The current of a state is assumed to begin at the last
+reading of the previous state; the ramp between the currents is neglected.
 """
 
 from __future__ import annotations
@@ -22,35 +24,35 @@ if TYPE_CHECKING:
 
 LEAST_READINGS = 6
 LEAST_RISE_K = 1.0
-"""A smaller rise (K) does not test the model."""
+"""Smallest range of the readings (K) for which they are compared with the thermal model."""
 
 SEARCHED = np.geomspace(0.1, 10.0, 201)
-"""The time constants that are compared with the stated one, as fractions of the stated one."""
+"""Trial time constants, divided by the time constant in the rig file."""
 
 DIFFERENT = 0.3
-"""A best time constant that differs by more than this fraction from the stated one is reported, if it fits better."""
+"""Smallest relative difference between the fitted time constant and that of the rig file which is reported."""
 
 
 @dataclass(frozen=True)
 class MeasuredHeating:
-    """The measured temperatures of the coil and the model of its heat.
+    """The result of the comparison between the measured coil temperatures and the thermal model of the coil.
 
     Parameters
     ----------
     sensor : str
         Name of the thermometer.
     lowest_degC, highest_degC : float
-        The range of the readings, °C.
+        The lowest and the highest reading, °C.
     continuous_rise_K : float
-        Temperature rise at the continuous current of the rig, by the model, K.
+        Temperature rise at the continuous current, from the fit with the time constant in the rig file, K.
     rms_K : float
-        Root mean square difference of the readings from the model with the stated time constant, K.
+        Root mean square difference between the readings and the fit with the time constant in the rig file, K.
     time_constant_s, best_time_constant_s : float
-        The stated time constant, and the time constant that fits the readings best, s.
+        The time constant in the rig file, and the time constant for which the difference is smallest, s.
     best_rms_K : float
-        Root mean square difference with the best time constant, K.
+        Root mean square difference between the readings and the fit with ``best_time_constant_s``, K.
     continuous_current_A : float
-        The continuous current of the rig, A.
+        The continuous current in the rig file, A.
     """
 
     sensor: str
@@ -65,16 +67,20 @@ class MeasuredHeating:
 
     @property
     def contradicts(self) -> bool:
-        """Return whether another time constant than the stated one fits the readings clearly better."""
+        """Whether the readings contradict the thermal time constant in the rig file.
+
+        They do if the best time constant differs from it by more than the fraction `DIFFERENT` and leaves less than
+        0.7 of its root mean square difference.
+        """
         far = abs(self.best_time_constant_s / self.time_constant_s - 1) > DIFFERENT
         return far and self.best_rms_K < 0.7 * self.rms_K
 
     @property
     def in_words(self) -> str:
-        """Return the measurement and the comparison in one sentence."""
+        """The measured temperatures and the result of the comparison, as text for the user."""
         words = (
-            f"{self.lowest_degC:.1f} to {self.highest_degC:.1f} °C ({self.sensor}); the model of the coil's heat "
-            f"follows within {self.rms_K:.2g} K (root mean square) and gives a rise of {self.continuous_rise_K:.3g} K "
+            f"{self.lowest_degC:.1f} to {self.highest_degC:.1f} °C ({self.sensor}); the thermal model of the coil "
+            f"agrees within {self.rms_K:.2g} K (root mean square) and gives a rise of {self.continuous_rise_K:.3g} K "
             f"at continuous_current_A = {self.continuous_current_A:g}"
         )
         if not self.contradicts:
@@ -82,28 +88,28 @@ class MeasuredHeating:
         speed = "faster" if self.best_time_constant_s < self.time_constant_s else "slower"
         return (
             f"{words}; the coil warms {speed} than stated: thermal_time_constant_s = {self.best_time_constant_s:.3g} "
-            f"fits within {self.best_rms_K:.2g} K, {self.time_constant_s:g} is stated"
+            f"agrees within {self.best_rms_K:.2g} K, but the rig file has {self.time_constant_s:g}"
         )
 
 
 def measured_heating(
     log: SensorLog, current_A: ArrayLike, continuous_current_A: float, time_constant_s: float
 ) -> MeasuredHeating | None:
-    """Compare the readings of a thermometer at the coil with the model.
+    """Compare the readings of a thermometer at the coil with the thermal model of the coil.
 
     Parameters
     ----------
     log : SensorLog
         The readings, °C.
-    current_A : array_like, shape (states,)
-        The current of each state, A.
+    current_A : array_like, shape (K,)
+        The current in each of the K states, A.
     continuous_current_A, time_constant_s : float
-        The thermal rating of the coil.
+        Continuous current (A) and thermal time constant (s) of the coil, from the rig file.
 
     Returns
     -------
     MeasuredHeating or None
-        None if there are too few readings, or if the temperature hardly changed.
+        The comparison; None for fewer than `LEAST_READINGS` readings, or a range of them below `LEAST_RISE_K`.
     """
     order = np.argsort(log.time_s, kind="stable")
     known = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
@@ -134,9 +140,16 @@ def measured_heating(
 def _shares(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heat h / I₀² at each reading for each time constant, (constants, readings).
+    """Return the heating h / I0² at n readings for m time constants, shape (m, n); see the module for h and I0.
 
-    Between two readings the current is that of the later one.
+    Parameters
+    ----------
+    time_s
+        (n,) times of the readings.
+    squares
+        (n,) the squared currents I² / I0². The value at a reading acts since the previous reading.
+    constants_s
+        (m,) time constants.
     """
     decay = np.exp(-np.diff(time_s) / constants_s[:, None])
     shares = np.zeros((len(constants_s), len(time_s)))
@@ -146,7 +159,10 @@ def _shares(
 
 
 def coil_heating(dataset: Dataset) -> MeasuredHeating | None:
-    """Return the comparison for a dataset; None without a thermometer at the coil or without a thermal rating."""
+    """Compare the measured coil temperatures of a dataset with the thermal model, see `measured_heating`.
+
+    Returns None if the rig file has no thermal rating of the coil, or if no thermometer at the coil was read.
+    """
     text = dataset.text("rig")
     rating = parse_table(text, "rig").get("coil") if text else None
     if not rating:

@@ -1,4 +1,4 @@
-"""Open an HDF5 file for reading: a finished file, a file that a run is writing, or one whose writer crashed."""
+"""Open an HDF5 file for reading, even if a run is writing it or its writer crashed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,25 @@ from eimi_lab.process.writer_lock import is_being_written
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
 # Messages for files that a user may confuse with a dataset, by the ending of the name.
 _CONFUSED_WITH_DATASET = {
-    ".json": "is a JSON file, not a dataset, which `eimi acquire` or `eimi import` writes; a fit is given with --fit",
-    ".toml": "is a TOML file, not a dataset, which `eimi acquire` or `eimi import` writes",
+    ".json": "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; --fit takes a fit",
+    ".toml": "is a TOML file, not a dataset; `eimi acquire` or `eimi import` makes a dataset",
     ".csv": "is a table; `eimi import` makes a dataset from a table and the pictures that it lists",
 }
 
 
 def open_file(path: Path) -> tuple[h5py.File, bool]:
-    """Return the HDF5 file, and whether its writer closed it; raise InputError if it cannot be read."""
+    """Open an HDF5 file for reading, also during a run and after a crash.
+
+    Returns
+    -------
+    file, finished
+        The open file, and whether its writer closed it: False during a run and after a crash.
+
+    Raises
+    ------
+    InputError
+        If the file does not exist, cannot be read, is damaged or is not an HDF5 file.
+    """
     if path.is_dir():
         raise InputError(f"{path}: is a folder; a dataset is a file, which `eimi import` makes from a folder of images")
     if not path.is_file():
@@ -52,7 +63,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
 
 
 def _not_a_dataset(path: Path) -> str:
-    """Return a description of a file that is not HDF5, judged by its name, with advice on its use."""
+    """Return a text for the user that says what a file is, judged by its ending, and how to make a dataset instead."""
     from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
     from eimi_lab.vision.image_files import ENDINGS as IMAGES
 
@@ -65,7 +76,7 @@ def _not_a_dataset(path: Path) -> str:
 
 
 def _has_a_writer(path: Path) -> bool:
-    """Return whether a file is marked as open for writing, by a present writer or by one that crashed.
+    """Return whether an HDF5 file is marked as open for writing. A writer that crashed leaves this mark.
 
     The version is byte 8 of the superblock and the consistency flags are byte 11 (HDF5 File Format Specification 3.0,
     section II.A, superblock versions 2 and 3).

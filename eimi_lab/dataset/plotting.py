@@ -1,4 +1,4 @@
-"""A figure of the beam in every state, for a notebook."""
+"""Draw the edges or the tracked points of all states in one figure for a notebook."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ OF_BEAM = ("along the beam at rest", "across it")
 def drawn_places(
     states: Sequence[State], places: Sequence[Sequence[Array]], axes_names: tuple[str, str], lines: bool
 ) -> Drawing:
-    """Draw the lines or points of every state in the colour of the state's field.
+    """Return a figure with the edges or tracked points of all states, coloured by the field of the state.
 
-    If all fields are equal, the colour shows the number of the state.
+    If all states have the same field, the colour shows the number of the state.
 
     Parameters
     ----------
     states
-        The states.
+        The K states.
     places
-        For each state, arrays (n, 2) of points in mm.
+        For each of the K states, one or more arrays (n, 2) of points in mm.
     axes_names
         Names of the two axes.
     lines
-        Whether each array is drawn as a line; otherwise as points.
+        True to draw each array as a line, False to draw it as points.
     """
     values, name = by_field([state.field_mT for state in states], [state.index for state in states])
     scale = colours_in_order(values)

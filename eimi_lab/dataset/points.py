@@ -1,4 +1,4 @@
-"""Datasets of tracked material points instead of frames, from motion capture or image correlation."""
+"""Datasets of tracked material points, which motion capture or image correlation measured; they have no frames."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class TrackedPoints:
     rest_mm, points_mm
         (n, 2) positions at rest, and in the state.
     sigma_mm
-        (n,) standard deviation of each coordinate.
+        (n,) standard deviation of one coordinate of each point.
     depth_mm
-        (n,) distance from mid-depth at rest; None if all points are in mid-depth.
+        (n,) distance of each point at rest from the plane at mid-depth of the beam; None if all distances are 0.
     """
 
     names: tuple[str, ...]
@@ -69,7 +69,7 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """The loads of one state.
+    """The loads of one state. Two loads are equal if everything except the temperature is equal.
 
     Parameters
     ----------
@@ -80,11 +80,11 @@ class Load:
     tip_force_N
         Force at the tip.
     tip_force_angle_deg
-        Direction of the force in the beam frame, from +x toward +y; None for the direction of gravity.
+        Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
     field_sigma_mT
         Standard uncertainty of the measured field; None if the field was not measured.
     temperature_degC
-        Measured temperature of the specimen, which is ignored when two loads are compared; None if it was not measured.
+        Measured temperature of the specimen; None if it was not measured.
     """
 
     current_A: float | None
@@ -114,9 +114,9 @@ def write_points(
     gravity_angle_deg
         Direction of gravity in the beam frame, from +x toward +y.
     loads, points
-        The loads and the tracked points of each state.
+        The loads, and the tracked points, of each state.
     gravity
-        Whether the weight bends the beam.
+        Whether the simulation of the beam includes its weight.
     """
     with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
@@ -152,7 +152,10 @@ def write_points(
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
-    """Read the tracked points of every state; files of earlier releases have all points in mid-depth."""
+    """Return the tracked points of every state of a dataset.
+
+    Files of early releases do not contain the distance from mid-depth; it is then 0.
+    """
     table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
     depth = table.get("z0", np.zeros(len(table["state"])))
     tracked = []

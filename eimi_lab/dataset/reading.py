@@ -1,4 +1,4 @@
-"""Reading of a dataset, also during a run or after a crash: every stored state can be read."""
+"""Read a dataset. Every completely stored state can be read, also during the run and after a crash."""
 
 from __future__ import annotations
 
@@ -52,25 +52,34 @@ class Dataset:
 
     Attributes
     ----------
-    path, finished
-        The file, and whether it was closed properly: False during a run and after a crash.
+    path
+        The file.
+    finished
+        Whether the file was closed properly; False during a run and after a crash.
     kind
-        ``"frames"`` or ``"points"``.
-    specimen, calibration
-        The specimen, and the calibration; None for tracked points.
+        ``"frames"`` for a dataset of frames, ``"points"`` for a dataset of tracked points.
+    specimen
+        The specimen.
+    calibration
+        The calibration; None for a dataset of tracked points.
     states
         The states with their loads and flags.
     gravity_angle_deg, field_angle_deg
-        Directions in the beam frame, from +x toward +y.
+        Directions of gravity, and of the field of a positive current, in the beam frame, from +x toward +y.
     gravity
-        Whether the weight bends the beam.
+        Whether the simulation of the beam includes its weight.
     field_line
-        The field against the current as a gaussmeter measured it during the run; the fields of the states are its slope
-        times their currents. None if the field follows from the stated coil constant, or was imported.
+        The straight line through the readings of a gaussmeter against the current. The field of each state is then the
+        slope of the line times the current of the state. None without a gaussmeter; the fields then follow from the
+        coil constant, or were imported.
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
-        """Read everything except frames; ``if_damaged`` is the advice in the message about a damaged file."""
+        """Read the specimen, the calibration and the states from an open file.
+
+        ``finished`` says whether the file was closed properly. ``if_damaged`` is the advice to the user in the message
+        about a damaged file.
+        """
         self.path = path
         self._if_damaged = if_damaged
         self.finished = finished
@@ -83,7 +92,7 @@ class Dataset:
         self._file.close()
 
     def reopen(self) -> None:
-        """Open the file again in its present state. Raises InputError."""
+        """Open the file again, to see what was written since it was opened. Raises InputError if this fails."""
         self._file.close()
         file, finished = open_file(self.path)
         self.__init__(self.path, file, finished, self._if_damaged)  # type: ignore[misc]
@@ -96,7 +105,10 @@ class Dataset:
 
     @contextmanager
     def _naming_damage(self) -> Iterator[None]:
-        """Turn any error into an InputError that names the file, because a damaged file can cause nearly any error."""
+        """Convert any error inside the block into an InputError with the path of the file.
+
+        HDF5 raises errors of nearly every kind for damaged files.
+        """
         try:
             yield
         except (InputError, ImportError):
@@ -113,7 +125,10 @@ class Dataset:
         if states is None or FORMAT_ATTRIBUTE not in states.attrs:
             raise InputError(f"{path}: is an HDF5 file, but not a dataset of this suite; `eimi import` makes one")
         if states.attrs[FORMAT_ATTRIBUTE] != FORMAT:
-            raise InputError(f"{path}: is of format {states.attrs[FORMAT_ATTRIBUTE]}; this version reads {FORMAT}")
+            raise InputError(
+                f"{path}: is of format {states.attrs[FORMAT_ATTRIBUTE]}; this version reads {FORMAT} only; open the "
+                "file with the version of eimi-lab that wrote it"
+            )
         self._entry = file["entry"]
         # The attribute `eimi_kind` is not read: HDF5 may never return from reading a damaged text.
         self.kind: Kind = "frames" if "frames" in self._entry["data"] else "points"
@@ -138,15 +153,17 @@ class Dataset:
             self.states: tuple[State, ...] = self._read_states()
         except OSError as error:
             raise InputError(
-                f"{path}: the tables of its states are damaged ({error}); `eimi recover` may mend them, or take "
-                "another copy of it"
+                f"{path}: the tables of its states are damaged ({error}); `eimi recover` may repair them in a new "
+                "file, or use another copy of this file"
             ) from error
 
     def _read_states(self) -> tuple[State, ...]:
         table = self._entry["states"]
         indices = table["index"][()]
         if not np.array_equal(indices, np.arange(len(indices))):
-            raise InputError(f"{self.path}: the numbers of its states are damaged; `eimi recover` may mend them")
+            raise InputError(
+                f"{self.path}: the numbers of its states are damaged; `eimi recover` may repair them in a new file"
+            )
         angles = tip_force_angles(table, len(indices))
         sigmas, temperatures = (measured_column(table, name, len(indices)) for name in ("field_sigma", "temperature"))
         fields = table["field"][: len(indices)]
@@ -182,12 +199,18 @@ class Dataset:
         )
 
     def text(self, name: str) -> str | None:
-        """Return the stored TOML text of the specimen, calibration, protocol or rig; None if it is absent."""
+        """Return the TOML text of an input file that the dataset contains; None if the dataset does not contain it.
+
+        ``name`` is "specimen", "calibration", "protocol" or "rig".
+        """
         with self._naming_damage():
             return get_text(self._entry[name], "data") if name in self._entry else None
 
     def corrections(self) -> tuple[str, ...]:
-        """Return one line for each replaced specimen or calibration with the changed values, oldest first."""
+        """Return the changes of specimen and calibration that were made after the run, the oldest first.
+
+        Each change is one line with the date and the changed values.
+        """
         with self._naming_damage():
             former = self._entry.get(FORMER, {})
             dated = [(get_text(former[name], "date"), name) for name in former]
@@ -201,9 +224,10 @@ class Dataset:
             return tuple(lines)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
-        """Return the frames of a state, at most ``most``; raise InputError that names damaged frames.
+        """Return the frames of a state, shape (n, H, W) or (n, H, W, 3: blue, green, red), type uint8 or uint16.
 
-        The array has the shape (n, H, W) or (n, H, W, 3: blue, green, red) and the type uint8 or uint16.
+        If ``most`` is given, only the first ``most`` frames are returned. Raises InputError with the numbers of the
+        damaged frames if a frame cannot be read.
         """
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)[:most]
@@ -218,7 +242,10 @@ class Dataset:
             return images if images.ndim == 3 else images[..., ::-1]
 
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
-        """Yield the frames of a state one after another, as `images` returns them, so that only one is in memory."""
+        """Yield the frames of a state one after another, so that only one frame is in memory at a time.
+
+        Each frame has the shape (H, W) or (H, W, 3: blue, green, red). Raises InputError for a damaged frame.
+        """
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
             frames = self._entry["data/frames"]
@@ -230,7 +257,10 @@ class Dataset:
                 yield to_stored(image)
 
     def _damaged(self, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
-        """Return the error that names the damaged frames of a state."""
+        """Return an InputError whose message gives the numbers of the damaged frames of a state.
+
+        ``rows`` are the rows of the frames of the state in the stack, and ``error`` is the error that HDF5 raised.
+        """
         damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
         return InputError(
             f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
@@ -238,41 +268,59 @@ class Dataset:
         )
 
     def transient(self, state_index: int) -> Recording | None:
-        """Return the frames while the beam settled at a state; None if none were stored. Raises InputError."""
+        """Return the frames that were taken while the beam settled in a state; None if the run stored no such frames.
+
+        Raises InputError if the file is damaged.
+        """
         return self._recording(TRANSIENTS, state_index)
 
     def recorded_ring_downs(self) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-        """Return the frames of each ring-down of a run, which are read one at a time. Raises InputError."""
+        """Return the step of the current and the frames of each recorded ring-down; empty without ring-downs.
+
+        The frames are read from the file one at a time. Raises InputError if the file is damaged.
+        """
         with self._naming_damage():
             return recorded_ring_downs(self._entry, len(self.states))
 
     def camera_setting(self, name: str) -> float | None:
-        """Return a setting that was read back from the camera, such as exposure_s; None without a read-back."""
+        """Return a setting that was read back from the camera, such as "exposure_s"; None if it was not read back."""
         with self._naming_damage():
             stored = self._entry.get(f"instrument/detector/settings/{name}")
             return None if stored is None else float(stored[()])
 
     def creep_frames(self, state_index: int) -> RecordedFrames | None:
-        """Return the frames of a state during its creep, read one at a time; None if the run did not record creep."""
+        """Return the frames that record the creep of the beam in a state; None if the run did not record creep.
+
+        The frames are read from the file one at a time.
+        """
         with self._naming_damage():
             return creep_frames(self._entry, len(self.states), state_index)
 
     def set_points(self) -> tuple[SetPoint, ...]:
-        """Return the set-points of the run with their times; empty if the run did not store them."""
+        """Return the set-points of the current with their times; empty if the run did not store set-points."""
         with self._naming_damage():
             return read_set_points(self._entry)
 
     def conditioning(self) -> Recording | None:
-        """Return frames of the first and the last conditioning cycle; None if none were stored. Raises InputError."""
+        """Return the frames of the first and the last conditioning cycle; None if the run stored no such frames.
+
+        Raises InputError if the file is damaged.
+        """
         return self._recording(CONDITIONING)
 
     def ring_downs(self) -> tuple[Motion, ...]:
-        """Return the stored ring-downs as points with their times; `eimi segment` makes them from recorded frames."""
+        """Return the stored ring-downs, each as positions of points of the beam at measured times.
+
+        `eimi segment` finds the points in the recorded frames. The tuple is empty if no ring-down is stored.
+        """
         with self._naming_damage():
             return read_motions(self._entry, "ring_down")
 
     def creeps(self) -> tuple[Motion, ...]:
-        """Return the stored creep records, see `ring_downs`."""
+        """Return the stored creep of all states, each as positions of points of the beam at measured times.
+
+        `eimi segment` finds the points in the recorded frames. The tuple is empty if no creep is stored.
+        """
         with self._naming_damage():
             return read_motions(self._entry, "creep")
 
@@ -281,7 +329,7 @@ class Dataset:
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Read every frame of the dataset and return the rows of those that cannot be read."""
+        """Return the rows of the frames that cannot be read. Every frame of the states is read for this."""
         return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
 
     def _readable(self, row: int) -> bool:
@@ -292,18 +340,18 @@ class Dataset:
         return True
 
     def frame_format(self) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        """Return the shape of a frame, (H, W) or (H, W, 3), and its type."""
+        """Return the shape of a frame, (H, W) or (H, W, 3), and the type of its values."""
         frames = self._entry["data/frames"]
         return frames.shape[1:], frames.dtype
 
     def instruments(self) -> tuple[str, ...]:
-        """Return a line with the identity of each instrument; empty for an imported dataset."""
+        """Return driver, identification and address of each instrument as a line of text; empty for an import."""
         with self._naming_damage():
             group = self._entry["instrument"]
             return tuple(get_text(group[name], "data") for name in sorted(group) if name.startswith("identity_"))
 
     def sensors(self) -> tuple[SensorLog, ...]:
-        """Return the values of every sensor of the run, one for each frame; empty without sensors."""
+        """Return the readings of every sensor, one for each frame; empty if the run had no sensors."""
         with self._naming_damage():
             return read_sensor_logs(self._entry, len(self.states)) if self.kind == "frames" else ()
 
@@ -314,7 +362,10 @@ class Dataset:
             return start if start.tzinfo else start.replace(tzinfo=UTC)
 
     def times_of_states(self) -> NDArray[np.float64]:
-        """Return the mean time of the frames of each state on the run's clock, (K,); empty for tracked points."""
+        """Return the mean time of the frames of each of the K states, on the clock of the run (s), shape (K,).
+
+        The array is empty for tracked points.
+        """
         if self.kind != "frames" or not self.states:
             return np.zeros(0)
         with self._naming_damage():
@@ -326,17 +377,20 @@ class Dataset:
             return np.asarray(total / np.maximum(count, 1))
 
     def last_time_s(self) -> float:
-        """Return the time of the last frame on the run's clock; 0 if there is no frame."""
+        """Return the time of the last frame on the clock of the run, s; 0 if the dataset has no frame."""
         with self._naming_damage():
             return float(np.nanmax(self._entry["data/time"][()], initial=0.0))
 
     @property
     def resumable(self) -> bool:
-        """Whether states can be added; files of earlier versions do not allow it."""
+        """Whether a run can add further states to the file. Files of early versions do not allow it."""
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """Return the stored edges of every state; None before segmentation, or if states were added after it."""
+        """Return the stored edges of every state.
+
+        The result is None before segmentation, and if states were added after the segmentation.
+        """
         if "segmentation" not in self._entry:
             return None
         with self._naming_damage():
@@ -344,29 +398,39 @@ class Dataset:
         return edges if len(edges) == len(self.states) else None
 
     def projection(self) -> Projection | None:
-        """Return the projection of colours that the stored edges used; None without edges or without colours."""
+        """Return the projection of colours to grey values with which the stored edges were found.
+
+        The result is None if no edges are stored, or if the frames have no colours.
+        """
         with self._naming_damage():
             return read_projection(self._entry)
 
     def correction(self) -> FieldCorrection | None:
-        """Return the correction by the stored dark frame and flat field; None if the dataset has neither."""
+        """Return the correction of frames by the stored dark frame and flat field; None if neither is stored."""
         with self._naming_damage():
             return correction_by(stored_correction(self._entry))
 
     def points(self) -> tuple[TrackedPoints, ...]:
-        """Return the tracked points of every state; raise ValueError for a dataset of frames."""
+        """Return the tracked points of every state. Raises ValueError for a dataset of frames."""
         if self.kind != "points":
             raise ValueError(f"{self.path} holds frames, not tracked points")
         with self._naming_damage():
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Rotate points (..., 2) of the beam frame to (right, up) in the camera's view, or with gravity downward."""
+        """Return points (..., 2) of the beam frame rotated to the axes (right, up), as the beam is seen.
+
+        With a calibration, right and up are those of the picture. For tracked points, gravity points down; without
+        gravity, the points are not rotated.
+        """
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the edges or points of all states; raise InputError without edges."""
+        """Return a matplotlib figure with the edges or the tracked points of all states.
+
+        Raises InputError for a dataset of frames that has no edges yet.
+        """
         from eimi_lab.dataset.plotting import UPRIGHT, drawn_places  # matplotlib loads slowly
 
         if self.kind == "points":
@@ -395,14 +459,20 @@ class Dataset:
         return html_table(caption, ("state", "field, mT", "tip force, N", "flags"), rows)
 
     def to_xarray(self) -> Any:
-        """Return edges or points as an xarray.Dataset; raise InputError without edges, ImportError without xarray."""
+        """Return the edges or the tracked points of all states as an xarray.Dataset.
+
+        Raises InputError for a dataset of frames that has no edges yet, and ImportError if xarray is not installed.
+        """
         attributes = {"path": str(self.path), "specimen": self.specimen.specimen.name}
         if self.kind == "points":
             return labelled_points(self.states, self.points(), attributes)
         return labelled_edges(self.states, self._edges_or_refusal(), attributes)
 
     def truth(self) -> dict[str, Any] | None:
-        """Return the true materials of a virtual rig, only to score results; a fit must not read them."""
+        """Return the true materials of a virtual rig; None for a real rig or an import.
+
+        They serve only to judge the results of fits. A fit must not read them.
+        """
         with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
 
@@ -412,7 +482,7 @@ def _none_if_nan(value: float) -> float | None:
 
 
 def open_dataset(path: str | Path) -> Dataset:
-    """Open a dataset for reading, also one that is being written or whose writer crashed.
+    """Open a dataset for reading, even if a run is writing it or its writer crashed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The frames of a recording in a file, read one at a time, because they may not fit into memory together."""
+"""Frames of a ring-down or of creep, read from the file one at a time, because memory may not hold all of them."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from eimi_lab.dataset.steps import SET_POINTS, RingDownStep, read_steps
 
 
 class RecordedFrames:
-    """Frames of one ring-down or one state, in the order in which they were taken.
+    """The n frames of one ring-down, or of the creep in one state, in the order in which they were taken.
 
     Parameters
     ----------
     store : h5py.Group
-        The recording.
+        The group of the file that contains the frames.
     rows : ndarray of int, shape (n,)
-        The rows of its frames.
+        Rows of the n frames in this group.
 
     Attributes
     ----------
     time_s, elapsed_s, set_A : ndarray, shape (n,)
-        Time on the clock of the run, time since the step of the current, and the set-point.
+        Time on the clock of the run (s), time since the current was changed (s), and set-point of the current (A).
     numbers : ndarray of int, shape (n,)
-        Numbers that the camera counted.
+        Numbers that the camera gave to the frames.
     """
 
     def __init__(self, store: h5py.Group, rows: NDArray[np.int64]) -> None:
@@ -42,23 +42,26 @@ class RecordedFrames:
         return len(self._rows)
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Yield the frames, (H, W) or (H, W, 3: blue, green, red); HDF5 raises OSError for a damaged frame."""
+        """Yield the frames one at a time, (H, W) or (H, W, 3: blue, green, red).
+
+        HDF5 raises OSError for a damaged frame.
+        """
         for row in self._rows.tolist():
             yield to_stored(self._frames[row])
 
 
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-    """Return the step and the frames of each ring-down.
+    """Return the step of the current and the frames of each recorded ring-down.
 
-    A `release` recorded by an earlier version counts as one ring-down from the last current. The moment of its step is
-    known within the interval of its frames.
+    Early versions recorded a group `release` instead. It is returned as one ring-down from the current of the last
+    state, and the standard uncertainty of the time of its step is the interval between two frames.
 
     Parameters
     ----------
     entry : h5py.Group
         The group `entry` of the file.
     states : int
-        Number of complete states.
+        Number of completely stored states.
     """
     if RELEASE in entry:
         rows = complete_rows(entry, RELEASE, states)
@@ -79,12 +82,19 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
 
 
 def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames | None:
-    """Return the frames of a state between its set-point and its end.
+    """Return the frames that were taken in a state between the change of the current and the end of the state.
+
+    Parameters
+    ----------
+    entry : h5py.Group
+        The group `entry` of the file.
+    states, state : int
+        Number of completely stored states, and the number of this state, from 0.
 
     Returns
     -------
     RecordedFrames or None
-        None if the run did not store its set-points, or no frame of the state.
+        The frames; None if the run stored no set-points, or no frames of this kind for the state.
     """
     if TRANSIENTS not in entry or SET_POINTS not in entry:
         return None

@@ -1,15 +1,15 @@
-"""Frames that are taken between the states, in the order of time.
+"""Recordings: frames that a run takes in addition to the frames of the states, in the order of time.
 
-Each of these recordings is an NXdata in the file:
+A dataset has up to four recordings. Each is one NXdata in the file:
 
-    transients      frames while the beam settles at a state, or creeps in it
+    transients      frames while the beam settles or creeps in a state
     ring_down       frames after steps of the current to zero, at the full rate of the camera
-    release         the ring-down of a run of an earlier version
+    release         the ring-down of a run of an early version
     conditioning    frames of the first and the last conditioning cycle before the run
 
-HDF5's single-writer-multiple-reader mode does not allow new groups in a file in use. Therefore each recording is one
-group that is created with the file, and a column holds the state or the cycle to which a frame belongs. The column
-`time` is written last, so rows beyond its end are incomplete.
+HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore the groups are created
+with the file, and a column gives the state, the cycle or the ring-down to which each frame belongs. The column `time`
+is written last, so a row is complete only if the column `time` contains it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from eimi_lab.process.limits import refuse_unpacked
 
 TRANSIENTS, RELEASE, CONDITIONING, RING_DOWN = "transients", "release", "conditioning", "ring_down"
 BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle", RING_DOWN: "ring_down"}
-"""For each recording, the column with the number of the state, the cycle or the ring-down of a frame."""
+"""For each recording, the name of the column that gives the state, the cycle or the ring-down of each frame."""
 
 COLUMNS: dict[str, tuple[str, str | None]] = {
     "number": ("i8", None),
@@ -43,16 +43,16 @@ COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of a recording.
+    """A frame of a recording, with its times and the set-point of the current.
 
     Parameters
     ----------
     frame
         The frame.
     time_s
-        Time on the run's clock.
+        Time on the clock of the run.
     elapsed_s
-        Time since the set-point last changed.
+        Time since the last change of the set-point.
     set_A
         The set-point of the current.
     """
@@ -70,11 +70,13 @@ class Recording:
     Parameters
     ----------
     images
-        (n, H, W) or (n, H, W, 3: blue, green, red).
+        (n, H, W) or (n, H, W, 3: blue, green, red), the n frames.
     belongs_to
-        (n,) number of the state or the cycle.
-    time_s, elapsed_s, set_A
-        (n,) times and set-points as in `Moment`.
+        (n,) number of the state, the cycle or the ring-down of each frame.
+    time_s, elapsed_s
+        (n,) time on the clock of the run, and time since the last change of the set-point, s.
+    set_A
+        (n,) set-point of the current, A.
     """
 
     images: NDArray[Any]
@@ -85,7 +87,7 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings that a protocol asks for; none for an import, which has no protocol."""
+    """Return the names of the recordings that a protocol asks for; empty for an import, which has no protocol."""
     if protocol is None:
         return ()
     is_planned = {
@@ -98,7 +100,17 @@ def planned(protocol: Protocol | None) -> tuple[str, ...]:
 
 
 def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]) -> None:
-    """Create empty recordings for frames with the shape and type of ``image``."""
+    """Create the groups of empty recordings in a new dataset.
+
+    Parameters
+    ----------
+    entry
+        The group `entry` of the file.
+    names
+        Names of the recordings.
+    image
+        An example frame, which has the shape and the type of all frames.
+    """
     for name in names:
         store = group(entry, name, "NXdata")
         store.attrs["signal"] = "frames"
@@ -115,19 +127,21 @@ def append_moments(
     moments: Sequence[Moment],
     beat: Callable[[], None],
 ) -> None:
-    """Append frames to a recording, flushed in an order that leaves the file readable after a crash.
+    """Append frames to a recording. The file stays readable if the program crashes meanwhile.
 
     Parameters
     ----------
     recording
         Name of the recording.
     store
-        Its columns. The caller must keep them open: HDF5 writes the rest of a column when it is closed, and an error
-        at that point, as on a full disk, would go unnoticed.
+        The frames and columns of the recording, by name. The caller must keep them open. HDF5 writes the last rows of
+        a column when it is closed, and an error at that time, such as a full disk, would not be noticed.
     images
-        The frames in the file's order of colours.
-    belongs_to, moments
-        For each frame, its state or cycle, and its times and set-point.
+        The frames, with colours in the order of the file (red, green, blue).
+    belongs_to
+        The state, the cycle or the ring-down of each frame.
+    moments
+        Times and set-point of each frame.
     beat
         Function that is called after every frame.
     """
@@ -141,7 +155,7 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append the columns of frames that are already in the file; parameters as for `append_moments`."""
+    """Append times and set-points of frames that are already in the file; for the parameters see `append_moments`."""
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
         "number": [moment.frame.number for moment in moments],
@@ -156,7 +170,7 @@ def append_times(
 
 
 def read_recording(entry: h5py.Group, name: str, states: int, only: int | None = None) -> Recording | None:
-    """Read a recording.
+    """Read the frames of a recording from a dataset.
 
     Parameters
     ----------
@@ -165,19 +179,19 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
     name
         Name of the recording.
     states
-        Number of complete states; frames of later states are not read.
+        Number of completely stored states. Frames of later states are not read.
     only
-        Read only the frames of this state or cycle.
+        The state, cycle or ring-down whose frames are read; None to read all frames.
 
     Returns
     -------
     Recording or None
-        None if the file has no such frames.
+        The frames; None if the file does not contain the recording or the requested frames.
 
     Raises
     ------
     InputError
-        If the file claims more frames than the memory could hold. On a damaged file HDF5 may raise other errors.
+        If the frames need more memory than is free. For a damaged file HDF5 may raise other errors.
     """
     if name not in entry:
         return None
@@ -200,14 +214,29 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the rows of a recording that are complete and do not belong to an incomplete state."""
+    """Return the rows of a recording for which a dataset contains the frame and every column.
+
+    Rows of states that were not stored completely are left out.
+
+    Parameters
+    ----------
+    entry
+        The group `entry` of the file.
+    name
+        Name of the recording.
+    states
+        Number of completely stored states.
+    """
     store = entry[name]
     rows = np.arange(min(len(store[column]) for column in ("frames", BELONGS_TO[name], *COLUMNS)))
     return rows[store["state"][()][rows] < states] if BELONGS_TO[name] == "state" else rows
 
 
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
-    """Keep these rows of a recording, given in increasing order, and remove all others."""
+    """Remove all rows of a recording except ``rows``, which must be in increasing order.
+
+    ``entry`` is the group `entry` of the file, and ``name`` is the name of the recording.
+    """
     store = entry[name]
     for place, row in enumerate(rows):
         if place != row:

@@ -1,8 +1,8 @@
-"""Recovery of a crashed or damaged file: everything readable is copied to a new file that is closed properly.
+"""Recover a crashed or damaged dataset: copy everything readable to a new file.
 
-HDF5 may never return from reading a damaged file (for example, from a global heap whose object has the size 0).
-Therefore another process reads the file, with limits of processor time and memory. The wall clock is not the limit: a
-slow machine would make a sound file look damaged.
+HDF5 may run forever when it reads a damaged file (for example, if an object in a global heap has the size 0).
+Therefore a second process reads the file, with limits of processor time and memory. Elapsed time is not limited,
+because a slow machine would otherwise make an undamaged file look damaged.
 """
 
 from __future__ import annotations
@@ -43,31 +43,31 @@ from eimi_lab.vision.flags import judge
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30
 HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-"""Errors that h5py raises for damaged files."""
+"""Kinds of errors that h5py raises for damaged files."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
-    """Copy everything readable of a crashed or damaged file to a new file.
+    """Copy everything readable of a crashed or damaged dataset to a new file.
 
-    Single flipped bits are corrected by means of HDF5's checksums. Every frame of the copy is read before the copy gets
-    its name. Damaged frames are left out, and their states are flagged DROPPED. A state that loses every frame gets a
-    black frame, so that later states keep their numbers.
+    Single flipped bits are corrected with the help of HDF5's checksums. Every frame of the copy is tested. Damaged
+    frames are left out, and their states get the flag DROPPED. If all frames of a state are damaged, the state gets one
+    black frame, so that the numbers of later states do not change.
 
     Parameters
     ----------
     crashed
-        The crashed or damaged file.
+        The crashed or damaged dataset.
     path
         The new file.
     force
         Whether an existing file is overwritten.
     say
-        Function that gets a line for each item that was corrected or lost.
+        Function that gets a line of text for everything that was corrected or lost.
 
     Returns
     -------
     int
-        The number of states.
+        The number of recovered states.
 
     Raises
     ------
@@ -94,12 +94,14 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
 
 
 def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
-    """Copy everything readable to the file ``path``, which is overwritten; the function may never return.
+    """Copy everything readable of the dataset ``crashed`` to the file ``path``, which is overwritten.
+
+    For some damaged files HDF5 never returns. Therefore call this function in a process with limited processor time.
 
     Returns
     -------
     states, lines
-        The number of states, and a line for everything that was corrected or lost.
+        The number of recovered states, and a line of text for everything that was corrected or lost.
 
     Raises
     ------
@@ -186,15 +188,23 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
             of_states = _drop_damaged(copy["entry"], damaged)
         lines.append(
             f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0), "
-            "flagged DROPPED"
+            "which gets the flag DROPPED"
         )
     return states, lines
 
 
 def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: dict[int, str]) -> None:
-    """Copy everything readable in a group; the names of unreadable members are added to ``lost``.
+    """Copy everything readable in an HDF5 group, with its subgroups.
 
-    ``copied`` maps the address of each object to its name in the copy, so that an object with two names is copied once.
+    Parameters
+    ----------
+    source, copy
+        The group, and the new group.
+    lost
+        List to which the names of unreadable members are added.
+    copied
+        For each object that was copied, its address in the old file and its name in the new file. An object with two
+        names is copied once, and gets both names.
     """
     _copy_attributes(source, copy, lost)
     for name in source:
@@ -231,10 +241,12 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Rebuild damaged columns of the table of states from the columns of the frames; return a line for each.
+    """Restore damaged columns of the table of states from the columns of the table of frames.
 
-    Tip forces and flags are stored nowhere else: forces become 0, and flags are lost. If the columns of the frames are
-    damaged too, HDF5's error is raised.
+    Tip forces and flags are not in the table of frames: the forces become 0, and the flags are lost. If the table of
+    frames is damaged too, the error of HDF5 is raised.
+
+    Returns a line of text for each restored column.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []
@@ -259,7 +271,7 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether a column of a group, or a frame of a stack, can be read."""
+    """Return whether HDF5 can read a part: a column of a group, or a frame of a stack."""
     try:
         return len(parent[part][()]) >= 0
     except HDF5_RAISES:
@@ -278,7 +290,7 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
-    """Remove incomplete and damaged frames from every recording; return a line for each damaged recording."""
+    """Remove incomplete and damaged frames from every recording; return a line of text for each damaged recording."""
     lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:
@@ -295,7 +307,10 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Remove damaged frames, flag their states and return the numbers of these states."""
+    """Remove damaged frames of the states, add the flag DROPPED to these states, and return their numbers.
+
+    ``damaged`` are the rows of the damaged frames. A state without an undamaged frame gets a black frame.
+    """
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]
     sound = np.ones(len(of_state), dtype=bool)
@@ -322,7 +337,10 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
 
 
 def _main(crashed: Path, path: Path, within_s: str) -> None:
-    """Copy in this process with limits of memory and time, and print the outcome as JSON on standard output."""
+    """Copy a dataset with limits of memory and processor time, and print the result as JSON on standard output.
+
+    ``within_s`` is the limit of the processor time in s. The limits apply to this process.
+    """
     obey_processor_limit(within_s)
     limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
     try:

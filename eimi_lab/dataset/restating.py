@@ -1,7 +1,7 @@
-"""Correction of a dataset's specimen or calibration after it was written.
+"""Correct the specimen or the calibration of a finished dataset.
 
-The dataset keeps the replaced files. Its edges are removed, because they were found with the replaced files. If the
-coil constant changes, the fields of a run are computed anew from its currents.
+The dataset keeps the replaced texts. The edges are removed, because they were found with the replaced texts. If the
+coil constant changes, all stored fields are multiplied by the ratio of the new constant to the old constant.
 """
 
 from __future__ import annotations
@@ -29,31 +29,36 @@ _LARGEST_TEXTS_BYTES = 1 << 16
 def restate(
     path: Path, *, specimen: str | None = None, calibration: Path | None = None, changes: Changes | None = None
 ) -> tuple[str, ...]:
-    """Replace the specimen or the calibration of a dataset of frames, and remove its edges.
+    """Replace the specimen or the calibration in a dataset of frames, and remove the edges.
+
+    If no value changes, the dataset is not written.
 
     Parameters
     ----------
     path
         The dataset.
     specimen, calibration
-        The new files; None to keep the present ones. Keys of `config.calibration.PLACES` that a new calibration leaves
-        out keep their present values.
+        The new files; None to keep the stored specimen or calibration. A new calibration may leave out the keys of
+        `config.calibration.PLACES`, which then keep their stored values.
     changes
-        Values that replace those of the calibration.
+        New values for keys of the calibration. They have priority over the values of the file ``calibration``.
 
     Returns
     -------
     tuple of str
-        One line for each key whose value changed. Without a change, the file is not written.
+        One line of text for each key whose value changed.
 
     Raises
     ------
     InputError
-        If the files cannot belong to this dataset; the message names the key.
+        If the dataset holds tracked points, or if the new files do not suit the dataset; the message names the key.
     """
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
-            raise InputError(f"{path}: holds tracked points, which need no segmentation; import them again")
+            raise InputError(
+                f"{path}: holds tracked points, so its specimen and calibration cannot be replaced; import the points "
+                "again"
+            )
         beam = _same_beam(dataset, specimen)
         corrected = _calibration(dataset, dataset.calibration, calibration, changes or {})
         check_clicked_points(corrected, beam, dataset.frame_format()[0])
@@ -78,8 +83,8 @@ def _same_beam(dataset: Dataset, file: str | None) -> SpecimenFile:
     name, other = dataset.specimen.specimen.name, corrected.specimen.name
     if name != other:
         raise InputError(
-            f"{file}: specimen.name = {other!r}, but {dataset.path} shows {name!r}: is it the file of another "
-            f"specimen? A file with corrected numbers has the name {name!r}"
+            f"{file}: specimen.name = {other!r}, but the specimen of {dataset.path} is {name!r}; if the file corrects "
+            f"values of the same specimen, it should have specimen.name = {name!r}"
         )
     return corrected
 
@@ -95,14 +100,17 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the factor by which the fields change; raise InputError if the fields do not follow from the currents."""
+    """Return the factor by which the fields of all states change: the new coil constant over the stored coil constant.
+
+    Raises InputError if the coil constant of an import changes, because its fields may not follow from currents.
+    """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0
     factor = after.mT_per_A / before.mT_per_A if before.mT_per_A else float(after.mT_per_A == 0.0)
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(
             f"{file}: coil_constant_mT_per_A = {after.mT_per_A:g}, but {dataset.path} was imported "
-            f"with {before.mT_per_A:g}; its states.csv may state fields, so import it again"
+            f"with {before.mT_per_A:g}; its states.csv may contain fields instead of currents, so repeat the import"
         )
     return factor
 

@@ -1,4 +1,4 @@
-"""Safe change of a finished dataset: a copy is changed and then replaces the file, so no crash can harm the frames."""
+"""Change a finished dataset safely: a copy is changed and then replaces the file, so a crash cannot damage the file."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file
 
 HEADERS_BYTES = 1 << 14
-"""Room for HDF5's own structures, some kB for each object."""
+"""Bytes that are reserved for the structures that HDF5 adds to a file."""
 
 
 @contextmanager
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
-    """Yield the group `entry` of a dataset for changes, which are kept only if the block ends without an error.
+    """Open a dataset for changes in a ``with`` statement, and yield its group `entry`.
+
+    The changes are kept only if the block ends without an error.
 
     Parameters
     ----------
     path
         The dataset.
     content_bytes
-        Size of the numbers that will be written. The room for them is reserved, because HDF5 may crash the program if
-        the disk becomes full while it writes.
+        Number of bytes that the block will write. They are reserved on the disk before, because HDF5 may crash the
+        program if the disk becomes full.
 
     Raises
     ------
     InputError
         If the file is still being written, or if its writer crashed.
     OSError
-        If the disk has not enough room.
+        If the disk does not have enough free space.
     """
     with whole_file(path, force=True) as copy:
         shutil.copyfile(path, copy)
@@ -43,13 +45,16 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
         try:
             file = h5py.File(copy, "r+", libver=WRITTEN_AS)
         except OSError as error:
-            raise InputError(f"{path}: is still being written, or its writer crashed; `eimi recover` helps") from error
+            raise InputError(
+                f"{path}: is still being written, or its writer crashed; wait for the end of the run, or make a copy "
+                "with `eimi recover`"
+            ) from error
         with file:
             yield file["entry"]
 
 
 def _make_room(file: Path, size: int) -> None:
-    """Lengthen a file to ``size`` bytes if the system can; HDF5 cuts off the bytes that it does not use."""
+    """Lengthen a file to ``size`` bytes, if the operating system supports this. HDF5 removes the unused bytes later."""
     if hasattr(os, "posix_fallocate"):
         with file.open("r+b") as opened:
             os.posix_fallocate(opened.fileno(), 0, size)

@@ -1,4 +1,4 @@
-"""Segmentation of a dataset: find the edges of every state, store them, and write tables and pictures of them."""
+"""Find the edges of the beam in every state of a dataset, store them, and write them as tables and pictures."""
 
 from __future__ import annotations
 
@@ -45,19 +45,20 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     """Find the edges of every state and store them in the dataset.
 
     The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags of a state are
-    those of the run (such as NOT_SETTLED) followed by those of the image.
+    the flags of the run (such as NOT_SETTLED), followed by the flags of the image.
+
+    If ring-downs or creep were recorded, the beam is also found in every frame of these recordings, and its motion is
+    stored.
 
     Parameters
     ----------
     path
         The dataset.
     report
-        Function that gets a line for each state.
+        Function that gets a line of text for each state.
     executor
-        Function that creates the executor of the workers (`workers.executor_for`); None to work in this process. The
-        edges do not depend on the number of workers.
-
-    The beam is also followed through every frame of recorded ring-downs and creep, which become motions.
+        Function that creates an executor with several worker processes (`workers.executor_for`); None to compute in
+        this process. The edges do not depend on the number of workers.
 
     Returns
     -------
@@ -67,9 +68,9 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     Raises
     ------
     InputError
-        If the dataset has no frames or cannot be read or written.
+        If the dataset has no frames, or cannot be read or written.
     ChildProcessError
-        If workers keep failing.
+        If worker processes fail repeatedly.
     """
     with only_writer(path):
         with open_dataset(path) as dataset:
@@ -85,22 +86,22 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The corrected mean images of a dataset of frames, with its calibration."""
+    """The mean image of each state of a dataset, corrected by the stored dark frame and flat field."""
 
     def __init__(self, dataset: Dataset) -> None:
-        """Read the correction; raise InputError for a dataset of tracked points."""
+        """Read the dark frame and the flat field. Raises InputError for a dataset of tracked points."""
         if dataset.calibration is None:
             raise InputError(f"{dataset.path}: holds tracked points, which have no images")
         self.dataset, self.calibration = dataset, dataset.calibration
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """Return the corrected mean of a state's frames, (H, W) or (H, W, 3) with colours."""
+        """Return the corrected mean of the frames of a state, (H, W), or (H, W, 3) for frames with colours."""
         image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)
 
     def projection(self) -> Projection | None:
-        """Return the projection of colours for all states; None for frames without colours."""
+        """Return the projection from colours to grey values that suits all states; None for frames without colours."""
         if len(self.dataset.frame_format()[0]) == 2:
             return None
         beam = self.dataset.specimen.specimen
@@ -136,11 +137,13 @@ def _find_all(
 
 
 def _search_again_beside_others(frames: Frames, projection: Projection | None, edge_sets: list[EdgeSet]) -> None:
-    """Search again in the states without edges, and replace their edges if a beam is found there.
+    """Search again for the beam in states without edges, with the help of neighbouring states.
 
-    The middle of the beam in the nearest reliable state is the expected centre line, first from earlier states and then
-    from later ones: the beam moves little from state to state. If several bodies may be the beam in the first states,
-    the next reliable state decides between these bodies.
+    The beam moves little from one state to the next. Therefore the middle line of the nearest reliable state is used as
+    the expected middle line: first of the nearest earlier state, and then of the nearest later state.
+
+    The search is also repeated in states before the first reliable state. If several bodies in their images may be the
+    beam, the next reliable state decides. ``edge_sets`` is changed in place.
     """
     states = range(len(edge_sets))
     first_reliable = next((index for index in states if _is_reliable(edge_sets[index])), len(edge_sets))
@@ -159,11 +162,11 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states, with the place of the clamp judged in the straightest state.
+    """Return the edges of all states after a correction of the flags for a wrong position of the clamp.
 
-    The place is where the edges, extrapolated to the line of the clamp, cross it. With a strong curvature at the clamp
-    the extrapolation is tenths of a millimetre off. A state that is bent much farther than the straightest state gets
-    the flag of the straightest state, or no flag.
+    The check of the clamp extrapolates the edges to the line of the clamp. If the beam is strongly curved there, the
+    extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with this flag gets the flag of
+    the straightest state instead, or loses the flag if the straightest state does not have it.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -183,14 +186,14 @@ def _is_clamp_offset(flag: Flag) -> bool:
 
 
 def _in_words(flags: Sequence[Flag]) -> str:
-    """Return the names of the flags of a state; flags that need no action follow as notes."""
+    """Return the names of the flags of a state as text; flags that do not affect a fit are listed last as notes."""
     notes = [flag.name for flag in flags if flag.severity is Severity.NOTE]
     names = ", ".join(flag.name for flag in flags if flag.severity is not Severity.NOTE) or "no flags"
     return f"{names}; notes: {', '.join(notes)}" if notes else names
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
-    """Return the clicked points (n, 2) in mm, or None; they guide the later states until one state is followed."""
+    """Return the points (n, 2) along the beam that the user clicked, in mm in the beam frame; None without clicks."""
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
     return BeamFrame(calibration).to_mm(np.array(calibration.picture.along_px))
@@ -203,9 +206,10 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each state in order, which workers found from the frames of this state alone.
+    """Yield the edges of each state, which worker processes find without knowledge of other states.
 
-    None is yielded for a state that needs the edges of an earlier one; without an executor, for every state.
+    None is yielded for a state whose beam can be identified only by means of an earlier state. Without an executor,
+    None is yielded for every state. The order is that of the states.
     """
     states = range(len(dataset.states))
     if executor is None:
@@ -227,12 +231,21 @@ def _found_by_workers(
 
 
 def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet | None:
-    """Find the edges of one state from its own frames.
+    """Find the edges of one state without knowledge of other states.
+
+    Parameters
+    ----------
+    path
+        The dataset.
+    index
+        Number of the state, from 0.
+    projection
+        The projection from colours to grey values; None for frames without colours.
 
     Returns
     -------
     EdgeSet or None
-        None if several bodies may be the beam, so that the edges of an earlier state are needed.
+        The edges; None if several bodies may be the beam, so that an earlier state has to decide.
 
     Raises
     ------
@@ -251,14 +264,15 @@ def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """Open the frames of a dataset; a worker opens them only once for all its states."""
+    """Return the frames of a dataset. A worker process opens the dataset only once for all states."""
     return Frames(open_dataset(path))
 
 
 def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
-    """Return the stored edges of one state; without stored edges, find them without storing them.
+    """Return the stored edges of one state; if the dataset has no edges, find the edges of the state.
 
-    Edges found here do not use an earlier state to distinguish the beam from other bodies. Raises InputError.
+    New edges are not stored. They are found without an earlier state, which could help to distinguish the beam from
+    other bodies. Raises InputError if the frames cannot be read.
     """
     stored = dataset.edges()
     if stored is not None:
@@ -275,9 +289,22 @@ def _edges_in(
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
-    """Find the edges in the mean image of a state, within the calibration's region and without the run's flags.
+    """Find the edges in the mean image of a state, within the region of interest of the calibration.
 
-    ``earlier`` returns the edges of an earlier state; it is called only if several bodies may be the beam.
+    The flags of the result are those of the image, without the flags of the run.
+
+    Parameters
+    ----------
+    frames
+        The mean images of the dataset.
+    index
+        Number of the state, from 0.
+    projection
+        The projection from colours to grey values; None for frames without colours.
+    earlier
+        Function that returns the edges of an earlier state. It is called only if several bodies may be the beam.
+    expected_mm
+        (n, 2) expected middle line of the beam; None if it is unknown.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
@@ -294,20 +321,22 @@ def _edges_in(
 
 
 def _is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether edges are reliable enough to select the body that is the beam in a later state."""
+    """Return whether the edges of a state are reliable enough to help in the search for the beam in other states."""
     guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
     return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 
 
 def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
-    """Explain why no beam was found in a state.
+    """Explain to the user why no beam was found in a state.
 
     Returns
     -------
-    advice, picture
-        A text with the probable cause, and a PNG of the first frame with rulers in pixels and with the outline of the
-        straight beam according to the calibration and the specimen. If the text suggests another value, the edges that
-        are found with this value are drawn in green.
+    advice : str
+        A text with the probable cause.
+    picture : bytes
+        A PNG of the first frame of the state, with rulers in pixels. It shows the straight beam where calibration and
+        specimen place it. If the text suggests another value in the calibration, the edges that are found with this
+        value are drawn in green.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
@@ -322,9 +351,10 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the edges as tables ``step_00_left.csv``, … and the flags as ``quality.json``.
+    """Write the edges of all states as tables ``step_00_left.csv``, ``step_00_right.csv``, …, and the flags as JSON.
 
-    The columns are x_mm, y_mm and sigma_mm; the rows run from the clamp to the tip.
+    The columns are x_mm, y_mm and sigma_mm. The first row is at the clamp and the last row at the tip. The flags are in
+    ``quality.json``.
     """
     for index, edge_set in enumerate(edge_sets):
         for side in ("left", "right"):
@@ -346,7 +376,11 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the mean frame of each state with its edges as ``step_00.png``, …, and all of them on a contact sheet."""
+    """Write a picture of the mean frame with the edges for each state, and a contact sheet of all pictures.
+
+    The files are ``step_00.png``, …, and ``contact_sheet.png``. If no edges were found in a state, the picture shows
+    how far the beam was followed from the clamp.
+    """
     small: list[NDArray[np.uint8]] = []
     captions = []
     with open_dataset(path) as dataset:
@@ -365,7 +399,10 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
 
 
 def write_explained(folder: Path, path: Path) -> None:
-    """Write pictures that explain how the beam was followed from its clamp, such as ``step_00_strip.png``."""
+    """Write pictures of the steps in which the beam of each state was followed from the clamp to the tip.
+
+    The name of a file contains the state and the step, for example ``step_00_strip.png``.
+    """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         for state in dataset.states:
@@ -374,7 +411,10 @@ def write_explained(folder: Path, path: Path) -> None:
 
 
 def _followed(frames: Frames, image: NDArray[np.float32]) -> FollowedBeam:
-    """Follow the beam in the mean image of one state, in pixels of the whole picture."""
+    """Follow the beam from the clamp to the tip in the mean image of one state.
+
+    The coordinates of the result are pixels of the whole picture, even if the calibration has a region of interest.
+    """
     dataset = frames.dataset
     region = region_of(frames.calibration, image.shape)
     projection = dataset.projection()

@@ -1,7 +1,7 @@
-"""The values of sensors in a dataset: an NXsensor for each sensor, with one row for each frame.
+"""Store and read the readings of sensors in a dataset.
 
-They are in entry/sample/environment (NXenvironment), see
-https://manual.nexusformat.org/classes/base_classes/NXsensor.html.
+The group entry/sample/environment (NXenvironment) has an NXsensor for each sensor, whose log has one row for each
+frame (https://manual.nexusformat.org/classes/base_classes/NXsensor.html).
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from eimi_lab.dataset.layout import columns, get_text, group, put_text
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 
 PLACE = "sample/environment"
-"""The group of the sensors in the entry."""
+"""Path of the group of all sensors, inside the group `entry`."""
 
 MEASUREMENTS = {"field": "magnetic_field", "specimen_temperature": "temperature", "coil_temperature": "temperature"}
-"""The word of NXsensor for a quantity of the rig file."""
+"""For each quantity in the rig file, the word that NXsensor defines for it."""
 
 LOG_COLUMNS = ("time", "value", "value_errors")
-"""Time on the run's clock (s), value and standard uncertainty; NaN where the sensor gave none."""
+"""Columns of a log: time on the clock of the run (s), reading and standard uncertainty; NaN for an unknown value."""
 
 
 def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: int) -> dict[str, list[float]]:
-    """Return the rows of a sensor for the frames of a state, by column.
+    """Return the readings of one sensor during a state as rows for its log, by name of the column.
 
     Parameters
     ----------
     name
-        The sensor.
+        Name of the sensor.
     sensed
-        The readings of all sensors with each frame, with times on the run's clock; empty if no sensor was read.
+        For each frame, the readings of all sensors by name, with times on the clock of the run; empty if no sensor was
+        read during the state.
     frames
-        Number of frames.
+        Number of frames of the state.
     """
     rows: dict[str, list[float]] = {column: [] for column in LOG_COLUMNS}
     for readings in sensed or [{}] * frames:
@@ -48,18 +49,18 @@ def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: in
 
 
 def log_of(entry: h5py.Group, name: str) -> dict[str, h5py.Dataset]:
-    """Return the columns of a sensor's log."""
+    """Return the columns of the log of a sensor by name."""
     return {column: entry[PLACE][name]["value_log"][column] for column in LOG_COLUMNS}
 
 
 def sensor_names(entry: h5py.Group) -> tuple[str, ...]:
-    """Return the names of the sensors whose values a dataset has."""
+    """Return the names of the sensors that have a log in a dataset, in alphabetical order."""
     place = entry.get(PLACE, {})
     return tuple(sorted(name for name in place if isinstance(place[name], h5py.Group) and "value_log" in place[name]))
 
 
 def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None:
-    """Create the empty logs of the sensors of a run; create nothing if the run has no sensors."""
+    """Create an empty log for each sensor of a run in a new dataset."""
     if not sensors:
         return
     environment = group(entry["sample"], "environment", "NXenvironment")
@@ -81,7 +82,10 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
 
 
 def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
-    """Read the logs of all sensors; rows of a state that was not stored completely are left out."""
+    """Return the readings of all sensors of a dataset; empty without sensors.
+
+    ``states`` is the number of completely stored states. Readings of later states are left out.
+    """
     logs = []
     for name in sensor_names(entry):
         place = entry[PLACE][name]

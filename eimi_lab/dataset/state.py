@@ -1,4 +1,4 @@
-"""One state of the specimen: its loads and its flags, as a dataset stores them."""
+"""One state of the specimen: its loads and its flags, as read from a dataset."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from eimi_lab.vision.check import Flag
 
 @dataclass(frozen=True)
 class State:
-    """One state of the specimen.
+    """One state of the specimen with its loads and flags.
 
     Parameters
     ----------
     index
         Number of the state, from 0.
     current_A, measured_A
-        The current that was set, and the mean of its measured values; None if unknown.
+        The set-point of the coil current, and the mean of the measured currents; None if unknown.
     field_mT
         Field at the magnet.
     tip_force_N
         Force at the tip.
     flags
-        Flags of the run.
+        Flags that the run or the import gave to the state; the flags of segmentation belong to the edges.
     tip_force_angle_deg
         Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
     field_sigma_mT

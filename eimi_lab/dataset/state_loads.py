@@ -1,4 +1,4 @@
-"""The loads of each state, read from a table of states."""
+"""Read the loads of each state from a table of states (states.csv)."""
 
 from __future__ import annotations
 
@@ -12,26 +12,35 @@ from eimi_lab.process.errors import InputError
 
 FRAME_COLUMNS = {
     "frame": Column(
-        "A picture: its path relative to states.csv, its name in the folder with or without the ending, or the number "
-        "at the end of its name. Or the number of a frame of a video, from 0, or of tracks as their program counts.",
+        "An image: its path relative to states.csv, its name in the folder with or without the ending, or the number "
+        "at the end of its name. For a video: the number of the frame, counted from 0. For a file of tracks: the "
+        "number of the frame as the tracking program counts it.",
         "shot_07.png",
     ),
-    "time_s": Column("Instead of frame: seconds from the beginning of a video, or of tracks with times.", "12.5"),
+    "time_s": Column(
+        "Instead of frame: time in seconds from the beginning of a video, or of a file of tracks with times.", "12.5"
+    ),
 }
 UNTIL_COLUMNS = {
     "until_s": Column(
-        "With --every: seconds from the beginning of a video until which the load acts.", "14.0", "until the next row"
+        "With --every: time in seconds from the beginning of the video at which the load ends.",
+        "14.0",
+        "the load acts until the next row",
     )
 }
 STATE_COLUMNS = {"state": Column("Instead of frame: number of the state in points.csv.", "0")}
 LOAD_COLUMNS = {
-    "current_A": Column("Current of the coil. Give either this or field_mT; without a coil, neither.", "0.3"),
-    "field_mT": Column("Field at the magnet. Give either this or current_A; 0 without a coil.", "1.41"),
+    "current_A": Column(
+        "Current of the coil. Give either current_A or field_mT; without a coil, give neither of them.", "0.3"
+    ),
+    "field_mT": Column("Field at the magnet. Give either field_mT or current_A; without a coil, give 0.", "1.41"),
     "tip_force_N": Column("Force at the tip, such as a weight.", "0.049", "0"),
     "tip_force_angle_deg": Column(
         "Direction of the tip force in the beam frame, from +x toward +y.", "0", "the direction of gravity"
     ),
-    "field_sigma_mT": Column("Standard uncertainty of a measured field_mT.", "0.02", "the field is exact"),
+    "field_sigma_mT": Column(
+        "Standard uncertainty of field_mT, if the field was measured.", "0.02", "the field is exact"
+    ),
     "temperature_degC": Column("Measured temperature of the specimen.", "23.5", "not measured"),
 }
 
@@ -40,7 +49,21 @@ ABSOLUTE_ZERO_DEGC = -273.15
 
 
 def load_of(row: Row, calibration: Calibration | None) -> Load:
-    """Return the loads in a row of a table of states; without a calibration, a current must be 0. Raises InputError."""
+    """Return the loads that a row of a table of states specifies.
+
+    Parameters
+    ----------
+    row
+        The row.
+    calibration
+        The calibration, by whose coil constant currents are converted into fields; None for tracked points.
+
+    Raises
+    ------
+    InputError
+        If a value is wrong, if the row has neither or both of current and field, or if it has a current other than 0
+        without a coil constant.
+    """
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
     only_weights = "tip_force_N" in row.cells and calibration is not None and not calibration.mT_per_A
     if has_current == has_field and (has_current or not only_weights):
@@ -51,9 +74,9 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     sigma = row.number("field_sigma_mT") if row.cells.get("field_sigma_mT") else None
     temperature = row.number("temperature_degC") if row.cells.get("temperature_degC") else None
     if sigma is not None and (sigma < 0 or not has_field):
-        raise row.fault("field_sigma_mT", "0 or above, and beside a measured field_mT")
+        raise row.fault("field_sigma_mT", "0 or above, in a table that has the column field_mT")
     if temperature is not None and temperature < ABSOLUTE_ZERO_DEGC:
-        raise row.fault("temperature_degC", "a temperature in degrees Celsius")
+        raise row.fault("temperature_degC", f"a temperature in degrees Celsius, not below {ABSOLUTE_ZERO_DEGC:g}")
     current, field = None, 0.0
     if has_field:
         field = row.number("field_mT")
@@ -66,27 +89,34 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
             raise row.fault("current_A", "0, because the calibration has no coil_constant_mT_per_A")
         elif current:
             raise row.fault(
-                "current_A", "0; for tracked points give field_mT instead, since they have no coil constant"
+                "current_A", "0; for tracked points give field_mT instead, because they have no coil constant"
             )
     return Load(current, field, force, angle, sigma, temperature)
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return the loads of tracked points by the number of the state, in rising order. Raises InputError."""
+    """Return the loads of each state of tracked points by its number in the column ``state``, in increasing order.
+
+    Raises InputError if a row is wrong, or if two rows have the same number.
+    """
     loads: dict[int, Load] = {}
     for row in rows:
         state = row.count("state")
         if state in loads:
-            raise row.fault("state", "a state that no earlier row lists")
+            raise row.fault("state", "a number that no earlier row has")
         loads[state] = load_of(row, None)
     return dict(sorted(loads.items()))
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError for a tip force without a direction, if there is no direction of gravity to replace it."""
+    """Raise InputError if a state has a tip force of unknown direction.
+
+    By default a tip force has the direction of gravity. If gravity is unknown (``gravity_angle_deg`` is None), the
+    table of states (``states``) must give the direction of each tip force.
+    """
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
             raise InputError(
-                f"{states}: tip_force_N = {load.tip_force_N:g} has no direction: without gravity it needs a column "
-                "tip_force_angle_deg, in the beam frame, from +x toward +y"
+                f"{states}: tip_force_N = {load.tip_force_N:g} has no direction: without gravity, add a column "
+                "tip_force_angle_deg with the angle of the force in the beam frame, from +x toward +y"
             )

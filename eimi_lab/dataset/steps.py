@@ -1,10 +1,11 @@
-"""Set-points and steps of the current in the file, on the clock of the run.
+"""Store and read the times of set-points and of current steps in a dataset.
 
-    set_points         every set-point that was sent: `time`, `current`, `uncertainty`
-    ring_down_steps    one row for each recorded ring-down: the step to zero, and what the camera did
+    set_points         one row for each set-point that was sent: `time`, `current`, `uncertainty`
+    ring_down_steps    one row for each recorded ring-down: the step of the current, and the number and rate of frames
 
-A set-point takes effect between the moment at which it is sent and the moment at which the supply answers; `time` is
-the middle of these two moments, and `uncertainty` is the standard deviation of a uniform distribution between them.
+All times are on the clock of the run. A set-point takes effect between the moment at which it is sent and the moment at
+which the supply answers. `time` is the middle of this interval, and `uncertainty` is the standard deviation of a
+uniform distribution over the interval.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _STEP_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A set-point: its time on the clock of the run (s), the current (A), and the uncertainty of the time (s)."""
+    """A set-point of the current (A), its time on the clock of the run (s), and the uncertainty of this time (s)."""
 
     time_s: float
     current_A: float
@@ -44,7 +45,7 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class RingDownStep:
-    """A recorded ring-down.
+    """The step of the current that began a recorded ring-down, and the number of its frames.
 
     Parameters
     ----------
@@ -54,10 +55,12 @@ class RingDownStep:
         Current before and after the step.
     time_s, uncertainty_s : float
         Time of the step on the clock of the run, and its standard uncertainty.
-    frames, lost : int
-        Number of frames that were stored, and of frames that the camera counted but that did not arrive.
+    frames : int
+        Number of stored frames.
+    lost : int
+        Number of frames that are missing in the numbers that the camera gave to its frames.
     rate_Hz : float
-        Frames per second, from the times of the frames.
+        Frames per second, computed from the times of the frames.
     """
 
     ring_down: int
@@ -71,12 +74,12 @@ class RingDownStep:
 
 
 def records_steps(protocol: Protocol | None) -> bool:
-    """Return whether a run with this protocol stores its set-points."""
+    """Return whether a run with this protocol stores its set-points, which creep and ring-downs need."""
     return protocol is not None and (protocol.creep or protocol.ring_down is not None)
 
 
 def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
-    """Create the empty tables of set-points and ring-downs, if the protocol needs them."""
+    """Create empty tables of set-points and of ring-downs in a new dataset, if the protocol needs these tables."""
     if records_steps(protocol):
         columns(group(entry, SET_POINTS, "NXcollection"), dict(_SET_POINT_COLUMNS))
     if protocol is not None and protocol.ring_down is not None:
@@ -84,7 +87,7 @@ def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
 
 
 def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPoint]) -> None:
-    """Append set-points to the columns of the table of set-points."""
+    """Append set-points to the table of set-points, whose columns are ``store``; do nothing if ``store`` is empty."""
     if store and set_points:
         for name, values in zip(_SET_POINT_COLUMNS, zip(*map(astuple, set_points), strict=True), strict=True):
             append(store[name], values)
@@ -92,19 +95,19 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append a ring-down to the columns of the table of ring-downs."""
+    """Append the step of a ring-down to the table of ring-downs, whose columns are ``store``."""
     for name, value in zip(_STEP_COLUMNS, astuple(step), strict=True):
         append(store[name], [value])
         store[name].flush()
 
 
 def read_set_points(entry: h5py.Group) -> tuple[SetPoint, ...]:
-    """Return the set-points of a run in their order; empty if the run did not store them."""
+    """Return the set-points of a run in the order of time; empty if the run did not store set-points."""
     return tuple(SetPoint(*map(float, row)) for row in _rows(entry, SET_POINTS, list(_SET_POINT_COLUMNS)))
 
 
 def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
-    """Return the recorded ring-downs in their order."""
+    """Return the steps of all recorded ring-downs in the order of time."""
     kinds = {"int": int, "float": float}
     of_field = [kinds[str(field.type)] for field in fields(RingDownStep)]
     rows = _rows(entry, RING_DOWN_STEPS, list(_STEP_COLUMNS))

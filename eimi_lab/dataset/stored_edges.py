@@ -1,4 +1,4 @@
-"""The edges in a dataset file, stored beside the frames in which segmentation found them."""
+"""Store and read the edges that segmentation found in the frames of a dataset."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from eimi_lab.vision.projection import Projection
 
 GROUP = "segmentation"
 BYTES_OF_A_STATE = 512
-"""Room for the flags, the corners and the tip of one state."""
+"""Bytes that are reserved for the flags, the corners and the tip of one state."""
 
 
 def write_edges(
@@ -44,7 +44,7 @@ def write_edges(
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
 ) -> None:
-    """Store the edges of every state and the motions in the recorded frames; stored edges are replaced.
+    """Store the edges of every state and the motions in a dataset; earlier edges are replaced.
 
     Parameters
     ----------
@@ -53,18 +53,19 @@ def write_edges(
     edge_sets
         The edges of each state.
     projection
-        The projection of colours with which the edges were found; None for frames without colours.
+        The projection from colours to grey values with which the edges were found; None for frames without colours.
     motions
-        Ring-downs and creep found in recorded frames; stored motions are kept if no new motion has their kind.
+        Ring-downs and creep that were found in recorded frames. New ring-downs replace the stored ring-downs, and new
+        creep the stored creep.
     length_mm
-        Length of the beam, for the amplitudes of the motions.
+        Length of the beam, from which the amplitudes of the motions are computed.
 
     Raises
     ------
     InputError
         If the file is still being written, or if its writer crashed.
     ValueError
-        If the number of edge sets is not the number of states.
+        If the numbers of edge sets and states differ.
     """
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
@@ -86,7 +87,10 @@ def write_edges(
 
 
 def drop_edges(entry: h5py.Group) -> None:
-    """Remove the stored edges, if there are any; afterwards a viewer shows the frames first."""
+    """Remove the stored edges and their plots from a dataset, so that a viewer of NeXus files shows the frames first.
+
+    Do nothing if no edges are stored.
+    """
     if GROUP in entry:
         del entry[GROUP]
         entry.attrs["default"] = "data"
@@ -114,10 +118,11 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Write the fields that the application definition requires, and the end of the run.
+    """Write the fields that the NeXus application definition requires: its name, start and end of the run.
 
-    A file in single-writer-multiple-reader mode cannot contain a date that is written late. The end of the run is
-    therefore in the table of sessions until the edges are stored. Dates of 0.1.0 have a fixed length.
+    In HDF5's single-writer-multiple-reader mode, the writer of a run cannot add the end as a date of variable length.
+    Until the edges are stored, the end is therefore in the table of sessions. Files of version 0.1.0 have dates of
+    fixed length, which are converted here.
     """
     dates = {"start_time": get_start(entry)}
     if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):
@@ -135,7 +140,7 @@ def _comply_with_definition(entry: h5py.Group) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """Return the stored edges of every state."""
+    """Return the stored edges of every state of a dataset, whose group `entry` is given."""
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
@@ -146,7 +151,10 @@ def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
 
 
 def read_projection(entry: h5py.Group) -> Projection | None:
-    """Return the projection of colours with which the stored edges were found; None for frames without colours."""
+    """Return the projection from colours to grey values with which the stored edges were found.
+
+    The result is None for frames without colours, and if no edges are stored.
+    """
     if GROUP not in entry or "projection" not in entry[GROUP]:
         return None
     return Projection.from_json(get_text(entry[GROUP]["projection"], "data"))

@@ -1,4 +1,4 @@
-"""Directions of tip forces in a dataset file, stored beside the table of states unless all forces are along gravity."""
+"""Store and read the directions of the tip forces in a dataset. They are absent if all forces are along gravity."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ NAME = "tip_force_angle"
 
 
 def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> None:
-    """Write the directions into an existing dataset, as `write_tip_force_angles` does."""
+    """Add the directions of the tip forces to an existing dataset file, see `write_tip_force_angles`."""
     if any(angle is not None for angle in angles_deg):
         with h5py.File(path, "r+") as file:
             write_tip_force_angles(file["entry/states"], angles_deg)
 
 
 def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None]) -> None:
-    """Write the direction of each state's tip force, in degrees in the beam frame.
+    """Write the direction of the tip force of each state, in degrees from +x toward +y in the beam frame.
 
-    None stands for the direction of gravity and is stored as NaN. If every direction is None, nothing is written.
+    The value None means the direction of gravity, and is stored as NaN. Nothing is written if every value is None.
     """
     if any(angle is not None for angle in angles_deg):
         values = np.array([np.nan if angle is None else angle for angle in angles_deg])
@@ -30,5 +30,8 @@ def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None
 
 
 def tip_force_angles(states: h5py.Group, count: int) -> NDArray[np.float64]:
-    """Return the directions (count,) in degrees in the beam frame; NaN stands for the direction of gravity."""
+    """Return the directions of the tip forces of all states, shape (count,), in degrees from +x toward +y.
+
+    The angles are in the beam frame; NaN means the direction of gravity. ``count`` is the number of states.
+    """
     return np.asarray(states[NAME][()]) if NAME in states else np.full(count, np.nan)

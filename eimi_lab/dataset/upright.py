@@ -1,4 +1,4 @@
-"""Rotation of the beam frame to the camera's view or, without a camera, such that gravity points down."""
+"""Rotate the beam frame to the orientation of the camera's picture, or so that gravity points down."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Array = NDArray[np.float64]
 
 
 def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Array:
-    """Return the matrix (2, 2) that maps (x, y) of the beam frame to (right, up).
+    """Return the matrix (2, 2) that converts coordinates (x, y) of the beam frame to (right, up).
 
     Parameters
     ----------
     calibration
-        With a calibration, right and up are those of the image.
+        The calibration of the camera, whose picture defines the directions right and up; None without a camera.
     gravity_angle_deg
-        Without a calibration, gravity in this direction of the beam frame points downward. If this angle is None too,
-        the identity is returned.
+        Direction of gravity in the beam frame, from +x toward +y. It is used only without a calibration, and then
+        points downward. If both arguments are None, the identity matrix is returned.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

@@ -1,4 +1,4 @@
-"""Frames of a video file, and their times."""
+"""Read the frames of a video file and their times."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 
 
 def frame_times(path: Path) -> NDArray[np.float64]:
-    """Return the times (n,) of all frames in seconds from the beginning; they need not be evenly spaced.
+    """Return the times of all n frames of a video, in seconds from its beginning, shape (n,).
+
+    The intervals between the frames may differ.
 
     Raises
     ------
@@ -40,14 +42,21 @@ def frame_times(path: Path) -> NDArray[np.float64]:
 
 
 def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[int, NDArray[Any]]]:
-    """Return the times of all frames, and every n-th frame by its number.
+    """Return the times of all frames of a video, and at most 16 frames at equal distances.
 
     Parameters
     ----------
     path
         The video.
     every
-        The distance n of the frames that are returned. It is doubled whenever there would be more than 16 of them.
+        Number n: every n-th frame is returned. While this gives more than 16 frames, n is doubled.
+
+    Returns
+    -------
+    times
+        Times of all frames, in seconds from the beginning of the video.
+    kept
+        The returned frames (H, W, 3: blue, green, red) by number, counted from 0.
 
     Raises
     ------
@@ -72,9 +81,9 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
 
 
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """Yield frames (H, W, 3: blue, green, red) of a video.
+    """Yield selected frames (H, W, 3: blue, green, red) of a video.
 
-    The video is read from its beginning, because seeking is not exact in many formats.
+    The video is read from its beginning, because in many formats a jump to a frame is not exact.
 
     Parameters
     ----------
@@ -86,7 +95,7 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
     Raises
     ------
     InputError
-        If OpenCV cannot read the video, or if it ends before a frame.
+        If OpenCV cannot read the video, or if the video ends before one of the frames.
     """
     with _opened(path) as video:
         at = 0
@@ -95,18 +104,18 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
                 at += 1
             decoded, image = video.read() if at == number else (False, None)
             if not decoded or image is None:
-                raise InputError(f"{path}: ends before frame {number} (counted from 0)")
+                raise InputError(f"{path}: has no frame {number} (counted from 0); it ends after {at} frames")
             at += 1
             yield image
 
 
 def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
-    """Yield every frame of a video with its time in seconds from the beginning, see `read_video`.
+    """Yield every frame (H, W, 3: blue, green, red) of a video, and its time in seconds from the beginning.
 
     Raises
     ------
     InputError
-        If OpenCV cannot read the video, or if it holds no frame.
+        If OpenCV cannot read the video, or if the video has no frame.
     """
     with _opened(path) as video:
         count = 0
@@ -121,11 +130,12 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return how the sensor row depends on a pixel of a frame: the factors of x and y, and a constant.
+    """Return (a, b, c), by which the row of the camera sensor at the pixel (x, y) of a frame is a x + b y + c.
 
-    A phone stores the rows of its sensor together with an angle, by which a viewer and OpenCV rotate the picture. In
-    the rotated picture of a phone that was held upright, the rows of the sensor are therefore columns. Raises
-    InputError if the video cannot be read.
+    A phone stores its video in the orientation of the sensor, together with an angle by which OpenCV rotates each
+    frame. If the phone was held upright, the rows of the sensor are therefore columns of the frame.
+
+    Raises InputError if the video cannot be read.
     """
     with _opened(path) as video:
         turned = round(video.get(cv2.CAP_PROP_ORIENTATION_META)) % 360

@@ -1,13 +1,13 @@
 """Write a dataset of frames so that every stored state survives a crash.
 
-HDF5's single-writer-multiple-reader mode (SWMR) orders its writes so that the file is readable at every moment. For
-each state the datasets are flushed one after another, the table of states last, and the file is synchronised to the
-disk before `append_state` returns. All datasets are created before the file is opened in this mode (The HDF Group, SWMR
-user guide). The file is created under a temporary name, so that a file with the requested name always has its
-header.
+The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which it is readable at every moment. For
+each state, the arrays of the file are flushed one after another, the table of states last. Then the file is
+synchronised to the disk. All arrays are created before the file is opened in this mode (The HDF Group, SWMR user
+guide). The file is created under a temporary name. Therefore a file with the requested name is never without the
+description of the run.
 
-Only one writer may use a name at a time. After each state the name must still lead to the file that was written. If the
-file was deleted, moved or replaced, the writer continues in a copy beside it.
+Only one writer may use a path at a time. After each state, the writer checks that the path still leads to its file. If
+another program deleted, moved or replaced the file, the writer continues in a copy in the same folder.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
 HEAD_BYTES = 4096
-"""Size of the beginning of the file that is compared before each write; every state changes it."""
+"""Number of bytes at the beginning of the file by which the writer notices that another program wrote into it."""
 COPY_BYTES = 1 << 20
 
 
@@ -74,10 +74,10 @@ def _ignore() -> None:
 
 
 class StorageFailed(OSError):
-    """The file can no longer be written; the states that were stored before are safe."""
+    """The error that a dataset can no longer be written; its message says whether the stored states are safe."""
 
     def __init__(self, message: str, reason: str = "") -> None:
-        """Create the error; ``reason`` is the operating system's part of the message."""
+        """Create the error with its message; ``reason`` is the text of the operating system, if it reported one."""
         super().__init__(message)
         self.reason = reason
 
@@ -87,15 +87,15 @@ def _tell_warning(message: str) -> None:
 
 
 class DatasetWriter:
-    """Append one state after another to a dataset; use it as a context manager.
+    """A writer that creates a dataset and appends one state after another. Use it in a ``with`` statement.
 
     The file must be on a local file system, because network file systems do not preserve the order of writes.
 
     Parameters
     ----------
     path
-        The new file. If it is deleted, moved or replaced during the run, the attribute ``path`` becomes the path of a
-        copy beside it.
+        The new file. If another program deletes, moves or replaces it during the run, the attribute ``path`` becomes
+        the path of the copy in which the writer continues.
     header
         Description of the run.
     like
@@ -105,12 +105,12 @@ class DatasetWriter:
     beat
         Function that is called repeatedly while a state is written, to show that the run proceeds.
     warn
-        Function that gets a warning for the user; by default it is printed on standard error.
+        Function that gets the text of a warning for the user; by default the text is printed on standard error.
 
     Raises
     ------
     InputError
-        If the file exists, or if another writer uses its name.
+        If the file exists and ``force`` is False, or if another writer uses the path.
     """
 
     def __init__(
@@ -136,7 +136,10 @@ class DatasetWriter:
     def resume(
         cls, path: Path, beat: Callable[[], None] = _ignore, warn: Callable[[str], None] = _tell_warning
     ) -> DatasetWriter:
-        """Open a file that was closed properly or recovered, to append states. Raises InputError."""
+        """Return a writer that appends states to an existing dataset, which was closed properly or recovered.
+
+        The parameters are those of the class. Raises InputError if the file cannot be opened for writing.
+        """
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn
         lock = WriterLock(path)
@@ -152,7 +155,10 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Record that the run starts or continues now. Raises StorageFailed."""
+        """Store the present time as the time at which the run started or continued.
+
+        Raises StorageFailed if the file cannot be written.
+        """
         session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
             for name, column in self._sessions.items():
@@ -165,7 +171,10 @@ class DatasetWriter:
         try:
             self._file = h5py.File(h5f.open(os.fsencode(path), h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE, _access()))
         except OSError as error:
-            raise InputError(f"{path}: cannot be opened to write; is it open in another program? ({error})") from error
+            raise InputError(
+                f"{path}: cannot be opened for writing ({error}); close every other program that has it open, or make "
+                "a copy with `eimi recover`"
+            ) from error
         self._descriptor = self._file.id.get_vfd_handle()
         self._head = b""
         self._abandoned = False
@@ -196,10 +205,10 @@ class DatasetWriter:
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Close the file without further writes, so that it stays as a crash would leave it.
+        """Close the file without further writes; it stays as a crash would leave it.
 
-        When the file is closed, HDF5 would try to write the remaining data; this would fail, and crash the program at
-        its end. The remaining data are therefore sent to the null device.
+        HDF5 writes its remaining data when it closes a file. Here this would fail, and crash the program at its end.
+        Therefore the remaining data are sent to the null device. A file without a state is removed.
         """
         taken_away = _taken_away(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:
@@ -213,7 +222,7 @@ class DatasetWriter:
 
     @property
     def stored(self) -> int:
-        """The number of states in the file."""
+        """The number of states that are stored in the file."""
         return self._stored
 
     def __enter__(self) -> DatasetWriter:
@@ -257,31 +266,34 @@ class DatasetWriter:
         sensed: Sequence[Mapping[str, SensorReading]] = (),
         set_points: Sequence[SetPoint] = (),
     ) -> None:
-        """Store a state and its frames; after the return they survive a crash of the program or the machine.
+        """Store a state with its frames.
 
-        If the file was deleted, moved or replaced, a warning is printed and all states are in a new file beside it.
+        When this function returns, the state and the frames survive a crash of the program or of the computer.
+
+        If another program deleted, moved or replaced the file, the user gets a warning, and all states are in a copy
+        in the same folder.
 
         Parameters
         ----------
         frames
-            The frames.
+            The frames of the state.
         current_A, field_mT, tip_force_N
-            The loads.
+            The loads of the state.
         measured_A, time_s
-            For each frame, the measured current, and the time on the run's clock.
+            For each frame, the measured current, and the time on the clock of the run.
         flags
             Flags of the state.
         transient
-            Frames while the beam settled; ignored if the file has no group for them.
+            Frames that were taken while the beam settled; ignored if the file has no group for such frames.
         sensed
-            For each frame, the readings of the sensors by name, with times on the run's clock.
+            For each frame, the readings of the sensors by name, with times on the clock of the run.
         set_points
-            Set-points since the last state was stored; ignored if the file has no table for them.
+            Set-points that were sent after the previous state was stored; ignored if the file has no table for them.
 
         Raises
         ------
         ValueError
-            If a frame has another size or bit depth than the frames of the file.
+            If a frame differs from the frames of the file in size or bit depth.
         StorageFailed
             If the disk accepts no more data, or if another program wrote into the file.
         """
@@ -326,9 +338,18 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames of a recording, one of `recordings.BELONGS_TO`, with the state or cycle of each frame.
+        """Store frames of a recording. When this function returns, they survive a crash.
 
-        After the return the frames survive a crash. The errors are those of `append_state`.
+        Raises the same errors as `append_state`.
+
+        Parameters
+        ----------
+        name
+            Name of the recording, a key of `recordings.BELONGS_TO`.
+        belongs_to
+            The state, the cycle or the ring-down of each frame.
+        moments
+            The frames with their times and set-points.
         """
         self._refuse_overwritten()
         with self._writing():
@@ -339,21 +360,34 @@ class DatasetWriter:
 
     @property
     def ring_downs(self) -> int | None:
-        """The number of ring-downs in the file; None if the file has no place for them."""
+        """The number of ring-downs that are stored in the file; None if the file has no table of ring-downs."""
         return len(self._steps["ring_down"]) if self._steps else None
 
     @contextmanager
     def ring_down(self) -> Iterator[FrameStream]:
-        """Yield a stream for the frames of a ring-down, which are written while the camera takes them.
+        """Yield a stream that writes the frames of a ring-down while the camera takes further frames.
 
-        All of them are written when the block ends; then call `end_ring_down`. The errors are those of `append_state`.
+        Use it in a ``with`` statement, at whose end all frames are written, and then call `end_ring_down`. Raises the
+        same errors as `append_state`.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
             yield stream
 
     def end_ring_down(self, step: RingDownStep, moments: Sequence[Moment], set_points: Sequence[SetPoint]) -> None:
-        """Store the step of a ring-down and the times of its frames; afterwards they survive a crash."""
+        """Store the step of the current that began a ring-down, and the times of the frames of this ring-down.
+
+        When this function returns, the ring-down survives a crash. Raises StorageFailed if the file cannot be written.
+
+        Parameters
+        ----------
+        step
+            The step of the current.
+        moments
+            The frames with their times and set-points. The frames are already in the file.
+        set_points
+            Set-points that were sent after the previous state or ring-down was stored.
+        """
         with self._writing():
             append_set_points(self._set_points, set_points)
             append_times(RING_DOWN, self._recordings[RING_DOWN], [step.ring_down] * len(moments), moments)
@@ -377,16 +411,19 @@ class DatasetWriter:
         return images
 
     def _refuse_overwritten(self) -> None:
-        """Raise StorageFailed if the beginning of the file differs from what the last write left."""
+        """Raise StorageFailed if the beginning of the file has changed since the writer wrote it."""
         if self._read_head() != self._head:
             self._abandon()
             raise StorageFailed(
-                f"{self.path}: another program wrote into it during the run: the {self._stored} states stored so far "
-                "may be lost; start again with another name, and let no program overwrite a file in use"
+                f"{self.path}: another program wrote into the file during the run, so the {self._stored} states stored "
+                "so far may be lost; repeat the run with another file name, and let no other program write this file"
             )
 
     def _keep_the_name(self) -> None:
-        """Continue in a copy of the file if its name no longer leads to it. Raises StorageFailed."""
+        """Continue in a copy of the file if the path no longer leads to the file.
+
+        Raises StorageFailed if the file cannot be copied or written.
+        """
         if not (fate := _taken_away(self.path, self._descriptor)):
             return
         source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open
@@ -400,7 +437,7 @@ class DatasetWriter:
             old_lock.release()
         self._head = self._read_head()
         self._warn(
-            f"{taken_from} {fate} during the run; its {self._stored} states, and the following ones, are in {self.path}"
+            f"{taken_from} {fate} during the run; its {self._stored} states and all following states are in {self.path}"
         )
 
     def _synchronise(self) -> None:
@@ -409,7 +446,7 @@ class DatasetWriter:
         self._head = self._read_head()
 
     def _read_head(self) -> bytes:
-        """Return the beginning of the file; Windows has no pread(2)."""
+        """Return the first `HEAD_BYTES` bytes of the file, also on Windows, which has no pread(2)."""
         place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue from here
         try:
             os.lseek(self._descriptor, 0, os.SEEK_SET)
@@ -419,7 +456,10 @@ class DatasetWriter:
 
 
 def _taken_away(path: Path, descriptor: int) -> str:
-    """Return a description of what happened to an open file if ``path`` no longer leads to it; else an empty text."""
+    """Return what happened to an open file, such as "was moved"; an empty text if ``path`` still leads to the file.
+
+    ``descriptor`` is the file descriptor of the open file.
+    """
     try:
         open_file = os.fstat(descriptor)
     except OSError:  # closed already
@@ -434,9 +474,28 @@ def _taken_away(path: Path, descriptor: int) -> str:
 
 
 def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -> tuple[Path, WriterLock]:
-    """Copy an open file to a new name beside ``path``, or in the temporary folder if that fails.
+    """Copy an open file to the folder of ``path`` or, if this fails, to the folder for temporary files.
 
-    Raises StorageFailed if neither copy is possible.
+    Parameters
+    ----------
+    path
+        The path that the file had.
+    source
+        File descriptor of the open file.
+    fate
+        What happened to the file, such as "was deleted", for a message.
+    beat
+        Function that is called repeatedly while the file is copied.
+
+    Returns
+    -------
+    path, lock
+        The path of the copy, and the lock that keeps other writers from it.
+
+    Raises
+    ------
+    StorageFailed
+        If the file can be copied to neither folder.
     """
     reasons = []
     for folder in (path.parent, Path(tempfile.gettempdir())):

@@ -102,7 +102,7 @@ def test_a_file_in_another_files_place_is_named(run: Run, pictures: Path) -> Non
         (
             "fits.json",
             b"{}",
-            "is a JSON file, not a dataset, which `eimi acquire` or `eimi import` writes; a fit is given with --fit",
+            "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; --fit takes a fit",
         ),
         ("beam.toml", b"[specimen]", "is a TOML file, not a dataset"),
         ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset from a table"),

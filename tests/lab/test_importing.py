@@ -355,7 +355,7 @@ def test_points_are_assigned_to_their_states(run: Run, tracked: Path) -> None:
         (rewrite("states.csv", "1,2.5", "1,2.5\n2,3"), "points.csv: has no point of state 2"),
         (
             rewrite("states.csv", "1,2.5", "0,2.5"),
-            "states.csv: row 3: state = '0' should be a state that no earlier row lists",
+            "states.csv: row 3: state = '0' should be a number that no earlier row has",
         ),
         (
             rewrite("states.csv", "field_mT", "current_A"),

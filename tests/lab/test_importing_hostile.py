@@ -61,7 +61,7 @@ def test_frames_of_a_video_are_imported_by_number(run: Run, files: Path, frame: 
         dark = [float(np.flatnonzero(dataset.images(k)[-1][48] < 100).mean()) for k in (0, 1)]
     assert dark == pytest.approx([63.5 + 4.0, 63.5 + 8.0], abs=1.0)
     for rows, expected in (
-        ("1,0\n9,1", "run.avi: ends before frame 9"),
+        ("1,0\n9,1", "run.avi: has no frame 9 (counted from 0); it ends after "),
         ("1,0\n1,1", "listed once; row 2"),
         ("a,0\n1,1", "whole number"),
     ):

@@ -69,7 +69,7 @@ def test_measured_fields_and_temperatures_of_imported_points_reach_the_fit(
     ("row", "words"),
     [
         ("state,field_mT,field_sigma_mT\n0,1.0,-0.1", "field_sigma_mT"),
-        ("state,current_A,field_sigma_mT\n0,0.0,0.1", "beside a measured field_mT"),
+        ("state,current_A,field_sigma_mT\n0,0.0,0.1", "in a table that has the column field_mT"),
         ("state,field_mT,temperature_degC\n0,1.0,-300", "a temperature in degrees Celsius"),
         ("state,field_mT,temperature_degC\n0,1.0,warm", "temperature_degC"),
     ],

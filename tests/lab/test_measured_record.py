@@ -95,7 +95,7 @@ def test_the_model_of_the_heat_follows_the_coil_that_it_describes() -> None:
     assert not heating.contradicts
     assert heating.rms_K < 0.1
     assert heating.continuous_rise_K == pytest.approx(8.0 * 4.0 * 2.0**2, rel=0.02)
-    assert "follows within" in heating.in_words
+    assert "agrees within" in heating.in_words
 
 
 @pytest.mark.parametrize(("true_s", "word"), [(100.0, "faster"), (900.0, "slower")])

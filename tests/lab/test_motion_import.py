@@ -56,7 +56,7 @@ def test_a_ring_down_of_a_table_begins_at_its_release(run: Run, files: Path) -> 
     code, said = imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--hanging", "0.5")
     assert code == 0, said
     motion = ring_down(files)
-    assert "the release is taken at 0.2" in said
+    assert "the release is assumed at 0.2" in said
     assert len(motion.time_s) == 100
     np.testing.assert_allclose(motion.time_s[:, 0], np.arange(len(motion.time_s)) / RATE_HZ, atol=1e-9)
     np.testing.assert_allclose(motion.points_mm, swing()[-len(motion.time_s) :], atol=1e-5)
@@ -154,7 +154,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
     [
         (("--ring-down", "--creep"), "--ring-down and --creep: give one of them"),
         (("--released", "0.2"), "--released: is for a motion; give --ring-down or --creep, too"),
-        (("--ring-down", "--released", "9"), "--released 9: should be within"),
+        (("--ring-down", "--released", "9"), "--released 9: should be a time within"),
         (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),
         (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
         (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),

@@ -182,7 +182,7 @@ def test_a_run_whose_file_is_taken_away_continues_in_a_new_one(
         assert writer.path == beside
         said = capsys.readouterr().err
         assert said == (
-            f"eimi: warning: {path} {fate} during the run; its 3 states, and the following ones, are in {beside}\n"
+            f"eimi: warning: {path} {fate} during the run; its 3 states and all following states are in {beside}\n"
         )
         with open_dataset(beside) as dataset:  # stored before the next state is written
             assert len(dataset.states) == 3
@@ -238,7 +238,7 @@ def test_a_file_overwritten_by_another_program_ends_the_run(files: Path) -> None
     with DatasetWriter(path, header, Frame(image(0), 0, 0.0)) as writer:
         writer.append_state([Frame(image(0), 0, 0.0)], current_A=0.0, field_mT=0.0)
         shutil.copyfile(files / "other.h5", path)
-        with pytest.raises(StorageFailed, match="another program wrote into it during the run: the 1 states"):
+        with pytest.raises(StorageFailed, match="another program wrote into the file during the run, so the 1 states"):
             writer.append_state([Frame(image(1), 1, 0.0)], current_A=0.1, field_mT=0.0)
     assert path.read_bytes() == other
 

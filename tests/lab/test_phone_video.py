@@ -40,7 +40,7 @@ def test_a_variable_frame_rate_keeps_its_intervals(tmp_path: Path, capsys: pytes
     true_s = true_s[(np.arange(40) % 7) != 3]
     path = video(tmp_path / "flick.mp4", true_s)
     np.testing.assert_allclose(recorded_times(path, frame_times(path), None), true_s, atol=1e-4)
-    assert "240 frames per second by the times in the file" in capsys.readouterr().err
+    assert "240 frames per second according to the times in the file" in capsys.readouterr().err
     # A stated rate scales the intervals: a lost frame stays a longer interval.
     np.testing.assert_allclose(recorded_times(path, frame_times(path), 120.0), 2 * true_s, atol=2e-4)
 
@@ -49,7 +49,7 @@ def test_slow_motion_takes_the_rate_that_the_file_states(tmp_path: Path, capsys:
     path = video(tmp_path / "slow.mp4", np.arange(30) / 30.0)
     assert capture_rate_Hz(path) is None
     recorded_times(path, frame_times(path), None)
-    assert "if this is slow motion, state the rate of the recording with --rate" in capsys.readouterr().err
+    assert "if this is slow motion, give the rate of the recording with --rate" in capsys.readouterr().err
     state_capture_rate(path, 240.0)
     assert capture_rate_Hz(path) == 240.0
     np.testing.assert_allclose(recorded_times(path, frame_times(path), None), np.arange(30) / 240.0, atol=1e-5)
@@ -103,7 +103,7 @@ def test_clicks_give_a_calibration_whose_axis_the_beam_at_rest_corrects() -> Non
     assert corrected.axis_angle_deg == pytest.approx(0.0, abs=0.3)
     assert corrected.clamp_midpoint_px[1] == pytest.approx(LEVEL.clamp_midpoint_px[1], abs=0.5)
     assert f"{corrected.axis_angle_deg:.3f}"[:5] in corrected.text
-    with pytest.raises(InputError, match="the first point should be at the clamp and the last at the tip"):
+    with pytest.raises(InputError, match="the points should follow the beam from the clamp to the tip"):
         clicked_calibration([(61.0, 152.5), (65.0, 153.0)], STRIP, None, "flick.mp4")
 
 

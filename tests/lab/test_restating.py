@@ -95,7 +95,7 @@ def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     status, said = run("segment", dataset, "--specimen", changed(files / "specimen.toml", "name", '"large"'))
     assert status == 2
     assert "specimen.name = 'large', but" in said
-    assert "shows 'small': is it the file of another specimen?" in said
+    assert "it should have specimen.name = 'small'" in said
     # Fields of imported pictures may not follow from currents.
     status, said = run(
         "segment", dataset, "--calibration", changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)

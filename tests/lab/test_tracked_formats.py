@@ -277,7 +277,7 @@ def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
     options = ["--clamp", "5,2", "--axis", "-90", "--gravity-angle", "0", "--rest", "0", "--sigma", "0.005"]
     times = "time_s,field_mT\n0,0\n0.04,2.5\n"
     status, message = imported(run, files, files / "data.txt", "tracker", *options, states=times)
-    assert (status, "data.txt: does not state its unit; give --unit mm, cm, m, in or px" in message) == (2, True)
+    assert (status, "data.txt: does not contain its unit; give --unit with one of mm, cm" in message) == (2, True)
     assert imported(run, files, files / "data.txt", "tracker", *options, "--unit", "cm", states=times) == (0, "")
     if len(tracks) > 1:
         check(files, 0.05)
@@ -332,13 +332,13 @@ def test_c3d_files_are_imported(run: Run, files: Path) -> None:
     status, message = imported(
         run, files, files / "capture.c3d", "c3d", *options, "--unit", "m", states=STATES.format(1, 2)
     )
-    assert (status, "--unit m: " in message, "states that it is in mm" in message) == (2, True, True)
+    assert (status, "--unit m: " in message, "whose unit is mm" in message) == (2, True, True)
 
 
 MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
     "no sigma": (
         ("--rest", "0", *BY_CALIBRATION),
-        "does not state the uncertainty of its positions; give --sigma in its unit",
+        "does not contain the uncertainty of its positions; give their standard deviation with --sigma",
     ),
     "no rest": (("--sigma", "1", *BY_CALIBRATION), "contains no positions at rest; give --rest FRAME"),
     "rest elsewhere": (("--sigma", "1", "--rest", "9", *BY_CALIBRATION), "--rest 9: "),
@@ -366,11 +366,11 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
             "--gravity-angle",
             "0",
         ),
-        "none of the points (1) lies on the beam at rest, which reaches from 0, -1 to 10, 1 mm from its clamp; the",
+        "(1) is on the beam at rest, which reaches from x = 0 to 10 mm and from y = -1 to 1 mm; the first point",
     ),
     "other unit": (
         ("--unit", "mm", "--sigma=1", "--rest=0", *BY_CALIBRATION),
-        "its positions are not pixels of a picture",
+        "the positions in this file are not pixels of a picture",
     ),
     "twice": (("--sigma", "1", "--clamp", "1,2", *BY_CALIBRATION), "--clamp, --axis: the calibration states them"),
     "of pictures": (("--channel", "red", *BY_CALIBRATION), "are for images, not for tracked points"),

@@ -1,11 +1,12 @@
-"""The modes of a uniform cantilever, and the amplitudes of a motion in them.
+"""Describe a measured motion of the beam by the amplitudes of the vibration modes of a uniform cantilever.
 
-Between clamp and free end, with ξ = x / L, mode j is
+With ξ = x / L, where x is the distance from the clamp and L is the length, each mode has the shape
 
     φ(ξ) = cosh βξ - cos βξ - σ (sinh βξ - sin βξ),    σ = (cosh β + cos β) / (sinh β + sin β),
 
-where β solves cos β cosh β = -1 (R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1). The
-modes describe a measured shape in a few numbers; they are not the modes of a beam with a magnet or a weight.
+where β is one of the solutions of cos β cosh β = -1 (R. D. Blevins, Formulas for natural frequency and mode shape,
+1979, table 8-1). The true modes of a beam with a magnet or a weight differ from these modes. The amplitudes only
+describe a measured shape in a few numbers.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ ROOTS = (1.8751040687, 4.6940911330, 7.8547574382)
 
 
 def cantilever_modes(share: Array) -> Array:
-    """Return the first three modes at places along the beam.
+    """Return the shapes of the first three modes of a uniform cantilever at p points along the beam.
 
     Parameters
     ----------
     share : ndarray, shape (p,)
-        Distance from the clamp as a share of the length.
+        Distances of the points from the clamp, divided by the length of the beam.
 
     Returns
     -------
     ndarray, shape (p, 3)
-        Deflections; every mode is 1 at the tip.
+        Deflection of each mode at each point; every mode is 1 at the tip.
 
     Examples
     --------
@@ -49,10 +50,10 @@ def cantilever_modes(share: Array) -> Array:
 
 
 def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
-    """Return the amplitudes of a motion in the modes, by least squares over the points of each frame.
+    """Return the amplitudes of the cantilever modes in each frame of a motion.
 
-    The deflection is the displacement across the beam from the mean place of each point. The number of modes is at most
-    the number of points.
+    In each frame, the sum of the modes times their amplitudes is fitted to the deflections of the points by least
+    squares. The deflection of a point is its coordinate y minus the mean of y over all frames.
 
     Parameters
     ----------
@@ -64,7 +65,8 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
     Returns
     -------
     ndarray, shape (n, m)
-        Amplitudes at the tip, mm; NaN for a frame with fewer points than modes.
+        Amplitude of each mode at the tip, mm; NaN for a frame that shows fewer than m points. The number m of modes is
+        3, or the number of different distances of the points from the clamp if this is smaller.
     """
     modes = cantilever_modes(motion.rest_mm[:, 0] / length_mm)[:, : len(np.unique(motion.rest_mm[:, 0].round(3)))]
     is_seen = motion.seen
@@ -80,7 +82,9 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
 
 
 def tip_angles_deg(motion: Motion) -> Array:
-    """Return the direction of the end of the centre line in each frame, from +x toward +y.
+    """Return the rotation of the tip in each of the n frames of a motion, compared with the undeformed beam.
+
+    The direction of the tip is that of the line between the two points that are farthest from the clamp.
 
     Parameters
     ----------
@@ -90,8 +94,8 @@ def tip_angles_deg(motion: Motion) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Degrees; NaN unless the last two points in order along the beam lie at different distances from the clamp and
-        both were seen.
+        Angle in degrees, positive from +x toward +y; NaN for a frame that does not show both points. All angles are NaN
+        if both points are equally far from the clamp.
     """
     order = np.argsort(motion.rest_mm[:, 0], kind="stable")[-2:]
     if len(order) < 2 or np.ptp(motion.rest_mm[order, 0]) <= 0.0:

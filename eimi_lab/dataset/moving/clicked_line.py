@@ -1,9 +1,9 @@
-"""A calibration from points that a person clicked on the beam at rest: its clamp, its direction, and its scale.
+"""Make a calibration (clamp, direction of the beam, scale) from points that the user clicked on the beam at rest.
 
-A ring-down needs no accurate scale: frequency and loss do not depend on it. The clicks also need not show the direction
-in which the beam leaves its clamp, because the shape of the beam at rest shows it: a uniform load bends a clamped beam
-in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3, a load at its tip in the shape (3 ξ² - ξ³) / 2, where ξ is the distance from the
-clamp over the length (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
+The scale may be inaccurate, because the frequency and the loss of a ring-down do not depend on it. The direction in
+which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from the clamp divided
+by the length. A uniform load, such as the weight, bends a clamped beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A load at
+the tip bends it in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ _SHORTEST_PX = 40.0
 def clicked_calibration(
     along_px: Sequence[tuple[float, float]], specimen: SpecimenFile, axis_deg: float | None, origin: str
 ) -> Calibration:
-    """Return a calibration from two to six points on the centre line, the first at the clamp and the last at the tip.
+    """Return a calibration from points that the user clicked on the centre line of the beam.
 
-    Gravity points down in the picture.
+    Gravity is assumed to point down in the picture.
 
     Parameters
     ----------
     along_px : sequence of (float, float)
-        The points, px.
+        Two to six points in px, the first at the clamp and the last at the tip.
     specimen : SpecimenFile
-        The specimen; its length gives the scale.
+        The specimen, whose length gives the scale.
     axis_deg : float, optional
-        Direction in which the beam leaves its clamp, if the user states it.
+        Direction in which the beam leaves the clamp, clockwise from +x of the picture; None if the user gives none.
     origin : str
         Name of the recording in messages.
 
     Raises
     ------
     InputError
-        If the points are too few, or too close to each other.
+        If the number of points is wrong, or if the line through them is too short or too crooked.
     """
     points = np.array(along_px, float)
     if not 2 <= len(points) <= 6:
@@ -59,7 +59,7 @@ def clicked_calibration(
     if not (length_px >= _SHORTEST_PX and chord_px > 0.5 * length_px):  # NaN is refused, too
         raise InputError(
             f"{origin}: --along: the line through the points is {length_px:.0f} px long and its ends are "
-            f"{chord_px:.0f} px apart; the first point should be at the clamp and the last at the tip of the beam"
+            f"{chord_px:.0f} px apart; the points should follow the beam from the clamp to the tip"
         )
     scale = length_px / specimen.specimen.length_mm
     table = {
@@ -79,12 +79,13 @@ def clicked_calibration(
 
 
 def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) -> Calibration:
-    """Return a calibration from stated values alone, among which are points on the beam; see `clicked_calibration`.
+    """Return a calibration from values on the command line, which include points that were clicked on the beam.
 
     Parameters
     ----------
     changes : mapping
-        Values of a calibration by key; `picture` has `along_px`.
+        Values of a calibration by key. The points are ``changes["picture"]["along_px"]``. All other values replace
+        those that `clicked_calibration` computes.
     specimen, origin
         See `clicked_calibration`.
 
@@ -98,7 +99,12 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
 
 
 def _direction_deg(points: Array) -> float:
-    """Return the direction, clockwise from +x, in which a beam through points (n, 2) leaves its clamp."""
+    """Return the direction in which a beam leaves its clamp, in degrees clockwise from +x of the picture.
+
+    ``points`` (n, 2) are points on the centre line, the first at the clamp. Three or more points are fitted with the
+    shape under a uniform load. For two points the direction is horizontal or vertical if the line through them is
+    nearly so, and else the direction of this line.
+    """
     from_clamp = points[1:] - points[0]
     chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))
     if len(points) < 3:
@@ -110,16 +116,19 @@ def _direction_deg(points: Array) -> float:
 
 
 def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array, has_tip_load: bool) -> Calibration:
-    """Return a calibration whose axis and clamp are those of the beam at rest.
+    """Return a calibration whose axis and clamp are corrected by the measured centre line of the beam at rest.
+
+    The centre line is fitted by a straight line plus the shapes under a uniform load and, with a weight at the tip,
+    under a load at the tip. With fewer than six seen points the calibration is returned unchanged.
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration from clicks.
+        The calibration from clicked points.
     rest_px : ndarray, shape (p, 2)
         Points of the centre line at rest; NaN for a point that was not seen.
     along_mm : ndarray, shape (p,)
-        Their distances from the clamp along the beam.
+        Distances of these points from the clamp along the beam.
     has_tip_load : bool
         Whether a weight hangs at the tip.
     """
@@ -141,7 +150,11 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
 
 
 def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:
-    """Return coordinates along a direction and a quarter turn clockwise of it, of points (n, 2)."""
+    """Return the coordinates of points in a system whose first axis has a given direction.
+
+    The points (n, 2) are measured from the clamp, and ``axis_deg`` is the direction, clockwise from +x of the picture.
+    The second axis is 90° clockwise of the first axis. Each returned array has the shape (n,).
+    """
     cosine, sine = np.cos(np.radians(axis_deg)), np.sin(np.radians(axis_deg))
     return from_clamp @ np.array([cosine, sine]), from_clamp @ np.array([-sine, cosine])
 

@@ -1,4 +1,4 @@
-"""Points of the beam in every frame of a film: a video, or the recorded frames of a run."""
+"""Find points of the beam in every frame of a film, which is a video or a recording of a run."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ _NORMAL_MEDIAN = 1.4826  # ratio of the standard deviation of a normal distribut
 
 
 class NoBeam(InputError):
-    """A film shows no beam where its calibration says that it is."""
+    """The error that no beam was found in a film at the place that the calibration gives."""
 
 
 @dataclass(frozen=True)
 class Film:
-    """The beam in the n frames of a film; NaN where it was not seen.
+    """Positions of p points along the beam in the n frames of a film; NaN for a point that was not seen in a frame.
 
     Parameters
     ----------
     along_mm : ndarray, shape (p,)
-        Arc lengths of the points, from the clamp.
+        Distances of the points from the clamp along the beam.
     middle_px, left_px, right_px : ndarray, shape (n, p, 2)
-        Points of the centre line and of both edges.
+        The points on the centre line, on the left edge and on the right edge.
     """
 
     along_mm: Array
@@ -50,9 +50,15 @@ class Film:
     right_px: Array
 
     def sigma_mm(self, middle_mm: Array) -> Array:
-        """Return the standard deviation (p,) of the noise of each point across the beam.
+        """Return the standard deviation of the noise of each point across the beam, mm, shape (p,).
 
-        It is the scatter in time of the distance from a smooth curve through the points of the same frame.
+        In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points. The standard deviation
+        of a point follows from the scatter of its distances to this polynomial over all frames.
+
+        Parameters
+        ----------
+        middle_mm : ndarray, shape (n, p, 2)
+            Points of the centre line in the beam frame.
         """
         complete = np.isfinite(middle_mm[..., 1]).all(axis=1)
         if not complete.any():
@@ -75,10 +81,10 @@ def follow_film(
     projection: Projection | None = None,
     tracker: BeamTracker | None = None,
 ) -> Film:
-    """Follow the beam through a film.
+    """Find the beam in every frame of a film.
 
-    The whole frame is searched for the beam at the beginning, unless a tracker is given, and after the beam was lost.
-    Otherwise the beam is followed from its place in the previous frame.
+    The beam is searched near its position in the previous frame. The whole frame is searched after the beam was lost
+    and, without a tracker, at the beginning.
 
     Parameters
     ----------
@@ -89,14 +95,14 @@ def follow_film(
     origin : str
         Name of the film in messages.
     projection : Projection, optional
-        Projection of the colours; by default it is chosen in the first frame.
+        Projection from colours to grey values; by default it is chosen in the first frame.
     tracker : BeamTracker, optional
-        A tracker that begins with the beam in another frame of the film.
+        A tracker with the position of the beam in another frame of the film.
 
     Raises
     ------
     NoBeam
-        If the beam is not found in any of the first frames.
+        If the first `FIRST_TRIES` frames show no beam.
     """
     length_mm = specimen.specimen.length_mm
     beams: list[SeenBeam | None] = []
@@ -118,8 +124,8 @@ def follow_film(
             break
     if tracker is None:
         raise NoBeam(
-            f"{origin}: no beam was found in the first {len(beams)} frames; check clamp, axis and scale of the "
-            "calibration, and --polarity, --channel or --beam-colour"
+            f"{origin}: no beam was found in the first {len(beams)} frames; check clamp_midpoint_px, axis_angle_deg "
+            "and pixels_per_mm of the calibration, and --polarity, --channel or --beam-colour"
         )
     missing = np.full((len(tracker.along_mm), 2), np.nan)
     middle, left, right = (
@@ -132,7 +138,7 @@ def follow_film(
 def tracker_from(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> BeamTracker | None:
-    """Return a tracker that begins with the edges in a frame; None if no edges are detected in the frame."""
+    """Return a tracker that starts from the position of the beam in a frame; None if no beam is found in the frame."""
     edges = _edges(image, calibration, specimen, projection)
     if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:
         return None

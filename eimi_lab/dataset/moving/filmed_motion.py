@@ -1,4 +1,4 @@
-"""A motion from a film: points of the centre line, each with the time at which its row was exposed."""
+"""Convert a film of the beam into a motion: points of the centre line, each with the time of its exposure."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ _LITTLE = 0.7  # share of the points
 
 @dataclass(frozen=True)
 class FilmedPoints:
-    """Points of a film in the beam frame.
+    """Positions of p points of the beam in the n frames of a film, in the beam frame.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Places; NaN where a point was not seen.
+        Positions; NaN for a point that was not seen in a frame.
     rest_mm : ndarray, shape (p, 2)
-        Places of the points in the undeformed beam.
+        Positions of the points in the undeformed beam.
     time_s, sigma_mm : ndarray, shape (n, p)
-        Time of each point, and the standard uncertainty of a coordinate.
+        Time of each point, and standard uncertainty of one coordinate.
     """
 
     points_mm: Array
@@ -62,7 +62,9 @@ def points_of_film(
     row_time_s: float = 0.0,
     rows: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> FilmedPoints:
-    """Return the points of a film in millimetres, each with its own time.
+    """Convert the points of a film from px to mm in the beam frame, and return them with the time of each point.
+
+    With a rolling shutter, the camera exposes the rows of a frame one after another, so points differ in time.
 
     Parameters
     ----------
@@ -73,9 +75,9 @@ def points_of_film(
     frame_s : ndarray, shape (n,)
         Time of the first row of each frame.
     row_time_s : float
-        Time from one row to the next.
+        Time between the exposures of two neighbouring rows; 0 for a global shutter.
     rows : tuple of float
-        Factors a and b and constant c: the pixel x, y lies in row a x + b y + c of the sensor.
+        The numbers (a, b, c), by which the pixel (x, y) of a frame is in the row a x + b y + c of the sensor.
     """
     frame = BeamFrame(calibration)
     middle = frame.to_mm(film.middle_px.reshape(-1, 2)).reshape(film.middle_px.shape)
@@ -91,14 +93,14 @@ def points_of_film(
 
 @dataclass(frozen=True)
 class VideoMotions:
-    """The motions in a video.
+    """The motions of the beam that were measured in a video, and the calibration that was used for them.
 
     Attributes
     ----------
     motions : tuple of Motion
-        One for each flick.
+        One motion for each time that the beam was flicked.
     calibration : Calibration
-        The calibration by which the points are in millimetres.
+        The calibration by which px were converted into mm.
     """
 
     motions: tuple[Motion, ...]
@@ -108,10 +110,11 @@ class VideoMotions:
 def read_video_motions(
     path: Path, calibration: Calibration, specimen: SpecimenFile, facts: MotionFacts, *, is_clicked: bool = False
 ) -> VideoMotions:
-    """Read the motions in a video.
+    """Measure the motions of the beam in a video.
 
-    The beam is first searched in a frame near the end, in which it is at rest, and then followed from the first frame.
-    If the camera moved, the picture is moved back. Notes on stderr state what was found.
+    The beam is first searched in a frame near the end, in which it is assumed to be at rest. Then it is followed from
+    the first frame. If the camera moved, this movement is removed from the frames. Notes about the result are printed
+    on standard error.
 
     Parameters
     ----------
@@ -120,14 +123,15 @@ def read_video_motions(
     calibration, specimen
         Calibration and specimen.
     facts : MotionFacts
-        Facts that the user states; `rate_Hz` replaces the rate of the video.
+        Facts that the user gives. The rate of the recording, `rate_Hz`, has priority over the rate of the video.
     is_clicked : bool
-        Whether the calibration is that of clicks, so that the beam at rest shows its axis and its clamp better.
+        Whether the calibration was made from clicked points. Its axis and clamp are then corrected by the measured
+        shape of the beam at rest.
 
     Raises
     ------
     InputError
-        If the video cannot be read, or, as a `NoBeam`, if the beam is not found in it.
+        If the video cannot be read. If no beam is found in the video, the error is a `NoBeam`.
     """
     stored_s, kept = looked_through(path, _EVERY)
     if len(stored_s) < FEWEST_FRAMES:
@@ -162,21 +166,24 @@ def read_video_motions(
 
 
 def frame_at_rest(path: Path) -> NDArray[Any]:
-    """Return the frame of a video in which the beam is searched first: near the end, in colour.
+    """Return a frame near the end of a video, in which the beam is assumed to be at rest.
 
-    Raises InputError if the video cannot be read.
+    The shape is (H, W, 3: blue, green, red). Raises InputError if the video cannot be read.
     """
     return _still_frame(looked_through(path, _EVERY)[1])
 
 
 def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the frame before the last one of those that were kept: at the very end, a hand may stop the camera."""
+    """Return the last but one of the frames in ``kept``, which maps numbers to frames.
+
+    The last frame may show the hand that stops the camera.
+    """
     numbers = sorted(kept)
     return kept[numbers[max(len(numbers) - 2, 0)]]
 
 
 def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a film, and report the progress on a terminal."""
+    """Yield the frames of a film; after each frame, report the progress if standard error is a terminal."""
     for number, image in enumerate(images):
         yield image
         if sys.stderr.isatty():
@@ -184,19 +191,21 @@ def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Ite
 
 
 def _tell_view(path: Path, view: SteadyView | None, film: Film) -> None:
-    """Print notes about a camera that moved, and about a beam that was seen in few frames."""
+    """Print a note if the camera moved, if this cannot be checked, or if the beam was seen in few frames."""
     seen = float(np.isfinite(film.middle_px[..., 0]).mean())
     if seen < _LITTLE:
         tell(
-            f"note: {path}: the beam was seen in {seen:.0%} of the frames; light, focus, a hand before the beam, or "
-            "motion blur can hide it"
+            f"note: {path}: the beam was seen in {seen:.0%} of the frames; poor light or focus, motion blur, or a hand "
+            "in front of the beam can be the reason"
         )
     if view is not None and view.moved_px > MOVED_PX:
-        tell(f"note: {path}: the camera moved by up to {view.moved_px:.1f} px; its motion was removed")
+        tell(
+            f"note: {path}: the camera moved by up to {view.moved_px:.1f} px; this movement was removed from the frames"
+        )
     elif view is not None and not view.is_possible:
         tell(
-            f"note: {path}: the picture has too few corners outside the beam to see whether the camera moved; a ruler "
-            "or printed paper behind the clamp gives corners"
+            f"note: {path}: the background has too little detail to see whether the camera moved; put a ruler or "
+            "printed paper behind the clamp"
         )
 
 

@@ -1,7 +1,6 @@
-"""The parts of a recording, one for each time the beam was moved.
+"""Divide a recording in which the beam was flicked several times into parts, one for each ring-down.
 
-A person often flicks a beam several times in one recording. The deflection of the tip is compared with its running
-maximum over one period: it rises at each flick and falls afterwards.
+The maximum of the deflection over one period of the vibration rises at each flick and falls afterwards.
 """
 
 from __future__ import annotations
@@ -22,19 +21,22 @@ FEWEST_PERIODS = 6.0  # in which a part has to show the beam swinging
 
 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
-    """Return the first frame and the frame after the last one of each part.
+    """Return the frames at which the parts of a recording begin and end; each part contains one ring-down.
+
+    A part is left out if fewer than `FEWEST_PERIODS` periods of the vibration follow its flick.
 
     Parameters
     ----------
     frame_s : ndarray, shape (n,)
-        Times of the frames.
+        Times of the n frames.
     points_mm : ndarray, shape (n, p, 2)
-        Places of the points; NaN where a point was not seen.
+        Positions of p points; NaN for a point that was not seen in a frame.
 
     Returns
     -------
     list of (int, int)
-        In the order of time; the whole recording if the beam was moved once.
+        For each part, the number of the first frame, and the number of the last frame plus 1, in the order of time.
+        The only part is (0, n) if fewer than two flicks are detected, or if all parts are too short.
     """
     whole = [(0, len(frame_s))]
     moved = _deflection(points_mm)
@@ -66,7 +68,19 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
 
 
 def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
-    """Return whether the amplitude rises faster than it decays; in a beat of two vibrations it does not."""
+    """Return whether the amplitude of a vibration rises faster than it decays, as after a flick.
+
+    When two vibrations beat, the amplitude rises as slowly as it decays.
+
+    Parameters
+    ----------
+    size
+        (n,) the amplitude in each frame.
+    peak
+        The frame of a maximum of the amplitude.
+    frames
+        Number of frames in one period.
+    """
     low = size[peak] / _RISE
     before, after = np.flatnonzero(size[:peak] < low), np.flatnonzero(size[peak:] < low)
     rise = peak - (int(before[-1]) if len(before) else 0)
@@ -75,7 +89,11 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 
 
 def _deflection(points_mm: Array) -> Array | None:
-    """Return the deflection (n,) of the point that moves most, without gaps; None if no point was seen often."""
+    """Return the deflection of the point with the largest motion in each of n frames, mm, shape (n,).
+
+    Frames that do not show the point are filled by interpolation. The result is None if no point was seen in more than
+    half of the frames.
+    """
     seen = np.isfinite(points_mm[..., 1])
     often = seen.mean(axis=0) > 0.5
     if not often.any():
@@ -89,7 +107,7 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _period(moved: Array, rate_Hz: float) -> int:
-    """Return the frames in a period of the strongest vibration."""
+    """Return the number of frames in one period of the strongest vibration of a deflection (n,)."""
     n = len(moved)
     power = np.abs(np.fft.rfft(np.diff(moved) * np.hanning(n - 1), 2 * n)) ** 2  # a difference suppresses slow motion
     frequency = np.fft.rfftfreq(2 * n, 1.0 / rate_Hz)

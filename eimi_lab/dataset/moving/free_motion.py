@@ -1,4 +1,4 @@
-"""The part of a recording in which the beam moves freely: from the release to the end."""
+"""Find the part of a recording in which the beam moves freely: from its release to the end."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ _GAP = 1.5  # times the usual interval between frames; in a longer interval fram
 def free_motions(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> tuple[Motion, ...]:
-    """Return the free motions of a recording: one for each flick, or the motion after the given release alone.
+    """Return the free motions of a recording, one for each time that the beam was flicked.
 
-    See `free_motion`. A note states how many flicks were found. The motion after a given release ends where the next
-    flick begins.
+    If the user gives the time of the release, only the motion from the release to the next flick is returned. For
+    creep, the whole recording is one motion. A note about several flicks is printed on standard error. For the
+    parameters and errors see `free_motion`.
     """
     frame_s, released_s = time_s.min(axis=1), facts.released_s
     alone = facts.kind != "ring_down" or len(frame_s) < FEWEST_FRAMES or not (np.diff(frame_s) > 0).all()
@@ -38,12 +39,12 @@ def free_motions(
         first, last = parts[0]
         tell(
             f"note: {origin}: the beam was moved several times; only the ring-down from {frame_s[first]:.4g} to "
-            f"{frame_s[last - 1]:.4g} s is long enough and is stored"
+            f"{frame_s[last - 1]:.4g} s is long enough, so only this ring-down is stored"
         )
     if len(parts) > 1:
         tell(
-            f"note: {origin}: {len(parts)} ring-downs of at least {FEWEST_PERIODS:g} periods were found; each one "
-            "is stored by itself; --released states the time of one release"
+            f"note: {origin}: {len(parts)} ring-downs of at least {FEWEST_PERIODS:g} periods were found, and each "
+            "ring-down is stored; to store only one ring-down, give the time of its release with --released"
         )
     return tuple(
         free_motion(
@@ -61,35 +62,36 @@ def free_motions(
 def free_motion(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> Motion:
-    """Return the motion after the release; its times count from the release.
+    """Return the motion of the beam after its release. The times of the motion begin at the release.
 
-    If the release is not stated, the function takes the last frame whose deflection is within 3 % of the greatest
-    deflection. Deflections are measured from the place at the end of the recording. A note in the result states the
-    chosen frame.
+    If the user does not give the time of the release, the last frame whose deflection is at least 97 % of the largest
+    deflection is taken. The deflection is the distance from the position at the end of the recording. A note on
+    standard error gives the time that was taken.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Places in the beam frame; NaN where a point was not seen.
+        Positions of p points in n frames, in the beam frame; NaN for a point that was not seen in a frame.
     rest_mm : ndarray, shape (p, 2)
-        Places of the points in the undeformed beam.
+        Positions of the points in the undeformed beam.
     time_s : ndarray, shape (n, p)
-        Times in the recording.
+        Times since the beginning of the recording.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of a coordinate.
+        Standard uncertainty of one coordinate.
     facts : MotionFacts
-        Facts that the user states.
+        Facts that the user gives.
     origin : str
         Name of the recording in messages.
 
     Returns
     -------
     Motion
+        The points from the release to the end of the recording.
 
     Raises
     ------
     InputError
-        If the times do not rise, or if too few frames follow the release.
+        If the times do not increase from frame to frame, if no point was seen, or if there are too few frames.
     """
     frame_s = time_s.min(axis=1)
     steps_s = np.diff(frame_s)
@@ -102,19 +104,19 @@ def free_motion(
             f"{frame_s[at]:g} s; give --rate if the file has no times"
         )
     if not np.isfinite(points_mm).all(axis=2).any():
-        raise InputError(f"{origin}: no frame shows a point of the beam")
+        raise InputError(f"{origin}: no frame has a point of the beam; check the calibration and the file of points")
     period_s = float(np.median(steps_s))
     first = _stated_release(frame_s, facts, origin) if facts.released_s is not None else _release(points_mm)
     released_s = float(frame_s[first]) if facts.released_s is None else facts.released_s
     if len(frame_s) - first < FEWEST_FRAMES:
         raise InputError(
             f"{origin}: only {len(frame_s) - first} frames follow the release at {released_s:g} s; a motion needs at "
-            f"least {FEWEST_FRAMES}; --released states another time"
+            f"least {FEWEST_FRAMES}; if the release was earlier, give its time with --released"
         )
     if facts.released_s is None:
         tell(
-            f"note: {origin}: the release is taken at {released_s:.4g} s, the last frame within 3 % of the greatest "
-            "deflection; --released states another time"
+            f"note: {origin}: the release is assumed at {released_s:.4g} s, in the last frame with at least "
+            f"{_NEAR_GREATEST:.0%} of the largest deflection; if this is wrong, give the time with --released"
         )
     lost = np.where(steps_s[first:] > _GAP * period_s, np.rint(steps_s[first:] / period_s) - 1, 0).sum()
     return Motion(
@@ -136,13 +138,17 @@ def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
     released_s = facts.released_s or 0.0
     if not 2 * frame_s[0] - frame_s[1] <= released_s < frame_s[-1]:  # the rows of a frame are later than the frame
         raise InputError(
-            f"--released {released_s:g}: should be within {origin}, from {frame_s[0]:g} to {frame_s[-1]:g} s"
+            f"--released {released_s:g}: should be a time within {origin}, from {frame_s[0]:g} to {frame_s[-1]:g} s"
         )
     return int(np.argmax(frame_s >= released_s))
 
 
 def _release(points_mm: Array) -> int:
-    """Return the last frame in which the most moving point is nearly farthest from its place at the end."""
+    """Return the number of the frame in which the beam was released, for positions (n, p, 2) of its points.
+
+    This is the last frame with at least 97 % of the largest deflection. The deflection is the distance of the point
+    with the largest motion from its mean position in the last quarter of the recording.
+    """
     moved = np.nanstd(points_mm, axis=0).sum(axis=1)
     place = points_mm[:, int(np.nanargmax(moved))]
     visible = place[np.isfinite(place).all(axis=1)]

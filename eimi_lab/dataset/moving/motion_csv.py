@@ -1,4 +1,4 @@
-"""A motion from a table of tracked points in millimetres of the beam frame: one row for each point of each frame."""
+"""Read motions from a table of tracked points, which has one row for each point of each frame, in the beam frame."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from eimi_lab.dataset.tracked.points_csv import check_on_beam
 from eimi_lab.process.errors import InputError
 
 TIME_COLUMNS = {
-    "time_s": Column("Time of the point in the recording.", "0.35", "frame over --rate"),
-    "frame": Column("Number of the frame; it may be left out if all points of a frame have the same time.", "35", "-"),
+    "time_s": Column("Time since the beginning of the recording.", "0.35", "frame over --rate"),
+    "frame": Column(
+        "Number of the frame. The column may be left out if all points of a frame have the same time.", "35", "-"
+    ),
 }
 POINT_COLUMNS = {
     name: Column(column.meaning.replace("state", "frame"), column.example, column.default)
@@ -27,7 +29,7 @@ POINT_COLUMNS = {
 
 
 def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> tuple[Motion, ...]:
-    """Read motions from a table; a point without a row for a frame was not seen in that frame.
+    """Read motions from a table of tracked points. A point that has no row for a frame was not seen in this frame.
 
     Parameters
     ----------
@@ -36,11 +38,12 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> t
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        Facts that the user states; `rate_Hz` gives the times of a table without the column time_s.
+        Facts that the user gives. If `rate_Hz` is given, the time of a row is its frame number over `rate_Hz`.
 
     Returns
     -------
-    Motion
+    tuple of Motion
+        One motion for each time that the beam was flicked.
 
     Raises
     ------
@@ -73,7 +76,10 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> t
     for row in rows:
         k, p = frame_at[frame_of(row)], point_at[row.text("point")]
         if np.isfinite(sigma[k, p]):
-            raise InputError(f"{path}: row {row.line}: point {row.text('point')} appears twice in one frame")
+            raise InputError(
+                f"{path}: row {row.line}: point {row.text('point')} appears twice in one frame; give each point of a "
+                "frame one row"
+            )
         check_on_beam(row, specimen)
         place = (row.number("x0_mm"), row.number("y0_mm"))
         if rest.setdefault(p, place) != place:

@@ -1,4 +1,4 @@
-"""Facts about the recording of a motion that no file contains and a person states."""
+"""Facts about the recording of a motion that the user gives because the recording does not contain them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from eimi_fitting.time.measured import Kind
 
 @dataclass(frozen=True, kw_only=True)
 class MotionFacts:
-    """Stated facts of a recording; None for a fact that is not stated.
+    """Facts about the recording of a motion that the user gives; None for a fact that is not given.
 
     Parameters
     ----------
     kind : {"ring_down", "creep"}
-        Whether the beam swings freely, or creeps under a load that no longer changes.
+        "ring_down" if the beam swings freely, "creep" if the beam creeps under a constant load.
     rate_Hz : float, optional
-        Frames per second; it replaces the times of the file. A video in slow motion needs it.
+        Frames per second of the recording, from which the times are computed instead of those in the file. A video
+        that is played in slow motion needs this rate.
     released_s : float, optional
         Time in the recording at which the beam was released, or its load changed.
     hanging_N : float
@@ -24,9 +25,9 @@ class MotionFacts:
     removed_N : float
         Weight that was taken from the tip at the release.
     exposure_s : float, optional
-        Exposure of a frame.
+        Exposure time of a frame.
     row_time_s : float
-        Time from one row of the picture to the next below; 0 for a global shutter.
+        Time between the exposures of two neighbouring rows of the sensor; 0 for a global shutter.
     """
 
     kind: Kind

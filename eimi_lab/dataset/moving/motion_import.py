@@ -27,22 +27,22 @@ def write_motion_dataset(
     gravity: bool = True,
     force: bool = False,
 ) -> None:
-    """Write a dataset of motions of one kind without states.
+    """Write a new dataset that contains motions and no states.
 
     Parameters
     ----------
     path : Path
         The dataset.
     motions : sequence of Motion
-        At least one motion.
+        At least one motion. All motions are ring-downs, or all are creep.
     specimen : SpecimenFile
         The specimen.
     calibration : Calibration, optional
-        Calibration of the pictures; it states the direction of gravity.
+        Calibration of the pictures, which also gives the direction of gravity; None for tracked points.
     gravity_angle_deg : float, optional
-        Direction of gravity in the beam frame, from +x toward +y, without a calibration.
+        Direction of gravity in the beam frame, from +x toward +y. It is used only without a calibration.
     gravity : bool
-        Whether the weight bends the beam; used without a calibration.
+        Whether the simulation of the beam includes its weight. It is used only without a calibration.
     force : bool
         Whether an existing file is overwritten.
 
@@ -61,9 +61,18 @@ def write_motion_dataset(
 
 
 def add_motions(path: Path, motions: Sequence[Motion], specimen: SpecimenFile) -> None:
-    """Store motions of one kind in an existing dataset of the same beam.
+    """Store ring-downs, or creep, in an existing dataset of the same beam.
 
-    Raises InputError if the file cannot be written.
+    Stored motions of the same kind are replaced. Raises InputError if the file cannot be written.
+
+    Parameters
+    ----------
+    path : Path
+        The dataset.
+    motions : sequence of Motion
+        At least one motion. All motions are ring-downs, or all are creep.
+    specimen : SpecimenFile
+        The specimen, from whose length the amplitudes of the motions are computed.
     """
     size = sum(motion.points_mm.nbytes + 4 * motion.time_s.nbytes for motion in motions)
     with rewritten(path, size) as entry:

@@ -1,4 +1,4 @@
-"""Motions from the recorded frames of a run: its ring-downs, and the creep in its states."""
+"""Measure the motions of the beam in the recordings of a run: the ring-downs, and the creep in the states."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ def recorded_motions(
     projection: Projection | None,
     report: Callable[[str], None],
 ) -> tuple[Motion, ...]:
-    """Follow the beam through the recorded frames of a dataset.
+    """Measure the motion of the beam in each ring-down and each creep that a run recorded.
 
-    A recording in which no beam is found is left out, and `report` receives a line about it.
+    A recording in which no beam is found is left out, and a note about this recording is printed on standard error.
 
     Parameters
     ----------
     dataset : Dataset
         A dataset of frames.
     edge_sets : sequence of EdgeSet
-        The edges of its states. If no state has edges, no recording is followed.
+        The edges of the states of the dataset. If no state has edges, the result is empty.
     projection : Projection, optional
-        Projection of the colours.
+        Projection from colours to grey values.
     report : callable
-        Called with one line for each motion.
+        Function that gets a line of text for each motion.
 
     Returns
     -------
     tuple of Motion
-        Ring-downs, then creep.
+        All ring-downs, followed by the creep of the states.
 
     Raises
     ------
@@ -80,7 +80,27 @@ def _followed(
     projection: Projection | None,
     label: str,
 ) -> Iterator[Motion]:
-    """Yield the motion of a recording; yield nothing if no beam is found in the recording."""
+    """Yield the motion of the beam in one recording; yield nothing if no beam is found.
+
+    Parameters
+    ----------
+    dataset
+        The dataset.
+    frames
+        The frames of the recording.
+    kind
+        "ring_down" or "creep".
+    step
+        The set-point that began the motion.
+    set_points
+        All set-points of the run.
+    from_A
+        The current before the step, A.
+    projection
+        Projection from colours to grey values.
+    label
+        Name of the motion.
+    """
     calibration = dataset.calibration
     if calibration is None:
         return

@@ -1,4 +1,4 @@
-"""Checks of recorded motions: frames that were lost, and a camera slower than was asked for."""
+"""Checks of recorded motions: for lost frames, and for a camera that was slower than the protocol requires."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from eimi_lab.vision.check import Check, Severity
 LOST = Check(
     name="RING_DOWN_LOST",
     finding="lost_frames",
-    quantity="number of frames of a recording that were taken and did not arrive",
+    quantity="number of frames that the camera took during a recording but that did not arrive",
     limit=0.0,
-    remedy="Lower the frame rate or the region of the camera, or remove other devices from its bus. "
+    remedy="Reduce the frame rate or the region of the camera, or disconnect other devices from the bus of the camera. "
     "For a phone, add light or film at a lower frame rate.",
     severity=Severity.NOTE,
 )
 SLOW = Check(
     name="RING_DOWN_SLOW",
     finding="rate_share",
-    quantity="frames per second of a ring-down, as a share of ring_down.rate_Hz",
+    quantity="frames per second of a ring-down, divided by ring_down.rate_Hz of the protocol",
     limit=0.95,
     below=True,
-    remedy="Set frame_rate_Hz in [camera] of the rig, and an exposure that allows it.",
+    remedy="Increase frame_rate_Hz in [camera] of the rig file, with an exposure that allows this rate.",
     severity=Severity.NOTE,
 )
 
 
 def flag_names(motion: Motion) -> tuple[str, ...]:
-    """Return the names of the flags of a recording."""
+    """Return the names of the flags of a motion; empty if no frame was lost."""
     return (LOST.name,) if motion.lost_frames else ()
 
 
 def flagged_lines(motions: Sequence[Motion]) -> list[str]:
-    """Return a line for each recording with a flag: its name, the count, and the flag.
+    """Return a line of text for each motion with lost frames: its name, the number of lost frames, and the flag.
 
     Examples
     --------
@@ -42,14 +42,14 @@ def flagged_lines(motions: Sequence[Motion]) -> list[str]:
     """
     return [
         f"{motion.label}: {motion.lost_frames} of {motion.lost_frames + len(motion.time_s)} frames were lost "
-        f"({', '.join(flag_names(motion))}); the times of the others are right"
+        f"({', '.join(flag_names(motion))}); the times of the other frames are correct"
         for motion in motions
         if flag_names(motion)
     ]
 
 
 def recordings_in_words(motions: Sequence[Motion]) -> str:
-    """Return the number of recordings, of their frames, and of the frames that were lost.
+    """Return a text with the numbers of recorded motions, of their frames, and of lost frames.
 
     Examples
     --------

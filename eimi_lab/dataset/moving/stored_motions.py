@@ -1,9 +1,16 @@
-"""Motions in a dataset file: `ring_down_points` and `creep_points`, with one group for each motion.
+"""Store and read motions in a dataset. The groups `ring_down_points` and `creep_points` have a group for each motion.
 
-The groups are named 0, 1, … . Each is an NXdata with `points` (n, p, 2), their `time` and `sigma` (n, p), their places
-in the undeformed beam `rest` (p, 2), and the set-points before the step `history` (h, 2: time, current). Single
-values are attributes; `flags` names the checks that the recording did not pass. `tip_angle` and `modal_amplitudes` are
-computed from the points; they are stored for viewers.
+The group of a motion has the name 0, 1, … and is an NXdata. For n frames and p points it contains:
+
+    points              (n, p, 2) positions of the points
+    time, sigma         (n, p) times and standard uncertainties of the points
+    rest                (p, 2) positions in the undeformed beam
+    history             (h, 2) times and currents of the h set-points before the motion
+    flags               names of the checks that the motion did not pass
+    tip_angle           (n,) computed from the points, for viewers
+    modal_amplitudes    (n, m) amplitudes of m modes, computed from the points, for viewers
+
+Single numbers are attributes of the group.
 """
 
 from __future__ import annotations
@@ -25,18 +32,18 @@ _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the motions of one kind; motions of this kind that the file already holds are replaced.
+    """Store the ring-downs, or the creep, of a dataset; stored motions of the same kind are replaced.
 
     Parameters
     ----------
     entry : h5py.Group
         The group `entry` of the file.
     kind : {"ring_down", "creep"}
-        Kind of all the motions.
+        Kind of all motions.
     motions : sequence of Motion
-        The motions, in the order in which they were recorded.
+        The motions in the order in which they were recorded.
     length_mm : float
-        Length of the beam, for the amplitudes of its modes.
+        Length of the beam, from which the amplitudes of its modes are computed.
     """
     if GROUPS[kind] in entry:
         del entry[GROUPS[kind]]
@@ -65,7 +72,7 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
 
 
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
-    """Return the stored motions of one kind, in the order in which they were recorded."""
+    """Return the stored ring-downs, or the stored creep, in the order in which the motions were recorded."""
     store = entry.get(GROUPS[kind], {})
     return tuple(_read(store[str(number)], kind) for number in range(len(store)))
 

@@ -1,4 +1,4 @@
-"""A motion from the file of a tracking program."""
+"""Read motions from the file of a tracking program."""
 
 from __future__ import annotations
 
@@ -19,25 +19,27 @@ from eimi_lab.process.errors import InputError
 def read_tracked_motion(
     source: Path, tool: str, specimen: SpecimenFile, placing: Placing, facts: MotionFacts
 ) -> tuple[Motion, ...]:
-    """Read motions from the file of a tracking program; points that are not on the undeformed beam are left out.
+    """Read motions from the file of a tracking program.
+
+    Tracked points that do not lie on the undeformed beam are left out.
 
     Parameters
     ----------
     source : Path
-        The program's file or folder.
+        The file or the folder that the tracking program wrote.
     tool : str
         Name of the program, one of `FORMATS`.
     specimen : SpecimenFile
         The specimen.
     placing : Placing
-        Position of the points in the beam frame.
+        How coordinates of the file are converted into the beam frame.
     facts : MotionFacts
-        Facts that the user states; `rate_Hz` replaces the times of the file.
+        Facts that the user gives. If `rate_Hz` is given, the times follow from this rate instead of the file.
 
     Returns
     -------
     tuple of Motion
-        One for each flick.
+        One motion for each time that the beam was flicked.
 
     Raises
     ------

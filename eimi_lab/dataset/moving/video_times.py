@@ -1,8 +1,8 @@
-"""Times of the frames of a video: those in the file, or those of a recording that is played slowly.
+"""Find the times at which the frames of a video were recorded, also for videos in slow motion.
 
-A phone stores a recording in slow motion with the rate at which it is played. Android's camera also states the rate of
-the recording, under the key `com.android.capture.fps` (android.media.MediaRecorder.setCaptureRate). The key lies in
-`moov` / `meta` (ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
+The times in a slow-motion file of a phone are those of the slow playback. The camera program of Android also stores the
+rate of the recording, with the key `com.android.capture.fps` (android.media.MediaRecorder.setCaptureRate). The key is
+in `moov` / `meta` (ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
 """
 
 from __future__ import annotations
@@ -26,34 +26,32 @@ _SAME = 0.02  # relative difference of rates
 
 
 def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
-    """Return the times at which the frames of a video were recorded.
+    """Return the times at which the frames of a video were recorded, in s from the first frame, shape (n,).
 
-    The intervals in the file are kept, so that a lost frame leaves a longer interval. They are multiplied by one factor
-    if the file is played at another rate than it was recorded. A note states the rate.
+    The times in the file are multiplied by the playback rate over the rate of the recording. A longer interval after a
+    lost frame is therefore preserved. If the user gives no rate, a note on standard error tells the rate that is used.
 
     Parameters
     ----------
     path : Path
         The video.
     stored_s : ndarray, shape (n,)
-        Times in the file.
+        Times of the n frames in the file.
     rate_Hz : float, optional
-        Rate of the recording, if the user states it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+        Frames per second of the recording; None to use the rate in the file.
 
     Raises
     ------
     InputError
-        If the file has no times and the user states no rate.
+        If the times in the file do not increase and no rate is given.
     """
     steps_s = np.diff(stored_s)
     interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
     if interval_s <= 0.0 or (steps_s <= 0.0).any():
         if rate_Hz is None:
-            raise InputError(f"{path}: the file has no rising times of its frames; give --rate, the frames per second")
+            raise InputError(
+                f"{path}: the times of the frames in the file do not increase; give the frames per second with --rate"
+            )
         return np.arange(len(stored_s)) / rate_Hz
     played_Hz = 1.0 / interval_s
     captured_Hz = capture_rate_Hz(path)
@@ -62,21 +60,22 @@ def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
     if captured_Hz is not None and abs(captured_Hz / played_Hz - 1.0) > _SAME:
         tell(
             f"note: {path}: is played at {played_Hz:.4g} and was recorded at {captured_Hz:.4g} frames per second "
-            "(com.android.capture.fps in the file); the times are those of the recording; --rate states another rate"
+            "(com.android.capture.fps in the file); the times of the recording are used; if the rate of the recording "
+            "is wrong, give it with --rate"
         )
         return np.asarray((stored_s - stored_s[0]) * played_Hz / captured_Hz)
-    doubt = "" if played_Hz > _USUAL_HZ else "; if this is slow motion, state the rate of the recording with --rate"
-    tell(f"note: {path}: {played_Hz:.4g} frames per second by the times in the file{doubt}")
+    advice = "" if played_Hz > _USUAL_HZ else "; if this is slow motion, give the rate of the recording with --rate"
+    tell(f"note: {path}: has {played_Hz:.4g} frames per second according to the times in the file{advice}")
     return np.asarray(stored_s - stored_s[0])
 
 
 def capture_rate_Hz(path: Path) -> float | None:
-    """Return the rate of the recording that an MP4 file states beside the rate at which it is played.
+    """Return the rate at which a video was recorded, if the MP4 file contains this rate.
 
     Returns
     -------
     float or None
-        None if the file states none, or is not an MP4 file.
+        Frames per second; None if the file does not contain the rate, or is not an MP4 file.
     """
     try:
         header = _boxes(path)
@@ -96,7 +95,7 @@ def capture_rate_Hz(path: Path) -> float | None:
 
 
 def _boxes(path: Path) -> bytes:
-    """Return the box `moov` of a file; empty if there is none of a usual size."""
+    """Return the bytes of the box `moov` of an MP4 file, at most 16 MiB; empty if the file has no such box."""
     with path.open("rb") as file:
         while head := file.read(16):
             if len(head) < 8:
@@ -114,7 +113,10 @@ def _boxes(path: Path) -> bytes:
 
 
 def _value(header: bytes, number: int) -> float | None:
-    """Return the value of a key by its number; None if it is not a sensible rate."""
+    """Return the value of a metadata key of an MP4 file as a rate in Hz; None if it is not a plausible rate.
+
+    ``header`` is the box `moov`, and ``number`` is the number of the key, from 1.
+    """
     items = header.find(b"ilst")
     while items >= 0:
         at = header.find(struct.pack(">I", number), items)

@@ -1,10 +1,12 @@
-"""Correct single flipped bits of an HDF5 file by its checksums. Only the bytes read are corrected, never the file.
+"""Correct single flipped bits in an HDF5 file by means of its checksums.
+
+Only the bytes that are read from the file are corrected; the file on the disk does not change.
 
 mended_file  a file object for h5py that replaces some bytes of a file when they are read
-checksums    the checksums lookup3 (metadata) and fletcher32 (chunks), and the bit whose flip explains a wrong checksum
-blocks       check one block of metadata, and correct one flipped bit in it
-metadata     find every block of metadata of a file by its signature, and correct it
-superblock   the first block of a file, which states whether the file was closed
-chunks       correct the chunks of one dataset
-probing      check in another process whether a file that was never closed can be read
+checksums    the checksums lookup3 (metadata) and fletcher32 (chunks), and the search for one flipped bit
+blocks       check of one block of metadata, and correction of one flipped bit in the block
+metadata     search for all blocks of metadata in a file, and their correction
+superblock   the first block of a file, which contains whether the file was closed
+chunks       correction of the chunks of one array
+probing      check, in a second process, whether a file that was never closed can be read
 """

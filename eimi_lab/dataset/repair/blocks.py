@@ -7,14 +7,17 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 
 LONGEST_BLOCK = 1 << 14
 MOST_SEARCHED_BYTES = 1 << 30
-"""Largest number of bytes that are hashed without success in one file.
+"""Limit of the work that unsuccessful searches for flipped bits may do in one file, in bytes that are hashed.
 
-A file with a flipped bit needs few of them; a truncated file would need hours.
+The search for a single flipped bit stays far below this limit. For a truncated file the search would take hours.
 """
 
 
 def is_sound(file: MendedFile, at: int, length: int) -> bool:
-    """Return whether the checksum of the block of `length` bytes at position `at` is correct."""
+    """Return whether the checksum of a block of metadata is correct.
+
+    The block begins at the position `at` of the file, and has `length` bytes including the checksum.
+    """
     block = file.bytes_at(at, length)
     return 8 < length <= LONGEST_BLOCK and len(block) == length and lookup3(block[:-4]) == _stored(block)
 
@@ -24,7 +27,7 @@ def _stored(block: bytes) -> int:
 
 
 def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
-    """Correct one flipped bit of a block.
+    """Correct one flipped bit in a block of metadata.
 
     Parameters
     ----------
@@ -33,12 +36,13 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
     at : int
         Position of the block in the file, bytes.
     length : int
-        Length of the block with its checksum, bytes.
+        Length of the block including its checksum, bytes.
 
     Returns
     -------
     bool or None
-        True if a bit was corrected, None if the block was sound, False if no single bit explains the checksum.
+        None if the checksum is correct; True if a bit was corrected; False if the checksum is wrong and the flip of no
+        single bit can be the reason.
     """
     block = file.bytes_at(at, length)
     if not 8 < length <= LONGEST_BLOCK or len(block) < length:
@@ -57,9 +61,22 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
 
 
 def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> int | None:
-    """Return the index of the flipped bit of a block, or None if no single bit explains the checksum.
+    """Search for the one flipped bit in a block of metadata whose checksum is wrong.
 
-    The function also returns None, without a search, if the search would exceed `MOST_SEARCHED_BYTES` for the file.
+    Parameters
+    ----------
+    file : MendedFile
+        The file.
+    block : bytes
+        The block without its checksum.
+    stored : int
+        The checksum in the file.
+
+    Returns
+    -------
+    int or None
+        Index of the bit, counted from the lowest bit of the first byte. None if the flip of no single bit can be the
+        reason, or if the search would exceed `MOST_SEARCHED_BYTES` for the file.
     """
     cost = 8 * len(block) ** 2  # one checksum of the whole block for each of its bits
     if file.searched_bytes + cost > MOST_SEARCHED_BYTES:

@@ -1,8 +1,7 @@
-"""Checksums of HDF5: lookup3 of the metadata and fletcher32 of chunks, and the search for one flipped bit.
+"""Compute the checksums of HDF5 (lookup3 for metadata, fletcher32 for chunks), and search for one flipped bit.
 
-The metadata use Bob Jenkins' lookup3, the function `hashlittle` with the initial value 0 (public domain, 2006); see
-HDF5 File Format Specification 3.0, appendix B. For the search, the checksums of many blocks of one length are computed
-together.
+lookup3 is Bob Jenkins' function `hashlittle` with the initial value 0 (public domain, 2006); see HDF5 File Format
+Specification 3.0, appendix B. For the search, the checksums of many blocks of the same length are computed together.
 """
 
 from __future__ import annotations
@@ -16,12 +15,15 @@ _ROW = 512  # words of 16 bits
 
 
 def lookup3(block: bytes) -> int:
-    """Return the lookup3 checksum of one block."""
+    """Return the lookup3 checksum (32 bits) of a block of bytes."""
     return int(lookup3_of_many(_words(np.frombuffer(block, np.uint8)[None, :]), len(block))[0])
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Return blocks (m, n) as little-endian words (m, k), padded with zeros to a multiple of 12 bytes."""
+    """Return m blocks of n bytes, shape (m, n), as little-endian words of 32 bits, shape (m, k).
+
+    The blocks are padded with zeros to a multiple of 12 bytes.
+    """
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)
     padded[:, :length] = blocks
@@ -29,12 +31,12 @@ def _words(blocks: NDArray[np.uint8]) -> Words:
 
 
 def lookup3_of_many(words: Words, length: int) -> Words:
-    """Return the lookup3 checksums of several blocks.
+    """Return the lookup3 checksums of m blocks of the same length.
 
     Parameters
     ----------
     words : (m, k) array of uint32
-        The blocks, padded as `_words` does.
+        The blocks as little-endian words, padded with zeros to a multiple of 12 bytes.
     length : int
         Length of each block without the padding, bytes; at least 1.
 
@@ -78,7 +80,7 @@ def _final(a: Words, b: Words, c: Words) -> Words:
 
 
 def flipped_bit(block: bytes, stored: int) -> int | None:
-    """Return the index of the bit whose flip makes the lookup3 checksum of a block equal to `stored`.
+    """Search for the bit of a block whose flip makes the lookup3 checksum equal to the checksum in the file.
 
     Parameters
     ----------
@@ -105,7 +107,12 @@ def flipped_bit(block: bytes, stored: int) -> int | None:
 
 
 def fletcher32(chunk: bytes) -> int:
-    """Return the checksum of HDF5's filter fletcher32: two sums of big-endian words of 16 bits, modulo 65535."""
+    """Return the checksum of a chunk that HDF5's filter fletcher32 computes.
+
+    Let w(1), ..., w(n) be the chunk as big-endian words of 16 bits. The low half of the checksum is the sum of all w(i)
+    modulo 65535. The high half is the sum of all (n + 1 - i) w(i) modulo 65535. A remainder of 0 is stored as 65535,
+    unless all words are 0.
+    """
     count = -(-len(chunk) // 2)
     words = np.zeros(-(-count // _ROW) * _ROW, "<u2")
     words.view(np.uint8)[: len(chunk)] = np.frombuffer(chunk, np.uint8)
@@ -128,12 +135,12 @@ def _big_endian(chunk: bytes) -> NDArray[np.int64]:
 
 
 def flipped_bit_of_chunk(raw: bytes) -> int | None:
-    """Return the index of the bit whose flip makes a chunk and its fletcher32 checksum agree.
+    """Search for the bit of a chunk, or of its fletcher32 checksum, whose flip makes chunk and checksum agree.
 
     Parameters
     ----------
     raw : bytes
-        The chunk, with its checksum in the last four bytes.
+        The chunk. Its last four bytes are the checksum.
 
     Returns
     -------

@@ -1,4 +1,7 @@
-"""Correct chunks that HDF5 stored with the filter fletcher32, which appends a checksum to each chunk."""
+"""Correct flipped bits in the chunks of an array that HDF5 stored with the filter fletcher32.
+
+This filter appends a checksum to each chunk.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ FLETCHER32 = 3  # number of the filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:
-    """Correct one flipped bit in each chunk whose checksum is wrong; return the number of corrected chunks."""
+    """Correct one flipped bit in each chunk of an array whose checksum is wrong, and return the number of these chunks.
+
+    The result is 0 if the array is not stored with the filter fletcher32.
+    """
     plist = dataset.id.get_create_plist()
     filters = [plist.get_filter(number)[0] for number in range(plist.get_nfilters())]
     if not dataset.chunks or filters[-1:] != [FLETCHER32]:

@@ -1,4 +1,4 @@
-"""A file object that replaces some bytes when they are read; the file itself does not change."""
+"""A file object that replaces some bytes of a file when they are read; the file on the disk does not change."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from pathlib import Path
 
 
 class MendedFile(io.RawIOBase):
-    """A file, open for reading, with some of its bytes replaced. `h5py.File` accepts it as a file.
+    """A file that is open for reading and in which some bytes are replaced. `h5py.File` accepts this object as a file.
 
-    patches: replaced bytes by their position in the file. searched_bytes: number of bytes hashed without success so
-    far, see `blocks.MOST_SEARCHED_BYTES`.
+    Attributes
+    ----------
+    size : int
+        Size of the file in bytes.
+    patches : dict of int to int
+        The new value of each replaced byte, by its position in the file.
+    searched_bytes : int
+        Work of all unsuccessful searches for a flipped bit in the file, see `blocks.MOST_SEARCHED_BYTES`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -26,7 +32,7 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """Return `length` bytes from position `at`, with replacements; fewer bytes at the end of the file."""
+        """Return `length` bytes from the position `at`, with the replaced bytes; fewer bytes at the end of the file."""
         content = self._map[at : at + length] if at >= 0 else b""
         if any(at <= place < at + len(content) for place in self.patches):
             patched = bytearray(content)
@@ -68,14 +74,14 @@ class MendedFile(io.RawIOBase):
         super().close()
 
     def find(self, pattern: re.Pattern[bytes]) -> Iterator[int]:
-        """Yield the positions of a pattern in the original bytes of the file."""
+        """Yield the positions at which the bytes on the disk match a regular expression."""
         return (match.start() for match in pattern.finditer(self._map))
 
     def patch(self, at: int, content: bytes) -> None:
-        """Replace the bytes from position `at` by `content`."""
+        """Replace the bytes that begin at the position `at` by `content`."""
         self.patches |= {at + offset: byte for offset, byte in enumerate(content)}
 
     def flip(self, at: int, bit: int) -> None:
-        """Flip a bit, counted from the lowest bit of the byte at position `at`."""
+        """Flip one bit. `bit` is its index, counted from the lowest bit of the byte at the position `at`."""
         place = at + bit // 8
         self.patch(place, bytes([self.bytes_at(place, 1)[0] ^ 1 << bit % 8]))

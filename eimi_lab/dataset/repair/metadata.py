@@ -1,8 +1,8 @@
-"""Find single flipped bits in the metadata of an HDF5 file by its checksums, and correct them without HDF5.
+"""Correct single flipped bits in the metadata of an HDF5 file by means of its checksums.
 
-The datasets of this program use HDF5's latest format, in which every block of metadata ends with a checksum. A block is
-located by its signature, in which one bit may also be wrong. Its length follows from its own first bytes or from its
-header. See HDF5 File Format Specification 3.0, sections II to IV and VII.
+In the HDF5 format that this program uses, every block of metadata has a checksum. A block is located by the four bytes
+of its signature, of which one bit may also be wrong. The length of the block follows from its first bytes or from its
+header (HDF5 File Format Specification 3.0, sections II to IV and VII).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature that differs from `content` by at most one bit, or None."""
+    """Return the signature in `pattern` that differs from `content` (4 bytes) by at most one bit, or None."""
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
             return name
@@ -49,7 +49,10 @@ def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | No
 
 
 def _mend_header(file: MendedFile, at: int) -> int:
-    """Correct an object header and its continuation blocks; return the number of corrected blocks."""
+    """Correct the object header at the position `at` of a file and the continuation blocks of this header.
+
+    Returns the number of corrected blocks.
+    """
     lengths = {_header_length(file.bytes_at(at, 64))}
     head = file.bytes_at(at, 64)
     for bit in range(32, 8 * min(len(head), 34)):  # the flipped bit may be in the field that holds the length
@@ -75,9 +78,13 @@ def _mend_header(file: MendedFile, at: int) -> int:
 
 
 def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
-    """Correct a block that has one of these lengths; return the number of corrected bits and the length.
+    """Correct one flipped bit in the block at the position `at`, whose length is one of several possible lengths.
 
-    Both are 0 if the block has none of these lengths.
+    Returns
+    -------
+    mended, length
+        The number of corrected bits (0 or 1), and the length for which the checksum is correct now. Both numbers are 0
+        if no possible length leads to a correct checksum.
     """
     for length in lengths:
         if is_sound(file, at, length):
@@ -89,9 +96,10 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 
 
 def _header_length(head: bytes) -> int:
-    """Return the length of a version 2 object header with its checksum, or 0 if `head` is no such header.
+    """Return the length in bytes of an object header of version 2, including its checksum.
 
-    See the Specification, section IV.A.1.b.
+    ``head`` are the first bytes of the header. The result is 0 if they do not belong to an object header of version 2
+    (HDF5 File Format Specification 3.0, section IV.A.1.b).
     """
     if len(head) < 34 or head[4] != 2:
         return 0
@@ -100,12 +108,15 @@ def _header_length(head: bytes) -> int:
 
 
 def _width_at(head: bytes) -> int:
-    """Return the position of the field of an object header that holds its length."""
+    """Return the position, in an object header, of the field with the length of the header."""
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
 
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
-    """Yield position and length of the continuation blocks that the messages of an object header name."""
+    """Yield the position in the file and the length of each continuation block of an object header.
+
+    ``messages`` are the bytes of the messages in the header, and ``flags`` is the byte of its flags.
+    """
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):
         length = int.from_bytes(messages[at + 1 : at + 3], "little")
@@ -122,9 +133,9 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 
 
 def _mend_heap(file: MendedFile, at: int) -> int:
-    """Correct the first block of a heap of names; return the number of corrected bits.
+    """Correct the direct block of a heap that contains names; return the number of corrected bits.
 
-    The checksum of this block stands before the names (Specification, section III.G).
+    In this block the checksum is before the names, not at the end (HDF5 File Format Specification 3.0, section III.G).
     """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)
     if len(header) < 146 or not header[9] & 2:
@@ -148,7 +159,10 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """Return the possible lengths of a block of metadata (Specification, sections III.A.2, III.G and VII)."""
+    """Return the possible lengths of the block of metadata at the position `at`, which has the given signature.
+
+    See HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII.
+    """
     match signature:
         case b"EAHD":
             return [72]

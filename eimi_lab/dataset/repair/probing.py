@@ -1,7 +1,7 @@
-"""Check whether a file that was never closed can be read at all.
+"""Check whether HDF5 can read a file that was never closed.
 
-If the metadata of such a file are damaged, HDF5 assumes that a writer is still changing them and retries without end
-(observed with HDF5 2.0). The check therefore runs in another process with a limit of time.
+If the metadata of an unclosed file are damaged, HDF5 assumes that a writer is changing them. It tries to read them
+again without end (observed with HDF5 2.0). Therefore the check runs in a second process with limited time.
 """
 
 from __future__ import annotations
@@ -16,18 +16,23 @@ WITHIN_S = 15.0
 
 
 def why_unreadable(path: Path) -> str:
-    """Return why an unclosed file cannot be read; an empty text if its metadata and small tables are readable."""
+    """Return the reason why an unclosed file cannot be read; an empty text if HDF5 can read its metadata and tables."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-m", __name__, str(path)], capture_output=True, text=True, timeout=WITHIN_S
         )
     except subprocess.TimeoutExpired:
         return f"its metadata could not be read within {WITHIN_S:g} s"
-    return "" if done.returncode == 0 else done.stderr.strip().rpartition("\n")[2] or "reading it ended another process"
+    if done.returncode == 0:
+        return ""
+    return done.stderr.strip().rpartition("\n")[2] or "HDF5 crashed when it read the file"
 
 
 def read_all_but_frames(path: str | Path) -> None:
-    """Read every small table and the position of every frame; may raise any error of h5py, or never return."""
+    """Read every table of a file, and the position of every frame in it.
+
+    For a damaged file, h5py may raise any error, or the function may never return.
+    """
 
     def read(name: str, item: h5py.Group | h5py.Dataset) -> None:
         if not isinstance(item, h5py.Dataset):

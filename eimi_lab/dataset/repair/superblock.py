@@ -1,4 +1,4 @@
-"""Recognise an HDF5 file by its first block, and correct the superblock of a file that was never closed."""
+"""Recognise a damaged HDF5 file, and correct the superblock (first block) of a file that was never closed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ FLAGS_AT, END_AT = 11, 28
 
 
 def is_hdf5(file: MendedFile) -> bool:
-    """Return whether a file is an HDF5 file, possibly a damaged one.
+    """Return whether a file is an HDF5 file, even if it is damaged.
 
-    A damaged file is recognised by half of the signature or by one object header.
+    A damaged file is recognised if half of the bytes of the signature are correct, or if it has an object header.
     """
     beginning = file.bytes_at(0, len(SIGNATURE))
     sound_bytes = sum(byte == right for byte, right in zip(beginning, SIGNATURE, strict=False))
@@ -25,9 +25,10 @@ def is_hdf5(file: MendedFile) -> bool:
 
 
 def close_superblock(file: MendedFile) -> None:
-    """Correct the superblock of a file, and mark the file as closed, as HDF5's h5clear does.
+    """Correct the superblock of a file and mark the file as closed, as the tool h5clear of HDF5 does.
 
-    The superblock is assumed to be of version 3, the only one that HDF5 writes in the mode used by this program.
+    The superblock is assumed to have version 3, the only version that HDF5 writes in its
+    single-writer-multiple-reader mode.
     """
     file.patch(0, SIGNATURE + b"\x03\x08\x08")
     mend_block(file, 0, SUPERBLOCK_BYTES)

@@ -1,11 +1,11 @@
-"""Import of material points that another program tracked: motion capture, image correlation or video analysis.
+"""Import material points that another program tracked by motion capture, image correlation or video analysis.
 
-points_csv      this suite's own table of tracked points in the beam frame
+points_csv      the table points.csv of tracked points in the beam frame
 tracked_states  a dataset from the file of another program and a table of states
 formats         the programs whose files can be read, by their names on the command line
-tracks          the value `Tracks`: points in frames, in the unit and axes of the program
+tracks          the value `Tracks`: positions of points in frames, in the unit and axes of the program
 axes            conversion of tracks into the beam frame
-numbers_table   tables of numbers in text files, in any locale
+numbers_table   tables of numbers in text files, with decimal points or decimal commas
 dice            files of DICe (image correlation)
 ncorr           files of Ncorr (image correlation)
 mudic           files of µDIC (image correlation)

@@ -1,4 +1,4 @@
-"""Conversion of tracked points from the unit and axes of their file into the beam frame."""
+"""Convert tracked points from the unit and the axes of their file into the beam frame."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ PIXEL = "px"
 
 @dataclass(frozen=True, kw_only=True)
 class Placing:
-    """Information from the user that places tracked points in the beam frame.
+    """Information from the user by which tracked points are converted into the beam frame.
 
-    Give either ``calibration``, or ``clamp`` and ``axis_deg`` with the unit.
+    Give either ``calibration``, or ``clamp`` and ``axis_deg`` and, if the file does not contain it, ``unit``.
 
     Parameters
     ----------
     calibration
-        Calibration of the pictures, if the points are in their pixels.
+        Calibration of the pictures, if the positions in the file are pixels of these pictures.
     unit
-        Unit of the file: px, mm, cm, m or in; None if the file states it.
+        Unit of the file: px, mm, cm, m or in; None if the file contains its unit.
     pixels_per_mm
         Scale, if the unit is px.
     clamp
-        Middle of the clamp line, in the unit and axes of the file.
+        Middle of the clamped section, in the unit and axes of the file.
     axis_deg
-        Direction of the beam at rest, from the file's +x toward its +y.
+        Direction in which the beam leaves the clamp, from +x toward +y in the axes of the file.
     sigma
-        Standard deviation of a coordinate in the unit of the file; None if the file states it.
+        Standard deviation of one coordinate in the unit of the file; None if the file contains standard deviations.
     rest
-        Number of the frame in which the beam is at rest; None if the file has a reference.
+        Number of the frame in which the beam is at rest; None if the file contains positions at rest.
     plane
-        For points in three dimensions: the two axes along the picture's x and y, such as ``"xz"``.
+        For points in three dimensions, the two axes of the plane in which the beam bends, such as ``"xz"``.
     """
 
     calibration: Calibration | None = None
@@ -58,18 +58,18 @@ class Placing:
 
 @dataclass(frozen=True)
 class PlacedTracks:
-    """Tracks of n points in k frames, converted into the beam frame; NaN where a point was not seen.
+    """Tracks of n points in k frames, converted into the beam frame; NaN for a point that was not seen in a frame.
 
     Parameters
     ----------
     tracks
-        The tracks as read from the file.
+        The tracks in the unit and axes of their file.
     places_mm
         (k, n, 2) positions.
     rest_mm
         (n, 2) positions at rest.
     sigma_mm
-        (k, n) standard deviations of each coordinate.
+        (k, n) standard deviations of one coordinate.
     """
 
     tracks: Tracks
@@ -79,14 +79,14 @@ class PlacedTracks:
 
 
 def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
-    """Convert tracks into the beam frame.
+    """Convert tracks from the unit and axes of their file into the beam frame.
 
     Parameters
     ----------
     tracks
         The tracks.
     placing
-        Information from the user that places the tracks.
+        Information from the user about unit, axes, rest and uncertainty.
     origin
         Name of the file in error messages.
 
@@ -103,10 +103,13 @@ def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
     elif placing.rest is None:
         raise InputError(
             f"{origin}: contains no positions at rest; give --rest FRAME, the frame in which the beam is straight "
-            f"(its frames are {tracks.frames[0]} to {tracks.frames[-1]})"
+            f"(the file has the frames {tracks.frames[0]} to {tracks.frames[-1]})"
         )
     elif placing.rest not in tracks.frames:
-        raise InputError(f"--rest {placing.rest}: {origin} has the frames {tracks.frames[0]} to {tracks.frames[-1]}")
+        raise InputError(
+            f"--rest {placing.rest}: should be a frame of {origin}, which has the frames {tracks.frames[0]} to "
+            f"{tracks.frames[-1]}"
+        )
     else:
         rest = places[int(np.flatnonzero(tracks.frames == placing.rest)[0])]
     return PlacedTracks(tracks, places, rest, _sigma_mm(tracks, placing, unit_mm, origin))
@@ -115,26 +118,34 @@ def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
 def _in_plane(tracks: Tracks, placing: Placing, origin: str) -> Array:
     if tracks.places.shape[-1] == 2:
         if placing.plane is not None:
-            raise InputError(f"--plane {placing.plane}: {origin} has points in a plane already")
+            raise InputError(
+                f"--plane {placing.plane}: is for points in three dimensions, but {origin} has two; leave --plane out"
+            )
         return tracks.places
     axes = [("xyz").find(letter) for letter in placing.plane or ""]
     if len(axes) != 2 or -1 in axes or axes[0] == axes[1]:
-        fault = f"--plane {placing.plane} is not a plane" if placing.plane else "it has points in three dimensions"
+        fault = f"--plane {placing.plane} is not a plane" if placing.plane else "has points in three dimensions"
         raise InputError(f"{origin}: {fault}; give the plane in which the beam bends, such as --plane xz")
     return tracks.places[..., axes]
 
 
 def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float, Callable[[Array], Array]]:
-    """Return the file's unit in mm, and the function that maps positions (..., 2) of the file to the beam frame."""
+    """Return the length of the unit of the file in mm, and a function that converts positions into the beam frame.
+
+    The function takes and returns positions of shape (..., 2).
+    """
     calibration = placing.calibration
     if calibration is not None:
         if not tracks.image_axes or placing.unit not in (None, PIXEL):
             raise InputError(
-                f"{origin}: its positions are not pixels of a picture; give --unit, --clamp and --axis in the unit and "
-                "axes of the file instead of --calibration"
+                f"{origin}: the positions in this file are not pixels of a picture; give --unit, --clamp and --axis in "
+                "the unit and axes of the file instead of --calibration"
             )
         if placing.pixels_per_mm is not None:
-            raise InputError("--pixels-per-mm: the calibration contains the scale; give one of the two")
+            raise InputError(
+                "--pixels-per-mm: the calibration contains the scale already; give either --pixels-per-mm or "
+                "--calibration"
+            )
         frame = BeamFrame(calibration)
         return 1.0 / calibration.pixels_per_mm, lambda points: frame.to_mm(points.reshape(-1, 2)).reshape(points.shape)
     unit_mm = _unit_mm(tracks, placing, origin)
@@ -150,17 +161,21 @@ def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float
 
 
 def _unit_mm(tracks: Tracks, placing: Placing, origin: str) -> float:
-    """Return the file's unit in mm, as stated by the file or by the user; it is never guessed."""
+    """Return the length of the unit of the file in mm. The unit comes from the file or from the user."""
     if tracks.unit is not None and placing.unit not in (None, tracks.unit):
-        raise InputError(f"--unit {placing.unit}: {origin} states that it is in {tracks.unit}")
+        raise InputError(f"--unit {placing.unit}: contradicts {origin}, whose unit is {tracks.unit}; leave --unit out")
     unit = tracks.unit or placing.unit
     if unit is None:
-        raise InputError(f"{origin}: does not state its unit; give --unit {', '.join(UNITS_MM)} or {PIXEL}")
+        raise InputError(
+            f"{origin}: does not contain its unit; give --unit with one of {', '.join(UNITS_MM)} and {PIXEL}"
+        )
     if unit != PIXEL:
         if unit not in UNITS_MM:
             raise InputError(f"--unit {unit}: should be one of {', '.join(UNITS_MM)} and {PIXEL}")
         if placing.pixels_per_mm is not None:
-            raise InputError(f"--pixels-per-mm: has no meaning for {origin}, which is in {unit}")
+            raise InputError(
+                f"--pixels-per-mm: is for positions in pixels, but the unit of {origin} is {unit}; leave it out"
+            )
         return UNITS_MM[unit]
     if placing.pixels_per_mm is None or not 0 < placing.pixels_per_mm < math.inf:
         more = " or --calibration" if tracks.image_axes else ""
@@ -176,6 +191,7 @@ def _sigma_mm(tracks: Tracks, placing: Placing, mm_per_unit: float, origin: str)
         return np.full(shape, placing.sigma * mm_per_unit)
     if tracks.sigma is None:
         raise InputError(
-            f"{origin}: does not state the uncertainty of its positions; give --sigma in its unit, such as 0.1"
+            f"{origin}: does not contain the uncertainty of its positions; give their standard deviation with --sigma, "
+            "in the unit of the file, such as 0.1"
         )
     return tracks.sigma * mm_per_unit

@@ -1,7 +1,7 @@
-"""C3D files of motion capture: markers in three dimensions (c3d.org), read with ezc3d (github.com/pyomeca/ezc3d).
+"""Read C3D files of motion capture (c3d.org) with the library ezc3d (github.com/pyomeca/ezc3d).
 
-POINT:UNITS holds the unit, and the header holds the number of the first frame. A residual below 0 means that the marker
-was not seen.
+A C3D file contains markers in three dimensions. The parameter POINT:UNITS gives the unit, and the header gives the
+number of the first frame. A residual below 0 means that the marker was not seen.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from eimi_lab.process.limits import (
 )
 
 OWN_BYTES = 2 << 30
-"""Address space that the libraries take before a file is read."""
+"""Address space that Python and its libraries need before a file is read, in bytes."""
 UNPACKED_PER_BYTE = 64
-"""ezc3d takes at most about 24 bytes of memory for each byte of a sound file, and gigabytes for a damaged count."""
+"""Largest amount of memory for each byte of a file, in bytes. For an undamaged file ezc3d needs at most about 24."""
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 
 
@@ -37,9 +37,11 @@ READ_WITHIN_S, BYTES_PER_S = 10.0, 1e6
 
 
 def read_c3d(path: Path) -> Tracks:
-    """Read the markers of a C3D file; the frame numbers are those of the original recording. Raises InputError.
+    """Return the markers of a C3D file as tracks. The frames have the numbers of the original recording.
 
-    Another process reads the file, because damage in it can end the process in which ezc3d runs.
+    A second process reads the file, because a damaged file can crash the process in which ezc3d runs.
+
+    Raises InputError if ezc3d is not installed, or if the file cannot be read.
     """
     if find_spec("ezc3d") is None:
         raise InputError(f"{path}: C3D needs another package: pip install 'eimi-lab[c3d]'")
@@ -54,15 +56,18 @@ def read_c3d(path: Path) -> Tracks:
 
 
 def _main(path: Path, within_s: str) -> None:
-    """Read a file in this process with limits of memory and time, and write its tracks to standard output."""
+    """Read a C3D file with limits of memory and processor time, and write its tracks to standard output as a pickle.
+
+    ``within_s`` is the limit of the processor time in s. The limits apply to this process.
+    """
     obey_processor_limit(within_s)
     bound_memory(path.stat().st_size)
     try:
         tracks = read_in_this_process(path)
     except MemoryError:
         sys.exit(
-            f"{path}: is damaged or too large: reading it takes more than a quarter of the free memory, or more than "
-            f"{UNPACKED_PER_BYTE} times its size"
+            f"{path}: is damaged or too large: it needs more than a quarter of the free memory, or more memory than "
+            f"{UNPACKED_PER_BYTE} times the size of the file"
         )
     except InputError as error:
         sys.exit(str(error))
@@ -70,15 +75,19 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Limit the memory of this process to a quarter of the free memory, or to a multiple of a file's size.
+    """Limit the memory of this process for the reading of a file that has ``file_bytes`` bytes.
 
-    The multiple is `UNPACKED_PER_BYTE`. The address space of the libraries is added to the limit.
+    The limit is a quarter of the free memory, or `UNPACKED_PER_BYTE` times the size of the file if this is smaller. The
+    address space of the libraries is added to the limit.
     """
     limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 
 
 def read_in_this_process(path: Path) -> Tracks:
-    """Read the markers in this process; a damaged file may crash it. Raises InputError, MemoryError."""
+    """Return the markers of a C3D file as tracks; a damaged file may crash this process.
+
+    Raises InputError if the file is wrong, and MemoryError if reading takes more memory than allowed.
+    """
     import ezc3d
 
     try:

@@ -1,7 +1,10 @@
-"""DeepLabCut's CSV of a video: header rows scorer, (individuals,) bodyparts and coords, then one row for each frame.
+"""Read the CSV file that DeepLabCut writes for a video.
 
-Source of the format: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py` and its documentation
-"Standard DeepLabCut user guide" (x, y in pixels from the upper left corner, and likelihood).
+The file begins with the header rows scorer, individuals (if there are several animals), bodyparts and coords. One row
+for each frame follows. The columns of a body part are x and y, in pixels from the upper left corner, and likelihood.
+
+Source of the format: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py`, and its documentation
+"Standard DeepLabCut user guide".
 """
 
 from __future__ import annotations
@@ -18,9 +21,10 @@ _HEADER = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_deeplabcut(path: Path) -> Tracks:
-    """Read the body parts of a DeepLabCut file.
+    """Return the body parts in a DeepLabCut file as tracks, in pixels.
 
-    If the file has several animals, the name of a body part starts with the name of the animal. Raises InputError.
+    If the file has several animals, the name of a track is the name of the animal and the body part. A position with a
+    likelihood below `LEAST_LIKELIHOOD` counts as not seen. Raises InputError if DeepLabCut did not write the file.
     """
     rows = read_cells(path, ",")
     header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}
@@ -34,7 +38,9 @@ def read_deeplabcut(path: Path) -> Tracks:
         ]
     width = len(coords) + 1
     if bad := [line for line, cells in body if len(cells) != width or not cells[0].isdigit()]:
-        raise refused(path, "DeepLabCut", f"line {bad[0]} should have a frame's number and {width - 1} cells")
+        raise refused(
+            path, "DeepLabCut", f"line {bad[0]} should have the number of a frame and {width - 1} further cells"
+        )
     table = np.array([numbers(path, line, cells[1:]) for line, cells in body])
     columns = {(part, coord): table[:, k] for k, (part, coord) in enumerate(zip(parts, coords, strict=True))}
     names = tuple(part for part in dict.fromkeys(parts) if (part, "x") in columns and (part, "y") in columns)

@@ -1,9 +1,9 @@
-"""DICe's text files of subsets, DICe_solution_N.txt.
+"""Read the text files of the image correlation program DICe, DICe_solution_N.txt.
 
-There is one file for each frame (the first column is SUBSET_ID) or one for each subset (the first column is FRAME).
-A file may start with lines of "***"; then follow the names of the columns, and the numbers. Coordinates are pixels of
-the reference picture, with the centre of the first pixel at 0, 0 and with y down. SIGMA is the standard deviation of a
-displacement; it is negative if the correlation failed.
+DICe writes one file for each frame (the first column is SUBSET_ID) or one file for each subset (the first column is
+FRAME). A file may begin with lines of "***". The names of the columns and the numbers follow. Coordinates are pixels of
+the reference picture; the centre of the first pixel is 0, 0, and y points down. SIGMA is the standard deviation of a
+displacement, or a negative number if the correlation failed.
 
 Source of the format: `Schema::write_output` in DICe_Schema.cpp, and the files under tests/examples/*/gold, of
 github.com/dicengine/dice.
@@ -27,10 +27,13 @@ Columns = dict[str, NDArray[np.float64]]
 
 
 def read_dice(path: Path) -> Tracks:
-    """Read one file of DICe, or all files of DICe in a folder. Raises InputError."""
+    """Return the subsets in a DICe file, or in all DICe files of a folder, as tracks in pixels.
+
+    Raises InputError if there is no DICe file, or if DICe did not write the files.
+    """
     files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
     if not files:
-        raise InputError(f"{path}: holds no files of DICe, such as DICe_solution_0.txt")
+        raise InputError(f"{path}: contains no file of DICe; their names should be like DICe_solution_0.txt")
     tables = [(file, _read(file)) for file in files]
     of_subsets = ["FRAME" in table for _, table in tables]
     if all(of_subsets):
@@ -39,7 +42,8 @@ def read_dice(path: Path) -> Tracks:
         )
     if any(of_subsets):
         raise InputError(
-            f"{path}: holds files of single frames (SUBSET_ID) and of single subsets (FRAME); give one kind"
+            f"{path}: contains files with one frame each (SUBSET_ID) and files with one subset each (FRAME); give a "
+            "folder with files of one kind"
         )
     return _joined(
         [(f"subset {subset}", _number(file), row) for file, t in tables for subset, row in _rows(t, "SUBSET_ID")]
@@ -59,7 +63,11 @@ def _read(path: Path) -> Columns:
 
 
 def _rows(table: Columns, key: str) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return each row with its number: reference position, displacement, and standard deviation (NaN if absent)."""
+    """Return, for each row of a table, its number in the column ``key`` and five values.
+
+    The values are x and y in the reference picture, the displacements in x and y, and the standard deviation of a
+    displacement (NaN if the table has none).
+    """
     sigma = table.get("SIGMA", np.full(len(table[key]), np.nan))
     rows = np.column_stack([*(table[column] for column in _NEEDED), sigma])
     return [(int(number), row) for number, row in zip(table[key], rows, strict=True)]

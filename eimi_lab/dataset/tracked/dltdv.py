@@ -1,9 +1,11 @@
-"""DLTdv's exported points: PREFIXxypts.csv or .tsv of one camera in pixels, or PREFIXxyzpts.csv in three dimensions.
+"""Read the points that the video program DLTdv exports.
+
+PREFIXxypts.csv (or .tsv) contains points of one camera in pixels. PREFIXxyzpts.csv contains points in three dimensions.
 
 A dense file has the columns pt1_cam1_X, pt1_cam1_Y, … and one row for each frame, with NaN for a point that was not
-digitised. A sparse file has a title, the size of the table, and then lines of row, column and value. Pixels count from
-1. Versions up to 7 have y upward from the lower edge of the picture, and version 8 has y downward. The file does not
-state the version; a clamp and an axis in the axes of the file are valid for both.
+digitised. A sparse file has a title, the size of the table, and then lines with row, column and value. Pixels are
+counted from 1. In versions up to 7, y points up from the lower edge of the picture. In version 8, y points down. The
+file does not contain the version. Clamp and axis are therefore given in the axes of the file.
 
 Source of the format: DLTdv7.m and DLTdv8a_internal/sparseSave.m of github.com/tlhedrick/dltdv.
 """
@@ -26,7 +28,11 @@ _MOST_CELLS = 100_000_000
 
 
 def read_dltdv(path: Path) -> Tracks:
-    """Read the points of one camera, or points in three dimensions; frames count from 1. Raises InputError."""
+    """Return the points in a DLTdv file as tracks: points of one camera in pixels, or points in three dimensions.
+
+    Frames are counted from 1. Raises InputError if DLTdv did not write the file, or if it has points of several
+    cameras.
+    """
     lines = read_text(path).splitlines()
     if len(lines) > 1 and re.fullmatch(r"\d+\t\d+\t\d+", lines[1].strip()):
         columns, table = _sparse(path, lines)
@@ -34,7 +40,7 @@ def read_dltdv(path: Path) -> Tracks:
         (_, header), *body = read_cells(path)
         columns = header
         if bad := [line for line, cells in body if len(cells) != len(header)]:
-            raise refused(path, "DLTdv", f"line {bad[0]} should have {len(header)} cells, as the first has")
+            raise refused(path, "DLTdv", f"line {bad[0]} should have {len(header)} cells, like the first line")
         table = np.array([numbers(path, line, cells) for line, cells in body]).reshape(len(body), len(header))
     return _tracks(path, columns, table)
 
@@ -61,13 +67,15 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Convert a sparse file into column names of the dense form and a dense table, with NaN for gaps."""
+    """Return the lines of a sparse file as a dense table, with the names of its columns; an absent value is NaN."""
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]
     if len(entries) != stored or any(len(entry) != 3 for entry in entries) or rows * columns > _MOST_CELLS:
-        raise refused(path, "DLTdv", f"below its size there should be {stored} lines of row, column and value")
+        raise refused(
+            path, "DLTdv", f"after line 2 there should be {stored} lines with row, column and value, as line 2 says"
+        )
     if columns % 2:
-        raise InputError(f"{path}: has {columns} columns; the columns of one camera come in pairs")
+        raise InputError(f"{path}: has {columns} columns; a file of one camera should have two columns for each point")
     table = np.full((rows, columns), np.nan)
     for line, entry in enumerate(entries, 3):
         row, column, value = numbers(path, line, entry)

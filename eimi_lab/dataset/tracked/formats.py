@@ -1,4 +1,4 @@
-"""The programs whose files can be imported, by their names on the command line."""
+"""The tracking programs whose files can be imported, with their names on the command line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FORMATS: dict[str, Callable[[Path], Tracks]] = {
 
 
 def reader_of(tool: str) -> Callable[[Path], Tracks]:
-    """Return the reader of a program's files; raise InputError for an unknown name."""
+    """Return the function that reads the files of a tracking program. Raises InputError for an unknown program."""
     if tool not in FORMATS:
         raise InputError(f"--format {tool}: should be one of {', '.join(FORMATS)}")
     return FORMATS[tool]

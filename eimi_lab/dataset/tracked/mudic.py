@@ -1,7 +1,7 @@
-"""µDIC's saved results (`muDIC.IO.save`, a pickle): the nodes of its mesh in every picture, in pixels.
+"""Read the results of the image correlation program µDIC: the nodes of its mesh in every picture, in pixels.
 
-A pickle can run any program when it is loaded. Here only arrays are created from it; every other object is replaced by
-one that does nothing.
+`muDIC.IO.save` writes a pickle. A pickle can run any code when it is loaded. Therefore only arrays are created from the
+file, and every other object is replaced by an object that does nothing.
 
 Source of the format: muDIC/IO/readWriteUtils.py, and class DICOutput in muDIC/solver/correlate.py, of
 github.com/PolymerGuy/muDIC: xnodesT and ynodesT have the shape (nodes, frames).
@@ -32,7 +32,10 @@ _ARRAYS = {
 
 
 def read_mudic(path: Path) -> Tracks:
-    """Read the nodes of the mesh; frame 0 is the reference picture. Raises InputError."""
+    """Return the nodes of the mesh in a µDIC file as tracks, in pixels. Frame 0 is the reference picture.
+
+    Raises InputError if µDIC did not write the file.
+    """
     try:
         with path.open("rb") as file:
             saved = _Harmless(file).load()
@@ -48,7 +51,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """Replacement of every object that is not an array: it accepts all calls and does nothing."""
+    """The replacement of every object of a pickle that is not an array. It accepts all calls and does nothing."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)
@@ -67,21 +70,21 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Ignore an element of a list."""
+        """Do nothing: the pickle appends a value to an object that was replaced."""
 
     def extend(self, values: Any) -> None:
-        """Ignore elements of a list."""
+        """Do nothing: the pickle appends several values to an object that was replaced."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
-    """Create an array from its constructor and its state, as dill (with which µDIC saves) stores it."""
+    """Create an array from its constructor and its contents, as the library dill stores arrays; µDIC uses dill."""
     array = make(*arguments)
     array.__setstate__(state)
     return array
 
 
 class _Harmless(pickle.Unpickler):
-    """An unpickler that creates arrays and nothing else."""
+    """An unpickler that creates arrays, and replaces every other object by an `_Inert`."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module.startswith("dill.") and name == "_create_array":

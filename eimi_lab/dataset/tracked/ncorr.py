@@ -1,9 +1,11 @@
-"""Ncorr's saved analysis, a MATLAB file: displacements on a grid of pixels of the reference picture.
+"""Read the analysis that the image correlation program Ncorr saves as a MATLAB file.
 
-Ncorr saves MATLAB's version 7.3, which is HDF5; files that were saved again as version 7 can also be read.
+The file contains displacements on a grid of pixels of the reference picture. Ncorr saves MATLAB files of version 7.3,
+which are HDF5 files. Files that were saved again as version 7 can also be read.
+
 data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i relative to the reference picture,
-in the user's unit; it is 0 outside the region of interest. dispinfo.pixtounits is the size of a pixel in this unit, and
-dispinfo.spacing is the number of pixels between neighbouring points of the grid.
+in a unit that the user chose in Ncorr; it is 0 outside the region of interest. dispinfo.pixtounits is the size of a
+pixel in this unit. dispinfo.spacing is the number of pixels between neighbouring points of the grid.
 
 Source of the format: `callback_topmenu_savedata`, and the description of `data_dic`, in ncorr.m of
 github.com/justinblaber/ncorr_2D_matlab.
@@ -29,7 +31,11 @@ _SAVED = "data_dic_save"
 
 
 def read_ncorr(path: Path) -> Tracks:
-    """Read the displacements; frame 0 is the reference picture, frame 1 the next picture. Raises InputError."""
+    """Return the points of the grid in an Ncorr file as tracks, in pixels.
+
+    Frame 0 is the reference picture, and frame 1 is the next picture. Raises InputError if the file is not an analysis
+    of Ncorr, or if it contains no displacements.
+    """
     try:
         displacements, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, MatReadError, OSError) as error:
@@ -42,7 +48,7 @@ def read_ncorr(path: Path) -> Tracks:
     in_region = (u != 0.0) | (v != 0.0)
     row, column = np.nonzero(in_region.any(axis=0))
     if not len(row):
-        raise InputError(f"{path}: contains no displacement other than 0")
+        raise InputError(f"{path}: contains no displacement other than 0; check the analysis in Ncorr")
     rest: Array = (spacing + 1.0) * np.column_stack([column, row]).astype(np.float64)
     places = rest + np.stack([u[:, row, column], v[:, row, column]], axis=-1)
     places[~in_region[:, row, column]] = np.nan
@@ -57,16 +63,22 @@ def read_ncorr(path: Path) -> Tracks:
 
 
 def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
-    """Read displacements and grid of an HDF5 file of Ncorr.
+    """Read the displacements and the grid from an Ncorr file of version 7.3.
 
-    Returns the displacements u and v (rows, columns) of each picture, the spacing, and the size of a pixel.
+    Returns
+    -------
+    displacements, spacing, pixel
+        The displacements u and v of each picture, both of shape (rows, columns); dispinfo.spacing; dispinfo.pixtounits.
     """
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]
         info, displacements = saved["dispinfo"], saved["displacements"]
 
         def each(name: str) -> list[Array]:
-            """Return the arrays of a field: a single structure holds the array, several hold references to arrays."""
+            """Return the arrays of one field of the MATLAB structure, one array for each picture.
+
+            For one picture the field is the array. For several pictures the field contains references to arrays.
+            """
             field = displacements[name]
             items = [file[reference] for reference in np.ravel(field[()])] if field.dtype == h5py.ref_dtype else [field]
             return [_array(item).T for item in items]

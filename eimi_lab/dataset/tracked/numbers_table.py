@@ -1,4 +1,4 @@
-"""Tables of numbers that other programs export, with empty cells and numbers of any locale."""
+"""Read tables of numbers that other programs export as text, with empty cells and decimal points or commas."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ _NOTHING = frozenset({"", "nan", "NaN", "NAN", "Inf", "-Inf", "null"})
 
 
 def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list[tuple[int, list[str]]]:
-    """Read the cells of a text table.
+    """Return the cells of a table in a text file.
 
     Parameters
     ----------
     path
         The file.
     separators
-        Possible separators; the most frequent one in the first lines is used.
+        Possible separators of cells. The separator that is most frequent in the first five lines is used.
     comment
         Lines that start with this text are skipped.
 
     Returns
     -------
-    list
-        For each line that is not empty, its number and its cells.
+    list of (int, list of str)
+        The number and the cells of each line that is not empty.
 
     Raises
     ------
@@ -53,7 +53,10 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
 
 
 def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
-    """Return the numbers (n,) in cells; an empty cell is NaN, and a decimal comma is allowed. Raises InputError."""
+    """Convert n cells of a table into numbers, shape (n,). An empty cell becomes NaN, and decimal commas are allowed.
+
+    Raises InputError, which names the line, for a cell that is not a number.
+    """
     values = []
     for cell in cells:
         try:
@@ -65,5 +68,8 @@ def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
 
 
 def refused(path: Path, tool: str, expected: str) -> InputError:
-    """Return the error for a file that the program did not write; ``expected`` states the expected content."""
+    """Return the error for a file that was not written by a tracking program.
+
+    ``tool`` is the name of the program, and ``expected`` is a sentence that describes the expected content.
+    """
     return InputError(f"{path}: is not a file of {tool}: {expected}")

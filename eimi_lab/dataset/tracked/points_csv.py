@@ -1,4 +1,4 @@
-"""points.csv: tracked points in millimetres of the beam frame, with one row for each point of each state."""
+"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from eimi_lab.process.outputs import whole_file
 COLUMNS = {
     "state": Column("Number of the state, as in states.csv.", "0", "required"),
     "point": Column("Name of the point, the same in every state.", "marker1", "required"),
-    "x0_mm": Column("Position at rest along the beam, from the clamp.", "25.0", "required"),
+    "x0_mm": Column("Position at rest along the beam, measured from the clamp.", "25.0", "required"),
     "y0_mm": Column(
-        "Position at rest across the beam, from the middle; positive toward the positive field.", "0.0", "required"
+        "Position at rest across the beam, measured from the centre line. The field of a positive current points in "
+        "the positive direction.",
+        "0.0",
+        "required",
     ),
     "x_mm": Column("Position x in this state, in the beam frame.", "21.73", "required"),
     "y_mm": Column("Position y in this state, in the beam frame.", "9.42", "required"),
-    "sigma_mm": Column("Standard uncertainty of each coordinate.", "0.02", "required"),
+    "sigma_mm": Column("Standard uncertainty of x_mm and of y_mm.", "0.02", "required"),
 }
 DEPTH = "z_mm"
-OPTIONAL_COLUMNS = {DEPTH: Column("Position at rest in depth, from mid-depth.", "2.5", "0")}
+OPTIONAL_COLUMNS = {DEPTH: Column("Position at rest in depth, measured from mid-depth of the beam.", "2.5", "0")}
 ON_THE_BEAM_MM = 1e-6  # tolerance for numbers rounded in a table
 
 
@@ -39,22 +42,23 @@ def import_points(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from a table of tracked points.
+    """Make a dataset from a table of tracked points and a table with the loads of each state.
 
     Parameters
     ----------
     points, states
-        The table of points and the table of states.
+        The table of points (points.csv) and the table of states (states.csv).
     specimen
         The specimen.
     gravity_angle_deg
         Direction of gravity in the beam frame, from +x toward +y. A tip force without an angle has this direction.
+        None without gravity.
     path
         The dataset to write.
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the weight bends the beam.
+        Whether the simulation of the beam includes its weight.
 
     Returns
     -------
@@ -74,11 +78,16 @@ def import_points(
             if state not in by_state:
                 raise row.fault("state", f"one of the states in {states}")
             if any(other.text("point") == row.text("point") for other in by_state[state]):
-                raise InputError(f"{points}: row {row.line}: point {row.text('point')} appears twice in state {state}")
+                raise InputError(
+                    f"{points}: row {row.line}: point {row.text('point')} appears twice in state {state}; give each "
+                    "point of a state one row"
+                )
             by_state[state].append(row)
         for state, rows in by_state.items():
             if not rows:
-                raise InputError(f"{points}: has no point of state {state}, which is in {states}")
+                raise InputError(
+                    f"{points}: has no point of state {state}, which {states} lists; add points, or remove the state"
+                )
         tracked = [_tracked(rows, specimen) for rows in by_state.values()]
         load_of_state = list(loads.values())
         check_directions(states, load_of_state, gravity_angle_deg)
@@ -101,7 +110,7 @@ def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
 
 
 def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
-    """Raise InputError if a point at rest is not on the beam, or if its uncertainty is not positive."""
+    """Raise InputError if the point in a row is not on the beam at rest, or if its uncertainty is not positive."""
     beam = specimen.specimen
     if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
         raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")

@@ -1,4 +1,4 @@
-"""Make a dataset from points that another program tracked, and a table with the frame and the loads of each state."""
+"""Make a dataset from tracked points of another program, and from a table with the frame and loads of each state."""
 
 from __future__ import annotations
 
@@ -33,28 +33,29 @@ def import_tracks(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from points that another program tracked.
+    """Make a dataset from points that another program tracked, and from a table of states.
 
     Parameters
     ----------
     source
-        The program's file or folder.
+        The file or the folder that the tracking program wrote.
     tool
         Name of the program, one of `FORMATS`.
     states
-        Table with one row for each state: the number of its frame as the program counts, or time_s, and the loads.
+        Table with one row for each state: its frame (the number that the tracking program gives, or the time), and its
+        loads.
     specimen
         The specimen.
     placing
-        Position of the points in the beam frame.
+        How coordinates of the file are converted into the beam frame.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y; a calibration in ``placing`` replaces it.
+        Direction of gravity in the beam frame, from +x toward +y. It is ignored if ``placing`` has a calibration.
     path
         The dataset to write.
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the weight bends the beam.
+        Whether the simulation of the beam includes its weight.
 
     Returns
     -------
@@ -88,26 +89,36 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index, in the tracks, of the frame that a row names."""
+    """Return the index, in the tracks, of the frame that a row of the table of states gives by number or time."""
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
-        raise InputError(f"{row.path}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
+        raise InputError(
+            f"{row.path}: row 1: needs one of the columns frame and time_s, which specify frames of {source.name}"
+        )
     if "frame" in row.cells:
         indices = np.flatnonzero(tracks.frames == row.count("frame"))
         if not len(indices):
-            raise row.fault("frame", f"one of {source.name}, which has {tracks.frames[0]} to {tracks.frames[-1]}")
+            raise row.fault(
+                "frame", f"a frame of {source.name}, which has the frames {tracks.frames[0]} to {tracks.frames[-1]}"
+            )
         return int(indices[0])
     if tracks.times_s is None:
         raise InputError(f"{row.path}: row 1: {source.name} has no times; give the column frame instead of time_s")
     apart = np.abs(tracks.times_s - row.number("time_s"))
     step = float(np.median(np.diff(tracks.times_s))) if len(tracks.times_s) > 1 else np.inf
     if apart.min() > step:
-        raise row.fault("time_s", f"within {source.name}: {tracks.times_s[0]:g} to {tracks.times_s[-1]:g} s")
+        raise row.fault("time_s", f"a time of {source.name}, from {tracks.times_s[0]:g} to {tracks.times_s[-1]:g} s")
     return int(apart.argmin())
 
 
 def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
-    """Return the points to use: on the beam at rest, seen in at least one state, and at most `MOST_POINTS` points."""
+    """Return the indices (n,) of the tracked points that are used.
+
+    These points are on the beam at rest, and were seen in at least one of the frames ``at``. If they are more than
+    `MOST_POINTS`, only this number of points is returned, evenly spaced in the order of the file.
+
+    Raises InputError if there is no such point. A note on standard error tells how many points are left out.
+    """
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm
     along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)
@@ -116,20 +127,25 @@ def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, 
     chosen = np.flatnonzero(on_it & seen)
     with_rest = np.flatnonzero(np.isfinite(rest).all(axis=1))
     if not len(chosen):
-        where = "none is seen at rest"
+        where = "no point was seen at rest"
         if len(with_rest):
             x, y = rest[with_rest[0]]
-            where = f"the first lies at {x:.4g}, {y:.4g} mm"
+            where = f"the first point is at x = {x:.4g}, y = {y:.4g} mm"
         raise InputError(
-            f"{source}: none of the points ({len(rest)}) lies on the beam at rest, which reaches from 0, "
-            f"{-beam.width_mm / 2:g} to {beam.length_mm:g}, {beam.width_mm / 2:g} mm from its clamp; {where}: check "
-            "clamp, axis and unit"
+            f"{source}: none of the points ({len(rest)}) is on the beam at rest, which reaches from x = 0 to "
+            f"{beam.length_mm:g} mm and from y = {-beam.width_mm / 2:g} to {beam.width_mm / 2:g} mm; {where}; check "
+            "--clamp, --axis and --unit, or the calibration"
         )
     off = len(rest) - len(chosen)
     if off:
-        tell(f"note: {source}: {off} of {len(rest)} points left out: off the beam at rest, or not seen")
+        tell(
+            f"note: {source}: {off} of {len(rest)} points were left out, because they are not on the beam at rest or "
+            "were not seen"
+        )
     if len(chosen) > MOST_POINTS:
-        tell(f"note: {source}: {MOST_POINTS} of {len(chosen)} points taken, evenly in the file's order")
+        tell(
+            f"note: {source}: {MOST_POINTS} of {len(chosen)} points were taken, evenly spaced in the order of the file"
+        )
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_POINTS).round().astype(int)]
     return chosen
 

@@ -1,9 +1,10 @@
-"""Tracker's exported data file (Open Source Physics).
+"""Read the data file that the video program Tracker (Open Source Physics) exports.
 
 The file has a row with the names of the tracks, a row with the names of the columns, and then one row for each frame.
-"#multi:" precedes several tracks; in files of earlier versions, the first line is the name of a single track. The first
-column is t or frame. A cell is empty if the track has no point in the frame. Any delimiter is possible, and numbers
-follow the locale. Positions are in the unit and axes of Tracker's own calibration, which the file does not state.
+"#multi:" is written before the names of several tracks. In files of early versions, the first line is the name of a
+single track. The first column is t or frame. A cell is empty if the track has no point in the frame. Any separator is
+possible, and numbers may have decimal commas. Positions are in the unit and axes of the calibration that the user made
+in Tracker; the file does not contain this unit.
 
 Source of the format: `ExportDataDialog.java` of github.com/OpenSourcePhysics/tracker.
 """
@@ -21,9 +22,10 @@ _INDEPENDENT = ("t", "frame", "n", "step")
 
 
 def read_tracker(path: Path) -> Tracks:
-    """Read x and y of the tracks; other columns are ignored, and frames without a number count from 0.
+    """Return the tracks in a file of Tracker, with the columns x and y of each track.
 
-    Raises InputError if the file was not written by Tracker.
+    Other columns are ignored. If the first column contains times, the frames are counted from 0. Raises InputError if
+    Tracker did not write the file.
     """
     rows = read_cells(path, "\t;, ")
     at = next((k for k, (_, cells) in enumerate(rows[:3]) if cells[0] in _INDEPENDENT), None)
@@ -55,7 +57,7 @@ def read_tracker(path: Path) -> Tracks:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Append a number to each name that several tracks have."""
+    """Return the names of the tracks, with a number after each name that several tracks have."""
     return tuple(
         name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
     )

@@ -1,4 +1,4 @@
-"""Tracked points in frames, in the unit and axes of the file of any tracking program."""
+"""Positions of tracked points, in the unit and axes of the file that a tracking program wrote."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """Positions of n points in k frames; a value that the file does not state is None.
+    """Positions of n points in k frames, in the unit and axes of the file. A value that the file lacks is None.
 
     Parameters
     ----------
     names
         Names of the points.
     frames
-        (k,) numbers of the frames, as the program counts them.
+        (k,) numbers of the frames, as the tracking program counts them.
     places
-        (k, n, 2) or (k, n, 3) positions; NaN where a point was not seen.
+        (k, n, 2) or (k, n, 3) positions; NaN for a point that was not seen in a frame.
     rest
         (n, 2) positions in the reference picture.
     sigma
-        (k, n) standard deviation of each coordinate.
+        (k, n) standard deviation of one coordinate.
     unit
-        Unit of positions: px, mm, cm, m or in.
+        Unit of the positions: px, mm, cm, m or in.
     times_s
-        (k,) times of the frames.
+        (k,) times of the frames, s.
     image_axes
-        Whether positions are pixels as this suite counts them: the centre of the first pixel is 0, 0, and y is down.
+        Whether positions are pixels in the axes of a calibration: the centre of the first pixel is 0, 0, and y points
+        down.
     """
 
     names: tuple[str, ...]
