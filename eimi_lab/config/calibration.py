@@ -1,4 +1,4 @@
-"""calibration.toml: position and scale of the beam in the image, and the field per ampere."""
+"""Read calibration.toml: scale of the picture, position and direction of the beam in it, and the field of the coil."""
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ LARGEST_CAMERA_TILT_DEG = 30.0
 
 
 class Picture(Table):
-    """Information that helps the search for the beam in the pictures; without it, the search determines each value."""
+    """Information that helps the program to find the beam in the pictures. The program determines absent values."""
 
     region_px: Quad | None = None
-    """Left, top, width and height of the part of the picture to search; the rest is ignored."""
+    """Left, top, width and height of the part of the picture in which the beam is searched."""
     polarity: Literal["dark", "bright"] | None = None
-    """Whether the beam is darker or brighter than its surroundings."""
+    """dark or bright: whether the beam is darker or brighter than its surroundings."""
     channel: Literal["red", "green", "blue", "grey"] | None = None
     """The colour in which beam and surroundings differ most."""
     beam_colour: Triple | None = None
-    """Red, green and blue of the beam, 0 to 255; use it instead of channel."""
+    """Red, green and blue of the beam, from 0 to 255 each. Give either beam_colour or channel."""
     along_px: Annotated[tuple[Pair, ...], Field(strict=False)] | None = None
-    """Two to six points on the centre line of the beam in the first picture, from clamp to tip."""
+    """Two to six points on the centre line of the beam in the first picture, from the clamp to the tip."""
 
     @model_validator(mode="after")
     def _sensible(self) -> Picture:
         if self.region_px is not None and (min(self.region_px[:2]) < 0 or min(self.region_px[2:]) < 1):
             raise ValueError(
-                f"region_px = {list(self.region_px)} should be left and top, 0 or more, and width and height, 1 or more"
+                f"region_px = {list(self.region_px)} should be left and top (0 or more), width and height (1 or more)"
             )
         if self.beam_colour is not None and not all(0 <= part <= 255 for part in self.beam_colour):
             raise ValueError(f"beam_colour = {list(self.beam_colour)} should be red, green and blue from 0 to 255")
@@ -67,54 +67,57 @@ class Picture(Table):
 class Calibration(Document):
     """The contents of calibration.toml.
 
-    The image frame has x to the right, y down and pixel centres at integer coordinates. Angles are in degrees,
-    clockwise from +x. The uncertainty of clamp_midpoint_px holds for either direction; the uncertainty of the focal
-    length has the key focal_length_px.
+    In the picture, x points to the right and y down, and the centres of the pixels have integer coordinates. Angles are
+    in degrees, clockwise from +x. The uncertainty of clamp_midpoint_px is that of x and that of y. In the table
+    [uncertainty], the key of the focal length is focal_length_px.
     """
 
     pixels_per_mm: float = Field(gt=0)
     """Scale of the image in the middle plane of the beam."""
     coil_constant_mT_per_A: float | None = Field(default=None, gt=0)
-    """Field per current at the magnet, measured with a Hall probe; leave it out if there is no coil."""
+    """Field at the magnet for each ampere, measured with a Hall probe. Leave the key out if there is no coil."""
     clamp_midpoint_px: Pair
-    """Middle of the line where the beam leaves its clamp; x to the right, y down."""
+    """Middle of the line at which the beam leaves the clamp: x to the right, y down."""
     axis_angle_deg: Angle
-    """Direction of the undeformed beam away from the clamp, clockwise from the image's +x; 90 points down."""
+    """Direction of the undeformed beam away from the clamp, clockwise from +x of the picture; 90 is down."""
     gravity_angle_deg: Angle
-    """Direction of gravity, clockwise from the image's +x; 90 points down in the picture."""
+    """Direction of gravity, clockwise from +x of the picture; 90 is down."""
     gravity: bool = True
-    """false if the weight does not act, as for a beam that bends in a horizontal plane; tip forces keep the angle."""
+    """false if the weight does not bend the beam, because the beam bends in a horizontal plane. A tip force without an
+    angle has the direction gravity_angle_deg even then."""
     field_angle_deg: Angle | None = None
-    """Direction of the field of a positive current, across the beam; clockwise from the image's +x. A calibration with
-    a coil constant needs it."""
+    """Direction of the field of a positive current, clockwise from +x of the picture; across the beam. The key is
+    required with coil_constant_mT_per_A."""
     background_field_mT: Pair | None = None
-    """Field at the magnet without a current, such as that of the earth: to the right and down in the image."""
+    """Field at the magnet without a current, such as that of the earth: the components to the right and down in the
+    picture."""
     field: CoilShapeTable | None = None
-    """The coil's field as a function of the place; by default it is uniform."""
+    """The field of the coil as a function of position; by default the field is uniform."""
     camera_matrix: Matrix | None = None
-    """OpenCV's camera matrix; give it together with distortion."""
+    """Camera matrix of OpenCV; give camera_matrix and distortion together."""
     distortion: Numbers | None = None
-    """OpenCV's distortion coefficients: 4, 5, 8, 12 or 14 numbers."""
+    """Distortion coefficients of OpenCV: 4, 5, 8, 12 or 14 numbers."""
     stand_off_mm: float | None = Field(default=None, gt=0)
     """Distance from the entrance pupil of the lens to the middle plane of the beam."""
     camera_tilt_deg: Pair | None = None
-    """Angles by which the plane of the beam comes nearer to the camera, toward the right and toward the bottom of the
-    picture; needs stand_off_mm."""
+    """Angles between the plane of the beam and the plane of the sensor. The first angle is positive if the beam is
+    nearer to the camera at the right of the picture, the second if it is nearer at the bottom. Needs stand_off_mm."""
     ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
-    """Two ticks of the ruler from which the scale was read; a tilt of the camera leaves their distance as it is."""
+    """Two ticks of the ruler by which the scale was measured. A correction of camera_tilt_deg does not change the
+    distance between them."""
     telecentric: bool = False
-    """true for a telecentric lens, which needs no stand-off."""
+    """true for a telecentric lens, which needs no stand_off_mm."""
     calibrated_on: date | None = None
-    """The day on which the numbers were measured."""
+    """The day on which the values were measured."""
     uncertainty: OfCalibration | None = None
-    """Standard uncertainties under the keys of the values. 0 means exact, an absent key means unknown."""
+    """Standard uncertainties, with the keys of the values. 0 means exact; an absent key means unknown."""
     picture: Picture | None = None
-    """Information that helps the search for the beam."""
+    """Information that helps the program to find the beam in the pictures."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Calibration:
         if self.coil_constant_mT_per_A is not None and self.field_angle_deg is None:
-            raise ValueError("field_angle_deg is missing: a coil_constant_mT_per_A needs the direction of the field")
+            raise ValueError("field_angle_deg is missing: coil_constant_mT_per_A needs the direction of the field")
         across = math.sin(math.radians(self.positive_field_deg - self.axis_angle_deg))
         if abs(across) < 0.5 - _ROUNDING:
             raise ValueError(
@@ -122,17 +125,17 @@ class Calibration(Document):
                 f"axis_angle_deg = {self.axis_angle_deg:g}"
             )
         if (self.camera_matrix is None) != (self.distortion is None):
-            raise ValueError("camera_matrix and distortion belong together: give both or neither")
+            raise ValueError("camera_matrix and distortion belong together: give both keys or none of them")
         if self.distortion is not None and len(self.distortion) not in DISTORTION_LENGTHS:
             raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 4, 5, 8, 12 or 14")
         if self.telecentric and self.stand_off_mm is not None:
-            raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
-        if self.camera_tilt_deg is not None and self.stand_off_mm is None:
-            raise ValueError("stand_off_mm is missing: camera_tilt_deg has an effect only at a stated distance")
-        if "camera_tilt_deg" in (self.uncertainty or {}) and self.stand_off_mm is None:
             raise ValueError(
-                "stand_off_mm is missing: [uncertainty] camera_tilt_deg has an effect only at a stated distance"
+                f"stand_off_mm = {self.stand_off_mm:g} and telecentric = true exclude each other: leave one of them out"
             )
+        if self.camera_tilt_deg is not None and self.stand_off_mm is None:
+            raise ValueError("stand_off_mm is missing: camera_tilt_deg needs the distance of the camera")
+        if "camera_tilt_deg" in (self.uncertainty or {}) and self.stand_off_mm is None:
+            raise ValueError("stand_off_mm is missing: [uncertainty] camera_tilt_deg needs the distance of the camera")
         if self.camera_tilt_deg is not None and max(map(abs, self.camera_tilt_deg)) > LARGEST_CAMERA_TILT_DEG:
             raise ValueError(
                 f"camera_tilt_deg = {list(self.camera_tilt_deg)} should be two angles "
@@ -146,22 +149,26 @@ class Calibration(Document):
 
     @property
     def positive_field_deg(self) -> float:
-        """Direction of the field of a positive current, which is also that of +y; across the beam without a coil."""
+        """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
+
+        +y of the beam frame has the same direction. Without a coil, the direction is at 90° to the beam.
+        """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 
     @property
     def mT_per_A(self) -> float:
-        """The coil constant; 0 without a coil."""
+        """The coil constant in mT for each ampere; 0 without a coil."""
         return self.coil_constant_mT_per_A or 0.0
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys that have a value in this calibration and may have an uncertainty."""
+        """Return the keys of this calibration whose values may have an entry in the table [uncertainty]."""
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the uncertainties that the file states.
+        """Return the sources of uncertainty in the table [uncertainty] of the calibration.
 
-        Datasets with the same calibration share its errors. Datasets with the same coil constant share its error.
+        The errors of a calibration are common to all datasets with this calibration. The error of the coil constant is
+        common to all datasets with the same coil constant.
         """
         coil = f"coil of {self.mT_per_A:g} mT/A"
         numbers = self._as_json({"picture"})
@@ -180,16 +187,19 @@ class Calibration(Document):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the values; it does not depend on the file's layout and comments."""
+        """SHA-256 of the values of the calibration, which does not depend on layout and comments of the file."""
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
-        """Return the values as JSON; a calibration without newer keys gives the same JSON as in earlier releases."""
+        """Return the values as JSON, without the keys ``excluded``.
+
+        Absent keys that later releases added are left out, so that the JSON of an old calibration does not change.
+        """
         absent = {key for key in _OF_LATER_RELEASES if getattr(self, key) is None}
         return self.model_dump_json(exclude=excluded | absent)
 
     def age_days(self, taken: datetime) -> float | None:
-        """Return the days from the calibration to ``taken``; None if ``calibrated_on`` is not stated."""
+        """Return the number of days from ``calibrated_on`` to the time ``taken``; None if that key is absent."""
         if self.calibrated_on is None:
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
@@ -197,10 +207,10 @@ class Calibration(Document):
 
 
 PLACES = ("clamp_midpoint_px", "axis_angle_deg")
-"""Keys whose values a person reads from the pictures; a file may leave them out until then."""
+"""Keys whose values the user measures in the pictures. A file may lack these keys until the pictures exist."""
 
 Changes = Mapping[str, Any]
-"""Values that replace those of a calibration, by key; the key "picture" holds a table of such values."""
+"""New values for keys of a calibration, by key. The value of the key "picture" is a table of new values."""
 
 
 _ONE_OF = frozenset({"channel", "beam_colour"})  # a new value of one of them removes the other
@@ -214,12 +224,12 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
     path
         Path of the file, or the name of a shipped calibration.
     changes
-        Values that replace those in the file.
+        New values, which replace the values in the file.
 
     Raises
     ------
     InputError
-        If the file cannot be read or is not a valid calibration.
+        If the file cannot be read, or is not a valid calibration.
     """
     file = locate(path, "rigs")
     text = read_text(file)
@@ -230,12 +240,12 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return the keys of `PLACES` that neither the file nor the changes contain.
+    """Return the keys of `PLACES` that are missing in a calibration file and in the changes of its values.
 
     Raises
     ------
     InputError
-        If the file and the changes would not be a valid calibration even with these keys.
+        If the file would not be a valid calibration even with the missing keys.
     """
     file = locate(path, "rigs")
     table = parse_table(read_text(file), file)
@@ -249,7 +259,7 @@ def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
 
 
 def changed_calibration(calibration: Calibration, changes: Changes) -> Calibration:
-    """Return a calibration with some values replaced, also in its text; raise InputError if it is not valid."""
+    """Return a calibration with new values, which its text also contains. Raises InputError if it is not valid."""
     table = calibration.model_dump(exclude_unset=True, exclude_none=True)
     return _changed(table, changes, calibration.text, "calibration")
 

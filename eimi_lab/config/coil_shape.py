@@ -1,4 +1,4 @@
-"""The table [field] of a calibration: the field of the coil as a function of the place."""
+"""The table [field] of a calibration, which gives the field of the coil as a function of position."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 
 
 class CoilShapeTable(Table):
-    """The shape of the coil's field, in the plane of the beam and in the beam frame.
+    """How the field of the coil depends on the position in the plane of the beam, in the beam frame.
 
-    Its strength follows from coil_constant_mT_per_A, which holds at the middle of the magnet at rest, or at the middle
-    of the beam if there is no magnet. State two loops, a measured map, or only a gradient.
+    The table gives only the dependence on position. The strength follows from coil_constant_mT_per_A, which is the
+    field at the middle of the magnet at rest, or at the middle of the beam if there is no magnet. Give two loops, a
+    measured map, or only a gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -38,33 +39,35 @@ class CoilShapeTable(Table):
     gap_mm: float | None = Field(default=None, ge=0)
     """Distance between the planes of the loops; equal to the radius for a Helmholtz coil, 0 for a single loop."""
     centre_mm: Pair | None = None
-    """Point half-way between the loops, along and across the beam; by default the place of coil_constant_mT_per_A."""
+    """Point half-way between the loops, along and across the beam; by default the point to which
+    coil_constant_mT_per_A applies."""
     map: Annotated[tuple[Row, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
-    """Measured field: name of a CSV file beside this one with the columns x_mm, y_mm, bx_mT and by_mT on a rectangular
-    grid. A dataset keeps its rows."""
+    """Measured field: name of a CSV file in the same folder, with the columns x_mm, y_mm, bx_mT and by_mT at the points
+    of a rectangular grid. A dataset contains the rows of the file."""
     gradient_per_m: Pair | None = None
-    """Change of the strength per metre along and across the beam, as a share; alone, or in addition to loops or map."""
+    """Relative change of the strength per metre along and across the beam. It can be given alone, or in addition to the
+    loops or the map."""
     against_current: Annotated[tuple[Pair, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
-    """Currents (A) and readings of a gaussmeter (mT) from which `eimi calibrate-coil` took the coil constant; a record
-    that changes nothing."""
+    """Currents (A) and readings of a gaussmeter (mT) from which `eimi calibrate-coil` computed the coil constant. They
+    are stored only for information."""
 
     @model_validator(mode="after")
     def _consistent(self) -> CoilShapeTable:
         if (self.radius_mm is None) != (self.gap_mm is None):
-            raise ValueError("radius_mm and gap_mm belong together: give both or neither")
+            raise ValueError("radius_mm and gap_mm belong together: give both keys or none of them")
         if self.radius_mm is not None and self.map is not None:
             raise ValueError("has both radius_mm and map; give one of them")
         if self.centre_mm is not None and self.radius_mm is None:
             raise ValueError("centre_mm is the centre of the loops; give radius_mm and gap_mm, too")
         if not self.is_uneven and self.against_current is None:
-            raise ValueError("states nothing: give radius_mm and gap_mm, or map, or gradient_per_m")
+            raise ValueError("has none of the keys radius_mm and gap_mm, map, and gradient_per_m; give at least one")
         if self.map is not None:
             self._grid()
         return self
 
     @property
     def is_uneven(self) -> bool:
-        """Whether the table states how the field changes from place to place."""
+        """Whether the field changes with the position, because the table has loops, a map or a gradient."""
         return not (self.radius_mm is None and self.map is None and self.gradient_per_m is None)
 
     def _grid(self) -> FieldTable:
@@ -72,25 +75,25 @@ class CoilShapeTable(Table):
         x, y = (np.unique(rows[:, i]) for i in range(2))
         if len(rows) != len(x) * len(y) or min(len(x), len(y)) < _LEAST:
             raise ValueError(
-                f"map has {len(rows)} rows at {len(x)} x and {len(y)} y; it should have one row for each pair of them, "
-                f"and at least {_LEAST} of each"
+                f"map has {len(rows)} rows with {len(x)} different x and {len(y)} different y; it should have one row "
+                f"for each pair of x and y, and at least {_LEAST} different x and {_LEAST} different y"
             )
         return FieldTable(x, y, rows[:, 2:].reshape(len(x), len(y), 2))
 
     def shape(self, specimen: Specimen, field_deg: float) -> CoilShape:
-        """Return the shape of the field for a specimen.
+        """Return the dependence of the field on the position, as the simulation of a specimen needs it.
 
         Parameters
         ----------
         specimen
             The specimen.
         field_deg
-            Direction of the positive field in the beam frame.
+            Direction of the field of a positive current in the beam frame, from +x toward +y.
 
         Raises
         ------
         ValueError
-            If a loop passes through the place of the beam, or the map does not cover the magnet.
+            If a loop passes through the beam, or if the map does not contain the position of the magnet at rest.
         """
         axis = (math.cos(math.radians(field_deg)), math.sin(math.radians(field_deg)))
         rest = np.array([specimen.field_place_mm, 0.0])
@@ -106,12 +109,19 @@ class CoilShapeTable(Table):
 
 
 def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
-    """Replace the name of a map file in the table of a calibration by the rows of that file; return whether it had one.
+    """Replace the name of a map file in a calibration by the rows of this file; return whether there was such a name.
+
+    Parameters
+    ----------
+    table
+        The contents of the calibration file, which are changed in place.
+    beside
+        Path of the calibration file, relative to which the name is understood.
 
     Raises
     ------
     InputError
-        If the file cannot be read or has other columns.
+        If the map file cannot be read, or has other columns.
     """
     field = table.get("field")
     if not isinstance(field, dict) or not isinstance(field.get("map"), str):
@@ -125,6 +135,8 @@ def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
         try:
             rows.append([float(row[column]) for column in _COLUMNS])
         except (TypeError, ValueError) as error:
-            raise InputError(f"{file}: row {number}: should be four numbers, {','.join(_COLUMNS)}") from error
+            raise InputError(
+                f"{file}: row {number}: should have four numbers, one for each of {','.join(_COLUMNS)}"
+            ) from error
     table["field"] = {**field, "map": rows}
     return True

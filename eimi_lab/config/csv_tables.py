@@ -1,4 +1,4 @@
-"""CSV tables written by a person: an error message names the file, the row, the column and the value."""
+"""Read CSV tables that a user writes. Error messages tell the file, the row, the column and the value."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class Column:
-    """Documentation of a column.
+    """The documentation of a column of a CSV table.
 
     Parameters
     ----------
     meaning
         Description of the values.
     example
-        An example of a cell.
+        Example of a cell.
     default
-        Meaning of an empty cell or an absent column; empty if the column is required.
+        What an empty cell or an absent column means; an empty text if the column is required.
     """
 
     meaning: str
@@ -34,7 +34,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table.
+    """One row of a CSV table.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ class Row:
     line
         Number of the line in the file; the header is line 1.
     cells
-        Text of each cell by column.
+        Text of each cell, by name of the column.
     decimal_comma
-        Whether numbers may have a decimal comma; True if the cells are not separated by commas.
+        Whether numbers may have a decimal comma. This is so if the cells are separated by semicolons or tabs.
     """
 
     path: Path
@@ -54,17 +54,17 @@ class Row:
     decimal_comma: bool = False
 
     def fault(self, column: str, wanted: str) -> InputError:
-        """Return the error for a cell whose value should be something else."""
+        """Return the error for a cell with a wrong value; the message says that the value should be ``wanted``."""
         return InputError(f"{self.path}: row {self.line}: {column} = {self.cells[column]!r} should be {wanted}")
 
     def text(self, column: str) -> str:
-        """Return the text of a cell; raise InputError if it is empty."""
+        """Return the text of a cell. Raises InputError if the cell is empty."""
         if not self.cells[column]:
-            raise self.fault(column, "filled in")
+            raise self.fault(column, "filled in, because the column is required")
         return self.cells[column]
 
     def number(self, column: str) -> float:
-        """Return a cell as a number; raise InputError if it is not a finite number."""
+        """Return the number in a cell. Raises InputError if the cell does not contain a finite number."""
         cell = self.cells[column]
         if self.decimal_comma and cell.count(",") == 1 and "." not in cell:
             cell = cell.replace(",", ".")
@@ -77,30 +77,30 @@ class Row:
         return value
 
     def count(self, column: str) -> int:
-        """Return a cell as an integer; raise InputError if it is not an integer of 0 or more."""
+        """Return the integer in a cell. Raises InputError if the cell does not contain an integer of 0 or more."""
         if not (self.cells[column].isascii() and self.cells[column].isdigit()):
             raise self.fault(column, "a whole number, 0 or more")
         return int(self.cells[column])
 
 
 def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()) -> list[Row]:
-    """Read a CSV table with a header; empty lines are skipped.
+    """Return the rows of a CSV table that has a header. Empty lines are skipped.
 
-    Cells are separated by commas, semicolons or tabs. With semicolons or tabs, numbers may have a decimal comma, as
-    many spreadsheets write them.
+    Cells are separated by commas, semicolons or tabs. If semicolons or tabs separate them, numbers may have a decimal
+    comma.
 
     Parameters
     ----------
     path
         The file.
     required, optional
-        Names of the columns, in any order. Any other column is refused, because a misspelt optional column would
-        otherwise be ignored without notice.
+        Names of the columns, in any order. An unknown column is an error, because the program would otherwise ignore a
+        misspelt optional column silently.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or if its header or a row is wrong.
+        If the file cannot be read, or if the header or a row is wrong.
     """
     text = read_text(path).removeprefix("\ufeff").splitlines()
     separator = _separator(next((line for line in text if line.strip()), ""))
@@ -117,7 +117,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     for line, cells in body:
         if len(cells) != len(header):
             commas = "; numbers with a decimal comma need semicolons between the cells" if separator == "," else ""
-            fault = f"has {len(cells)} cells; the header has {len(header)} columns"
+            fault = f"has {len(cells)} cells, but the header has {len(header)} columns"
             raise InputError(f"{path}: row {line}: {fault}{commas if len(cells) > len(header) else ''}")
         rows.append(Row(path, line, dict(zip(header, cells, strict=True)), decimal_comma=separator != ","))
     if not rows:
@@ -126,7 +126,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
 
 
 def _separator(header: str) -> str:
-    """Return the separator; no column name contains a comma, a semicolon or a tab."""
+    """Return the separator of a table, which is the most frequent of comma, semicolon and tab in its header."""
     return max(",;\t", key=header.count)
 
 
@@ -141,4 +141,4 @@ def _check_header(path: Path, header: list[str], required: Iterable[str], option
             raise InputError(f"{path}: row 1: {column!r} is not a known column; {hint}")
     if missing := [column for column in required if column not in header]:
         words = f"column {missing[0]} is" if len(missing) == 1 else f"columns {', '.join(missing)} are"
-        raise InputError(f"{path}: row 1: the {words} missing; found {', '.join(header)}")
+        raise InputError(f"{path}: row 1: the {words} missing; the table has the columns {', '.join(header)}")

@@ -1,4 +1,4 @@
-"""The table [[interlocks]] of a rig: bounds of a reading, outside of which the coil is switched off."""
+"""The table [[interlocks]] of a rig: bounds of a reading beyond which the coil is switched off."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ READINGS: dict[str, Callable[[Reading], float]] = {
     "coil_voltage_V": lambda measured: measured.voltage_V,
     "coil_power_W": lambda measured: measured.current_A * measured.voltage_V,
 }
-"""The readings of the supply itself, each as a function of what the supply measures at one moment."""
+"""The readings of the supply, by name; each is a function of the voltage and the current that the supply measures."""
 
 LEAST_SILENCE_S = 2.0
-"""A supply is measured every 1.5 s, so that a shorter silence is no fault."""
+"""Smallest permitted value of `longest_silence_s`: the supply is read only every 1.5 s."""
 
 
 class Interlock(Table):
-    """Bounds of a reading. The coil is switched off if the reading leaves them or does not come."""
+    """Bounds of a reading. The coil is switched off if the reading is outside the bounds, or if no reading arrives."""
 
     reading: str = Field(min_length=1)
-    """The name of a sensor in [[sensors]], or coil_current_A, coil_voltage_V or coil_power_W, as the supply measures
-    them."""
+    """Name of a sensor in [[sensors]]; or coil_current_A, coil_voltage_V or coil_power_W, which the supply measures."""
     minimum: float | None = None
-    """Smallest permitted value, in the unit of the reading. It also holds at zero current and before the run."""
+    """Smallest permitted value, in the unit of the reading. It also applies at zero current and before the run."""
     maximum: float | None = None
     """Largest permitted value, in the unit of the reading."""
     longest_silence_s: float = Field(default=5.0, ge=LEAST_SILENCE_S)
-    """The coil is switched off if no reading comes for longer than this time."""
+    """Longest permitted time without a reading. After this time the coil is switched off."""
 
     @model_validator(mode="after")
     def _bounded(self) -> Interlock:
@@ -46,7 +45,7 @@ class Interlock(Table):
 
     @property
     def in_words(self) -> str:
-        """Return the bounds in words.
+        """The bounds as text.
 
         Examples
         --------
@@ -59,7 +58,7 @@ class Interlock(Table):
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:
-    """Raise ValueError if an interlock names a reading that the bench does not have."""
+    """Raise ValueError if the reading of an interlock does not exist; ``readings`` are the names of all readings."""
     for number, interlock in enumerate(interlocks):
         if interlock.reading not in readings:
             raise ValueError(

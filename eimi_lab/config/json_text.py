@@ -1,4 +1,4 @@
-"""Parsing of JSON text from a file, where every fault is a ValueError."""
+"""Parse JSON text from a file so that every fault raises a ValueError."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def parse_json(text: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        If the text is not JSON, is nested too deeply, or contains NaN, an infinite number or an integer of more than
-        300 digits. The message states what is wrong.
+        If the text is not JSON, is nested too deeply, or contains NaN, an infinite number or an integer with
+        more than 300 digits. The message tells what is wrong.
     """
     try:
         return json.loads(text, parse_constant=_no_number, parse_float=_finite, parse_int=_short)

@@ -1,4 +1,4 @@
-"""materials.toml of a virtual rig: the true materials of its specimens, and the unstated properties of its bench."""
+"""Read materials.toml of a virtual rig: the true materials of its specimens, and hidden properties of its bench."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
-    """The true material of a virtual specimen: its law and the parameters."""
+    """The true material of a virtual specimen: the law and its parameters."""
 
     model: str
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
     parameters: dict[str, float]
-    """Parameters of the law; a name ends with _Pa if the value is in pascal. With a series, of the long-term law."""
+    """Parameters of the law. A name ends in _Pa if its value is in pascal. With a Prony series, these are the
+    parameters after complete relaxation."""
     prony_h: Numbers = ()
-    """Prony series: mu_i / mu_inf of each term. Without a series the material is elastic; its beam rings with a loss
-    factor of 0.1."""
+    """Prony series: the ratio mu_i / mu_inf for each term i, where mu_inf is the shear modulus after complete
+    relaxation. Without a series the material is elastic, and a ring-down is simulated with a loss factor of 0.1."""
     prony_tau_s: Numbers = ()
-    """Relaxation time of each term."""
+    """Prony series: the relaxation time of each term."""
 
     @model_validator(mode="after")
     def _complete(self) -> TrueMaterial:
@@ -33,12 +34,12 @@ class TrueMaterial(Table):
             raise ValueError(f"model = {self.model!r} should be one of {', '.join(LAWS)}")
         if set(self.parameters) != set(self._keys):
             raise ValueError(
-                f"parameters of {self.model} are {', '.join(self._keys)}; got {', '.join(self.parameters)}"
+                f"parameters of {self.model} should be {', '.join(self._keys)}, not {', '.join(self.parameters)}"
             )
         if len(self.prony_h) != len(self.prony_tau_s) or min((*self.prony_h, *self.prony_tau_s), default=1.0) <= 0:
             raise ValueError(
                 f"prony_h = {list(self.prony_h)} and prony_tau_s = {list(self.prony_tau_s)} should be two lists of "
-                "equal length, of numbers above 0"
+                "equal length with numbers above 0"
             )
         return self
 
@@ -51,7 +52,7 @@ class TrueMaterial(Table):
 
     @property
     def series(self) -> Prony | None:
-        """The Prony series; None without terms."""
+        """The Prony series of the material; None for an elastic material."""
         if not self.prony_h:
             return None
         h = np.array(self.prony_h)
@@ -59,36 +60,37 @@ class TrueMaterial(Table):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The parameters in the law's order, moduli in Pa."""
+        """The parameters in the order in which the law takes them, moduli in Pa."""
         return tuple(self.parameters[key] for key in self._keys)
 
 
 class TrueBench(Table):
-    """The properties of a virtual bench that differ from its specimen file and its calibration."""
+    """The true properties of a virtual bench that differ from its specimen file and its calibration."""
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
-    """Angle by which the magnetisation is turned from its stated direction."""
+    """Angle between the true magnetisation and the direction in the specimen file."""
     cast_bend_mm: float = 0.0
-    """Offset of the centre line by which the beam was cast with an even bend, at the end of its flexible part."""
+    """Offset of the centre line at the end of the flexible part, for a beam that was cast with a constant curvature."""
     taper_mm: float = 0.0
     """Change of the width from the clamp to the end of the flexible part."""
     coil_constant_mT_per_A: float | None = Field(default=None, gt=0)
-    """Field per current at the magnet, instead of the stated value."""
+    """True field at the magnet for each ampere; by default the value in the calibration."""
     background_field_mT: Pair | None = None
-    """Field without a current, instead of the stated field: to the right and down in the image."""
+    """True field without a current: the components to the right and down in the picture. By default the field in the
+    calibration."""
     field: CoilShapeTable | None = None
-    """The coil's field as a function of the place, instead of the stated field."""
+    """True field of the coil as a function of position; by default the field in the calibration."""
 
 
 class TrueMaterials(Document):
     """The contents of materials.toml."""
 
     silicone: dict[str, TrueMaterial]
-    """One table for each material, under the name that specimen.material has."""
+    """One table for each material. Its name is the value of specimen.material in the specimen file."""
     bench: TrueBench | None = None
-    """The properties in which the virtual bench differs from its files."""
+    """The true properties of the virtual bench that differ from its specimen file and its calibration."""
 
 
 def load_materials(path: Path) -> TrueMaterials:
-    """Read a materials file; raise InputError if it is not valid."""
+    """Read materials.toml of a virtual rig. Raises InputError if the file is not valid."""
     return parse(TrueMaterials, read_text(path), path)

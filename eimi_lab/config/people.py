@@ -13,7 +13,10 @@ _ORCID_DIGITS = 16
 
 
 def _orcid(text: str) -> str:
-    """Check the form and the check digit of an ORCID iD (ISO 7064, MOD 11-2)."""
+    """Return an ORCID iD in its usual form, such as 0000-0002-1825-0097.
+
+    Raises ValueError if the form or the check digit (ISO 7064, MOD 11-2) is wrong.
+    """
     digits = text.removeprefix("https://orcid.org/").replace("-", "")
     if len(digits) != _ORCID_DIGITS or not digits[:-1].isdecimal() or digits[-1] not in "0123456789X":
         raise ValueError("should be an ORCID iD such as 0000-0002-1825-0097")
@@ -22,7 +25,10 @@ def _orcid(text: str) -> str:
         total = (total + int(digit)) * 2
     check = (12 - total % 11) % 11
     if digits[-1] != ("X" if check == 10 else str(check)):
-        raise ValueError("its last character should be the check digit of the other 15; compare it with orcid.org")
+        raise ValueError(
+            "does not have the right check digit (the last character), so one of its characters is wrong; compare it "
+            "with orcid.org"
+        )
     return "-".join(digits[start : start + 4] for start in range(0, _ORCID_DIGITS, 4))
 
 
@@ -34,21 +40,21 @@ class Person(Table):
     family_name: Annotated[str, Field(min_length=1)]
     """Last name."""
     orcid: Annotated[str, AfterValidator(_orcid)] | None = None
-    """ORCID iD; its check digit is checked."""
+    """ORCID iD, of which the program checks the check digit."""
     affiliation: str | None = None
     """Name of the institution."""
     email: str | None = None
-    """Address for questions, which anybody can read."""
+    """E-mail address for questions. The archive shows it to everybody."""
 
 
 class People(Document):
     """Contents of people.toml."""
 
     person: Annotated[tuple[Person, ...], Field(min_length=1, strict=False)]
-    """The authors in their order, each in a table [[person]]."""
+    """The authors in the order of the publication, each in a table [[person]]."""
 
 
 def load_people(path: str | Path) -> People:
-    """Read people.toml. Raises InputError, which names the file and the wrong key."""
+    """Read people.toml. Raises InputError, which tells the file and the wrong key."""
     file = Path(path)
     return parse(People, read_text(file), file)

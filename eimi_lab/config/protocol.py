@@ -1,4 +1,4 @@
-"""protocol.toml: the currents of a run, and the conditions that must hold at each of them."""
+"""Read protocol.toml: the currents of a run, how long to wait at each current, and how many frames to take."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FINEST_STEP_A = 1e-4  # of a ramp; supplies resolve about a milliampere
 
 
 class Currents(Table):
-    """The set-points of a run: a range with a step, or an explicit list.
+    """The set-points of a run: a range with a step, or a list.
 
-    `set_points_A` computes the range in decimal arithmetic, so that the fourth set-point of a step of 0.1 is 0.3 and
-    not 0.30000000000000004.
+    `set_points_A` computes the range in decimal arithmetic, so that the fourth set-point of a range from 0 with a step
+    of 0.1 is 0.3 and not 0.30000000000000004.
     """
 
     start_A: float | None = None
@@ -28,14 +28,14 @@ class Currents(Table):
     stop_A: float | None = None
     """The last set-point."""
     step_A: float | None = Field(default=None, gt=0)
-    """Difference between neighbouring set-points; the range must be a multiple of it."""
+    """Difference between neighbouring set-points. The range must be a multiple of this step."""
     values_A: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=MOST_STATES)] | None = None
-    """All set-points in their order, instead of start_A, stop_A and step_A."""
+    """All set-points in the order of the run, instead of start_A, stop_A and step_A."""
     up_and_down: bool = False
-    """Whether the run returns through the same set-points to the first one."""
+    """Whether the run returns through the same set-points to the first set-point."""
     both_polarities: bool = False
-    """Whether the run then repeats its states with the current reversed. If the supply cannot reverse its current, the
-    run pauses and asks for the leads of the coil to be swapped."""
+    """Whether the run then repeats all states with the opposite sign of the current. If the supply cannot reverse the
+    current, the run pauses and asks the user to swap the leads of the coil."""
 
     @model_validator(mode="after")
     def _range_or_list(self) -> Currents:
@@ -43,7 +43,7 @@ class Currents(Table):
         if (self.values_A is None) != all(end is not None for end in ends) or (
             self.values_A is not None and any(end is not None for end in ends)
         ):
-            raise ValueError("needs start_A, stop_A and step_A, or values_A alone")
+            raise ValueError("should have either start_A, stop_A and step_A, or only values_A")
         if self.values_A is None:
             start, stop, step = (Decimal(str(end)) for end in ends)
             if start == stop:
@@ -54,20 +54,20 @@ class Currents(Table):
                 raise ValueError(f"step_A = {step} does not divide the range from {start} to {stop} A")
         if self.both_polarities and (lowest := min(self._forward_A())) < 0:
             raise ValueError(
-                f"both_polarities = true repeats every state with the current reversed, but one current is {lowest:g} "
-                "A; use currents from 0 up"
+                f"both_polarities = true repeats every state with the opposite current, but one current is {lowest:g} "
+                "A; all currents should be 0 or more"
             )
         return self
 
     @property
     def set_points_A(self) -> tuple[float, ...]:
-        """The set-points in the order of the run."""
+        """The set-points in the order of the run, A."""
         forward = self._forward_A()
         one_way = forward + forward[-2::-1] if self.up_and_down else forward
         return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
-        """Return the key in the file that defines the set-point at one end of the range."""
+        """Return the key of the protocol that gives an extreme set-point: "values_A", "start_A" or "stop_A"."""
         if self.values_A is not None:
             return "values_A"
         forward_A = abs(current_A) if self.both_polarities else current_A
@@ -83,46 +83,50 @@ class Currents(Table):
 
 
 class Ramp(Table):
-    """How the current moves between states, and how closely the measured current must agree with its set-point."""
+    """How the current changes between states, and how closely the measured current must agree with its set-point."""
 
     rate_A_per_s: float = Field(gt=0)
-    """Rate of the current between states."""
+    """Rate of change of the current between states."""
     step_A: float = Field(ge=FINEST_STEP_A)
     """Largest difference between consecutive set-points that are sent during a ramp."""
     tolerance_A: float = Field(gt=0)
-    """Largest difference between measured and set current at a state; the run stops if it is exceeded."""
+    """Largest permitted difference between measured current and set-point in a state. The run stops if the difference
+    is larger."""
     down_within_s: float = Field(default=2.0, gt=0, le=LONGEST_RAMP_DOWN_S)
-    """Longest time in which the current returns to zero when the run ends; the rate is exceeded if necessary."""
+    """Longest time in which the current returns to zero at the end of the run. If necessary, the current changes faster
+    than rate_A_per_s."""
 
 
 class SupplyLimits(Table):
-    """The largest current and voltage that the supply is ever set to."""
+    """The largest current and the largest voltage to which the program sets the supply."""
 
     current_A: float = Field(gt=0)
-    """The largest current that the supply is ever set to."""
+    """Largest current to which the program sets the supply."""
     voltage_V: float = Field(gt=0)
-    """The largest voltage that the supply is ever set to."""
+    """Largest voltage to which the program sets the supply."""
 
     def stricter(self, other: SupplyLimits) -> SupplyLimits:
-        """Return limits with the smaller current and the smaller voltage of these and the other limits."""
+        """Return the smaller current and the smaller voltage of these limits and the limits ``other``."""
         return SupplyLimits(
             current_A=min(self.current_A, other.current_A), voltage_V=min(self.voltage_V, other.voltage_V)
         )
 
 
 class Settle(Table):
-    """The criterion for a beam at rest, see `eimi_lab.acquisition.settling`."""
+    """The criterion by which the program decides that the beam is at rest, see `eimi_lab.acquisition.settling`."""
 
     noise_ratio: float = Field(gt=1)
-    """Limit of the mean squared difference of two frames, relative to camera noise alone; a beam at rest has 1."""
+    """Limit of the mean squared difference between two frames, divided by the value that camera noise alone causes. For
+    a beam at rest the ratio is 1."""
     pairs: int = Field(ge=1)
-    """Number of successive pairs of frames that must be below the limit."""
+    """Number of successive pairs of frames whose ratio must be below noise_ratio."""
     drift_window_s: float = Field(gt=0)
-    """Two frames that are this time apart must also be below the limit, because silicone creeps."""
+    """Time between two further frames whose ratio must be below noise_ratio. This test detects creep."""
     dwell_s: float = Field(default=0.0, ge=0, le=3600)
-    """Shortest time that a state lasts, from the moment at which its current was set; creep needs a minute."""
+    """Shortest duration of a state after its current was set. To record creep, give about 60 s."""
     timeout_s: float = Field(gt=0)
-    """If the beam is not at rest after this time, the frames are taken and the state is flagged NOT_SETTLED."""
+    """Longest time to wait for the beam. If the beam is not at rest then, the frames are taken, and the state gets the
+    flag NOT_SETTLED."""
 
     @model_validator(mode="after")
     def _long_enough(self) -> Settle:
@@ -137,38 +141,41 @@ class Transients(Table):
     """Frames that are stored while the beam settles, at logarithmically spaced times."""
 
     frames_per_state: int = Field(ge=0, le=MOST_FRAMES)
-    """Largest number of frames stored while the beam settles at a state; 0 stores none."""
+    """Largest number of frames that are stored while the beam settles in a state; 0 to store no such frames."""
 
 
 class Conditioning(Table):
-    """Cycles of the current from zero to a maximum and back before the run.
+    """Cycles of the current from zero to a maximum and back to zero before the run.
 
-    Silicone softens when it is stretched for the first time (the Mullins effect: L. Mullins, Rubber Chem. Technol. 42
-    (1969) 339).
+    They are useful because silicone softens when it is stretched for the first time (Mullins effect: L. Mullins,
+    Rubber Chem. Technol. 42 (1969) 339).
     """
 
     cycles: int = Field(ge=1, le=1000)
     """Number of cycles."""
     current_A: float
-    """Current at the far end of a cycle; usually the largest current of the run."""
+    """Maximum of the current in a cycle; usually the largest current of the run."""
 
     @field_validator("current_A")
     @classmethod
     def _moves(cls, current_A: float) -> float:
         if current_A == 0:
-            raise ValueError("does not move the beam; use the largest current of the run, or omit the conditioning")
+            raise ValueError(
+                "does not move the beam; give the largest current of the run, or leave the table [conditioning] out"
+            )
         return current_A
 
 
 class RingDown(Table):
-    """Steps of the current to zero after the last state, each recorded by the camera while the beam swings freely."""
+    """Steps of the current to zero after the last state. The camera records how the beam swings freely after a step."""
 
     seconds: float = Field(gt=0, le=600)
     """Duration of each recording."""
     from_A: float | None = None
-    """Current from which the coil is switched to zero; if it is absent, the last current of the run."""
+    """Current before the step to zero; by default the last current of the run."""
     rate_Hz: float | None = Field(default=None, gt=0)
-    """Frames per second that the camera must reach. If the rig states no frame_rate_Hz, the camera is set to it."""
+    """Frames per second that the camera should reach. If the rig file has no camera.frame_rate_Hz, the camera is set to
+    this rate."""
     repeats: int = Field(default=1, ge=1, le=100)
     """Number of ring-downs."""
 
@@ -176,7 +183,9 @@ class RingDown(Table):
     @classmethod
     def _moves(cls, from_A: float | None) -> float | None:
         if from_A == 0:
-            raise ValueError("does not move the beam; use a current of the run, or omit it for the last one")
+            raise ValueError(
+                "does not move the beam; give a current of the run, or leave the key out to use the last current"
+            )
         return from_A
 
 
@@ -186,33 +195,33 @@ class Protocol(Document):
     name: str = Field(min_length=1)
     """Name of the protocol."""
     material: str = Field(min_length=1)
-    """Material of the specimen; specimen.material must be the same."""
+    """Material of the specimen; it must be equal to specimen.material in the specimen file."""
     frames_per_state: int = Field(ge=1, le=MOST_FRAMES)
-    """Number of frames stored at each state when the beam is at rest."""
+    """Number of frames that are stored in each state when the beam is at rest."""
     current: Currents
-    """The set-points: start, stop and step, or a list."""
+    """The set-points of the current: start, stop and step, or a list."""
     ramp: Ramp
-    """How the current moves between states, and to zero when the run ends."""
+    """How the current changes between states, and to zero at the end of the run."""
     limits: SupplyLimits
-    """Limits of the supply; the rig also has limits, and the stricter ones apply."""
+    """Limits of the supply. The rig file also has limits; the smaller value applies."""
     settle: Settle
-    """The criterion for a beam at rest."""
+    """The criterion by which the program decides that the beam is at rest."""
     tip_force_N: float = Field(default=0.0, ge=0)
-    """Force of a weight that hangs at the specimen's tip during the run; 0.00981 for one gram."""
+    """Force of a weight that hangs at the tip during the run; 0.00981 for one gram."""
     transients: Transients = Transients(frames_per_state=12)
     """Frames that are stored while the beam settles, at logarithmically spaced times."""
     conditioning: Conditioning | None = None
-    """Cycles of the current before the run, because silicone softens when it is first stretched."""
+    """Cycles of the current before the run, because silicone softens when it is stretched for the first time."""
     ring_down: RingDown | None = None
     """Steps of the current to zero after the last state, of which every frame is stored."""
     creep: bool = False
-    """Whether frames at logarithmic times are stored through the whole of each state, from the moment at which its
-    current was set; transients.frames_per_state is their number, and settle.dwell_s makes the states longer."""
+    """Whether creep is recorded: frames at logarithmically spaced times are stored during each whole state, after its
+    current was set. transients.frames_per_state is the number of frames, and settle.dwell_s the shortest duration."""
 
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Read the table `release` of earlier versions, which recorded one ring-down from the last current."""
+        """Read the table `release` of early versions, which recorded one ring-down, as the table `ring_down`."""
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]
@@ -221,7 +230,7 @@ class Protocol(Document):
     @model_validator(mode="after")
     def _records_creep(self) -> Protocol:
         if self.creep and not self.transients.frames_per_state:
-            raise ValueError("creep = true needs transients.frames_per_state of 1 or more, such as 30")
+            raise ValueError("transients.frames_per_state = 0 should be 1 or more, such as 30, because creep = true")
         return self
 
     @model_validator(mode="after")
@@ -229,13 +238,13 @@ class Protocol(Document):
         for key, current_A in self.extremes_A:
             if abs(current_A) > self.limits.current_A:
                 raise ValueError(
-                    f"{key} goes to {current_A:g} A, which exceeds limits.current_A = {self.limits.current_A:g}"
+                    f"{key} leads to {current_A:g} A, which exceeds limits.current_A = {self.limits.current_A:g}"
                 )
         return self
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of the run, the conditioning and the ring-downs, with the key that defines each."""
+        """The extreme currents of run, conditioning and ring-downs: the key of the protocol, and the current in A."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None
@@ -244,27 +253,30 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of recordings of a run: its states and its ring-downs."""
+        """The number of states plus the number of ring-downs of a run."""
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 
     @property
     def rate_Hz(self) -> float | None:
-        """The frames per second that the ring-downs need; None if the ring-downs need no rate."""
+        """The frames per second that the protocol requires for ring-downs; None if it requires no rate."""
         return self.ring_down.rate_Hz if self.ring_down else None
 
     @property
     def ring_down_from_A(self) -> float:
-        """The current from which the ring-downs begin."""
+        """The current before the step of a ring-down, A."""
         stated = self.ring_down.from_A if self.ring_down else None
         return self.currents_A[-1] if stated is None else stated
 
     @property
     def currents_A(self) -> tuple[float, ...]:
-        """The set-points in the order of the run."""
+        """The set-points of all states in the order of the run, A."""
         return self.current.set_points_A
 
 
 def load_protocol(name: str | Path) -> Protocol:
-    """Read a protocol from a path, or a shipped protocol by its name ("dragon_skin_10"). Raises InputError."""
+    """Read a protocol from a path, or a shipped protocol by its name ("dragon_skin_10").
+
+    Raises InputError if the file cannot be read, or is not a valid protocol.
+    """
     file = locate(name)
     return parse(Protocol, read_text(file), file)

@@ -1,4 +1,4 @@
-"""rig.toml: the supply, the camera and the coil of a bench, with their addresses and the camera's calibration."""
+"""Read rig.toml: the supply, the camera and the coil of a bench, with their addresses and limits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from eimi_lab.process.paths import named_in
 
 VIRTUAL = "virtual"
 PLAYER = "opencv"
-"""The driver that plays recordings."""
+"""Name of the driver that plays a folder of pictures or a video instead of a camera."""
 
 
 def _one_of(driver: str, drivers: list[str]) -> str:
@@ -38,17 +38,17 @@ def _one_of(driver: str, drivers: list[str]) -> str:
 
 
 class Supply(Table):
-    """The coil's power supply."""
+    """The power supply of the coil."""
 
     driver: str
-    """Name of the driver; `eimi instruments` lists what is connected."""
+    """Name of the driver; `eimi instruments` lists the connected instruments with their drivers."""
     address: str = Field(min_length=1)
-    """A serial port or a VISA resource, as the driver requires; a channel number follows after #."""
+    """A serial port or a VISA resource, as the driver requires. A channel number is written after #."""
     limits: SupplyLimits
-    """Limits that the coil tolerates; the protocol also has limits, and the stricter ones apply."""
+    """Largest current and voltage that the coil tolerates. The protocol also has limits; the smaller value applies."""
     off_below_A: float | None = Field(default=None, gt=0)
-    """Measured current below which the coil counts as off. The default is 20 mA, or more if a healthy unit of the
-    family shows more at zero."""
+    """Measured current below which the coil counts as off. The default is 20 mA, or more for supplies that measure a
+    larger current at zero even if they are not faulty."""
 
     @field_validator("driver")
     @classmethod
@@ -57,7 +57,7 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """The current limit, the voltage limit and the off limit with which the driver is opened."""
+        """The limits with which the driver is opened: current, voltage, and the current below which the coil is off."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -68,28 +68,28 @@ class Supply(Table):
 
 
 class CoilRating(Table):
-    """Thermal rating of the coil, see `eimi_lab.acquisition.heating`."""
+    """The thermal rating of the coil, see `eimi_lab.acquisition.heating`."""
 
     continuous_current_A: float = Field(gt=0)
-    """Current that the coil tolerates without limit of time."""
+    """Largest current that the coil tolerates for an unlimited time."""
     thermal_time_constant_s: float = Field(gt=0)
-    """Time in which 63 % of the temperature change after a change of current takes place."""
+    """Time after a change of the current in which 63 % of the change of temperature takes place."""
 
 
 class Playback(Table):
-    """How a recording replaces the camera."""
+    """How a folder of pictures or a video replaces the camera."""
 
     picture_a_state: bool = False
     """true: all frames of a state show the same picture. false: every frame shows the next picture."""
     loop: bool = False
-    """Whether the recording starts again after its last picture."""
+    """Whether the first picture follows after the last picture."""
 
 
 NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The side camera. If a setting is absent, the camera keeps its present value."""
+    """The side camera. A setting that is absent in the file is not changed in the camera."""
 
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
@@ -97,22 +97,25 @@ class Camera(Table):
     """The number of a device, a path, a serial number, the IP address of a GigE camera, or the address of an emulated
     coil."""
     exposure_s: float | None = Field(default=None, gt=0)
-    """Exposure time. A setting is written to the camera and read back; an absent one is left unchanged."""
+    """Exposure time. This and all other settings are written to the camera and read back. If a setting is absent, the
+    camera keeps its present value."""
     gain: float | None = None
-    """Gain: in dB for Basler and GenICam cameras, in the device's own unit through OpenCV."""
+    """Gain: in dB for Basler and GenICam cameras; in a unit of the device for OpenCV."""
     gamma: float | None = Field(default=None, gt=0)
-    """Gamma: the exponent for Basler and GenICam cameras, in the device's own unit through OpenCV."""
+    """Gamma: the exponent for Basler and GenICam cameras; in a unit of the device for OpenCV."""
     region: Annotated[tuple[int, int, int, int], Field(strict=False)] | None = None
-    """Left, top, width and height in pixels; pixels of the calibration count from its upper left corner."""
+    """Region of the sensor that is read: left, top, width and height in pixels. Pixels in the calibration are counted
+    from the upper left corner of this region."""
     bit_depth: int | None = Field(default=None, ge=8, le=16)
     """Bits per pixel, 8 to 16."""
     frame_rate_Hz: float | None = Field(default=None, gt=0)
-    """Frames per second of a camera that runs freely; needed to record the swing of a beam at a constant rate. If it is
-    absent, the driver chooses when the camera exposes."""
+    """Frames per second of a camera without trigger, which is needed to record a ring-down at a constant rate. By
+    default, the driver decides when the camera exposes."""
     pixel_format: str | None = None
-    """Pixel format of a GenICam camera by its name there, such as "Mono12Packed" or "BayerRG8"."""
+    """Pixel format of a GenICam camera, such as "Mono12Packed" or "BayerRG8"."""
     trigger: str | None = None
-    """For a GenICam camera: "software", which is the default without a frame rate, or an input such as "Line1"."""
+    """Trigger of a GenICam camera: "software", or an input such as "Line1". Without frame_rate_Hz the default is
+    "software"."""
     playback: Playback = NO_PLAYBACK
     """How a folder of pictures or a video replaces the camera."""
 
@@ -125,14 +128,16 @@ class Camera(Table):
     @classmethod
     def _inside(cls, region: tuple[int, int, int, int] | None) -> tuple[int, int, int, int] | None:
         if region is not None and (min(region[:2]) < 0 or min(region[2:]) < 1):
-            raise ValueError("should be left, top, width and height in pixels")
+            raise ValueError("should be left and top (0 or more), width and height (1 or more) in pixels")
         return region
 
     @model_validator(mode="after")
     def _no_settings_of_a_virtual_camera(self) -> Camera:
         fixed = [name for name in self.settings.chosen() if name != "frame_rate_Hz"]
         if self.driver == VIRTUAL and (names := ", ".join(fixed)):
-            raise ValueError(f"has no {names} to set with driver = 'virtual'; [virtual] describes that camera")
+            raise ValueError(
+                f"should not have {names} with driver = 'virtual'; the table [virtual] describes the virtual camera"
+            )
         return self
 
     @model_validator(mode="after")
@@ -151,7 +156,11 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the camera with this frame rate, unless it has a frame rate or a trigger, or plays a recording."""
+        """Return the camera with the frame rate ``rate_Hz`` if the file leaves its rate open, else unchanged.
+
+        The camera is unchanged if ``rate_Hz`` is None, if the file has a frame rate or a trigger, or if pictures or a
+        video replace the camera.
+        """
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
             return self
@@ -159,7 +168,7 @@ class Camera(Table):
 
     @property
     def settings(self) -> CameraSettings:
-        """The settings to write to the camera before the first frame."""
+        """The settings that are written to the camera before the first frame."""
         return CameraSettings(
             exposure_s=self.exposure_s,
             gain=self.gain,
@@ -178,70 +187,74 @@ class Virtual(Table):
     model_config = ConfigDict(strict=False)  # pydantic cannot create a dataclass from a table in strict mode
 
     seed: int = Field(ge=0)
-    """Seed of all random numbers."""
+    """Seed of the random number generator."""
     coil_time_constant_s: float = Field(gt=0)
-    """Time constant with which the coil's current follows its set-point."""
+    """Time constant with which the current of the coil follows its set-point."""
     current_noise_A: float = Field(ge=0)
-    """Standard deviation of the measured current."""
+    """Standard deviation of the noise of the measured current."""
     frame_size_px: tuple[int, int]
     """Width and height of the frames."""
     mesh: tuple[int, int, int]
-    """Number of elements along and across the beam, and the refinement factor in depth."""
+    """Number of elements along the beam and across it, and the refinement factor in depth."""
     optics: Optics = Optics()
-    """Back-light, lens and sensor."""
+    """Back-light, lens and sensor of the virtual camera."""
     materials: TrueMaterials
-    """Name of the file beside the rig with the true materials of virtual specimens; no fit reads it."""
+    """Name of the file, in the folder of the rig, with the true materials of virtual specimens; no fit reads it."""
 
     @model_validator(mode="after")
     def _positive(self) -> Virtual:
         for name in ("frame_size_px", "mesh"):
             if min(getattr(self, name)) < 1:
-                raise ValueError(f"{name} = {list(getattr(self, name))} must be positive numbers")
+                raise ValueError(f"{name} = {list(getattr(self, name))} should be numbers above 0")
         return self
 
 
 class Rig(Document):
     """The contents of rig.toml.
 
-    In the file, ``calibration`` and ``virtual.materials`` are names of files beside it. The true materials are in a
-    separate file because a dataset stores the rig's text, which must not reveal them.
+    In the file, ``calibration`` and ``virtual.materials`` are names of files in the same folder. The true materials are
+    in a file of their own, because a dataset contains the text of the rig file and must not reveal the materials.
     """
 
     name: str = Field(min_length=1)
-    """Name of the bench; datasets with the same name share the error of its current."""
+    """Name of the bench. The error of the current is assumed to be the same in all datasets with this name."""
     supply: Supply
-    """The coil's power supply."""
+    """The power supply of the coil."""
     camera: Camera
     """The side camera."""
     calibration: Calibration
-    """Name of the calibration file beside this one."""
+    """Name of the calibration file, which is in the same folder."""
     coil: CoilRating | None = None
-    """Thermal rating of the coil; a protocol that would overheat it is refused."""
+    """Thermal rating of the coil. A run that could overheat the coil is refused."""
     virtual: Virtual | None = None
-    """The virtual rig; required with the virtual camera and allowed only there."""
+    """The virtual rig. This table is required with the virtual camera, and not allowed with another camera."""
     sensors: Annotated[tuple[RigSensor, ...], Field(strict=False)] = ()
     """Gaussmeters, thermometers and other sensors, each in a table [[sensors]]."""
     interlocks: Annotated[tuple[Interlock, ...], Field(strict=False)] = ()
-    """Bounds of readings, each in a table [[interlocks]]; the coil is switched off if a reading leaves them."""
+    """Bounds of readings, each in a table [[interlocks]]. The coil is switched off if a reading is outside its
+    bounds."""
     uncertainty: OfRig | None = None
-    """Standard uncertainty of the current's zero. 0 means exact, an absent key means unknown."""
+    """Standard uncertainty of the zero of the current. 0 means exact; an absent key means unknown."""
 
     @model_validator(mode="after")
     def _consistently_virtual(self) -> Rig:
         virtual_camera = self.camera.driver == VIRTUAL
         if self.simulated and not virtual_camera:
             raise ValueError(
-                f"camera.driver = {self.camera.driver!r} cannot see the simulated coil of supply.driver = 'virtual'; "
-                "it must be 'virtual' too; or use an emulated supply, which `eimi emulate` serves"
+                f"camera.driver = {self.camera.driver!r} does not suit supply.driver = 'virtual', because a real "
+                "camera cannot see a simulated beam; use camera.driver = 'virtual', or an emulated supply of "
+                "`eimi emulate`"
             )
         if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
-                f"camera.source = {self.camera.source!r} must be the address of an emulated coil, "
-                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it, for a virtual beam beside "
-                f"supply.driver = {self.supply.driver!r}"
+                f"camera.source = {self.camera.source!r} should be the address of an emulated coil, "
+                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it, because a virtual camera cannot see the coil "
+                f"of supply.driver = {self.supply.driver!r}"
             )
         if virtual_camera != (self.virtual is not None):
-            raise ValueError("the table [virtual] belongs with camera.driver = 'virtual', and only there")
+            raise ValueError(
+                "the table [virtual] is required with camera.driver = 'virtual', and not allowed with another camera"
+            )
         return self
 
     @model_validator(mode="after")
@@ -258,7 +271,7 @@ class Rig(Document):
 
     @property
     def simulated(self) -> bool:
-        """Whether both the supply and the camera are virtual, so that time is simulated."""
+        """Whether supply and camera are virtual. The time of a run is then simulated."""
         return self.supply.driver == VIRTUAL
 
 
@@ -268,7 +281,7 @@ def load_rig(name: str | Path) -> Rig:
     Raises
     ------
     InputError
-        If the rig, its calibration or its materials cannot be read or are not valid.
+        If the rig file, the calibration file or the materials file cannot be read or is not valid.
     """
     file = locate(name, "rigs")
     text = read_text(file)
@@ -280,12 +293,29 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def _replace_by_file(table: dict[str, Any], key: str, rig: Path, load: Callable[[Path], Document]) -> None:
-    """Replace the name of a file beside the rig by the file's contents."""
+    """Replace the name of a file in the folder of the rig by the contents of this file.
+
+    Parameters
+    ----------
+    table
+        The table with the name, which is changed in place.
+    key
+        The key of the name.
+    rig
+        Path of the rig file.
+    load
+        Function that reads the file.
+
+    Raises
+    ------
+    InputError
+        If the file does not exist or is not valid.
+    """
     name = table.get(key)
     if isinstance(name, str):
         path = named_in(rig, name)
         if not path.is_file():
-            raise InputError(f"{rig}: {key} = {name!r}: no such file beside the rig")
+            raise InputError(f"{rig}: {key} = {name!r}: there is no such file in the folder of the rig")
         table[key] = load(path)
     elif name is not None:
-        raise InputError(f"{rig}: {key} should be the name of a file beside the rig")
+        raise InputError(f"{rig}: {key} should be the name of a file in the folder of the rig")

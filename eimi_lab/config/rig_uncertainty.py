@@ -1,6 +1,6 @@
-"""The uncertainty of a bench's current, read from the text of the rig.toml that a dataset stores.
+"""Read the uncertainty of the current from the text of rig.toml that a dataset contains.
 
-This module is separate from `config.rig`, which imports every driver: a fit of a stored dataset needs no driver.
+This module does not import `config.rig`, which imports all drivers. A fit of a dataset needs no driver.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from eimi_lab.config.uncertainty import OfRig, stated_sources
 
 
 class _RigUncertainty(Document):
-    """The table [uncertainty] of a rig; all other keys are ignored."""
+    """The table [uncertainty] of a rig file; all other keys of the file are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -21,21 +21,21 @@ class _RigUncertainty(Document):
 
 
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """Return the uncertainty of the current, converted into a field.
+    """Return the uncertainty of the current in a rig file as an uncertainty of the field.
 
     Parameters
     ----------
     text
-        The rig.toml as a dataset stores it.
+        Text of rig.toml.
     origin
         Name of the text in error messages.
     coil_constant_mT_per_A
-        Field per current.
+        Field at the magnet for each ampere.
 
     Returns
     -------
     tuple of StatedSource
-        The stated uncertainties. Datasets of one rig share the error of its supply.
+        The sources of uncertainty. The error of the supply is common to all datasets of the same rig.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The table [[sensors]] of a rig: gaussmeters, thermometers and other sensors that are read during a run."""
+"""The table [[sensors]] of a rig: gaussmeters, thermometers and other sensors that a run reads."""
 
 from __future__ import annotations
 
@@ -16,42 +16,47 @@ from eimi_lab.config.interlock import READINGS
 from eimi_lab.config.toml import Table
 
 EMULATED = "virtual"
-"""The address of a sensor of the virtual rig."""
+"""The address of an emulated sensor of the virtual rig."""
 
 SUPPLY = "supply"
-"""The address of the coil as a thermometer."""
+"""The address of a coil that serves as thermometer by its resistance."""
 
 Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
 
 UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
-"""The unit that a sensor of each quantity must have; another quantity may have any unit."""
+"""The unit that a sensor must have, by the quantity that it measures; a quantity that is absent may have any unit."""
 
 
 class RigSensor(Table):
-    """A sensor, which is read with every stored frame and every 1.5 s; its values are in the dataset."""
+    """A sensor that a run reads with every stored frame, and every 1.5 s. The dataset contains the readings."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
     """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
     driver: str
     """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package.
-    coil-resistance: the coil itself, by the voltage and the current of the supply."""
+    coil-resistance measures the temperature of the coil by its resistance, from the voltage and the current of the
+    supply."""
     address: str = Field(min_length=1)
-    """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig, "supply" for
+    """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig; "supply" for the driver
     coil-resistance."""
     measures: Quantity = "other"
-    """field: along the coil's axis, positive for a positive current; a fit uses it in place of coil_constant_mT_per_A.
-    specimen_temperature or coil_temperature. other: the values are stored and can have an interlock."""
+    """The measured quantity. field: the field along the axis of the coil, positive for a positive current; a fit uses
+    these readings instead of coil_constant_mT_per_A. specimen_temperature, coil_temperature. other: the readings are
+    only stored, and can have an interlock."""
     at_magnet: float = 1.0
-    """Field at the magnet divided by the field at the probe; negative if the probe is mounted the other way round."""
+    """Field at the magnet divided by the field at the probe; negative if the probe points in the opposite direction."""
     uncertainty: float | None = Field(default=None, ge=0)
-    """Standard uncertainty of one reading, in its unit; by default the uncertainty that the sensor states."""
+    """Standard uncertainty of one reading, in the unit of the reading; by default the uncertainty that the sensor
+    reports."""
     uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
-    """Standard uncertainty that all readings share, as a fraction: from the probe's calibration and from at_magnet."""
+    """Relative standard uncertainty of a factor that is common to all readings: calibration of the probe, and
+    at_magnet."""
 
     at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
-    """For coil-resistance: temperature of the coil before the run, which is that of the room."""
+    """For the driver coil-resistance: temperature of the coil before the run, which is the room temperature."""
     at_rest_A: float | None = Field(default=None, gt=0)
-    """For coil-resistance: current with which the resistance at rest is measured, before the first state."""
+    """For the driver coil-resistance: current with which the resistance at this temperature is measured before the
+    first state."""
 
     @field_validator("driver")
     @classmethod
@@ -70,10 +75,10 @@ class RigSensor(Table):
     @model_validator(mode="after")
     def _consistent(self) -> RigSensor:
         if self.name in READINGS:
-            raise ValueError(f"name = {self.name!r} is the name of a reading of the supply; choose another one")
+            raise ValueError(f"name = {self.name!r} is the name of a reading of the supply; choose another name")
         if self.at_magnet == 0 or (self.at_magnet != 1 and self.measures != "field"):
             raise ValueError(
-                f"at_magnet = {self.at_magnet:g} should be the ratio of two fields, not 0, and belongs to "
+                f"at_magnet = {self.at_magnet:g} should be the ratio of two fields, other than 0, and is only for "
                 'measures = "field"'
             )
         keys = (self.at_rest_degC, self.at_rest_A)
@@ -83,24 +88,27 @@ class RigSensor(Table):
                 "at_rest_A"
             )
         if not self.is_coil and keys != (None, None):
-            raise ValueError(f'at_rest_degC and at_rest_A belong to driver = "{CoilThermometer.name}"')
+            raise ValueError(f'at_rest_degC and at_rest_A are only for driver = "{CoilThermometer.name}"')
         return self
 
     @property
     def is_coil(self) -> bool:
-        """Whether the coil itself is the sensor."""
+        """Whether the coil serves as thermometer by its resistance."""
         return self.driver == CoilThermometer.name
 
 
 def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
-    """Raise ValueError if two sensors have the same name or role, or if an emulated sensor is on a real bench.
+    """Raise ValueError if the sensors of a rig contradict each other or the rig.
+
+    Two sensors must not have the same name, or measure the same quantity (except "other"). The virtual rig can have
+    only emulated sensors, and a real bench only real sensors.
 
     Parameters
     ----------
     sensors
         The sensors of a rig.
     simulated
-        Whether the rig is the virtual rig in simulated time.
+        Whether supply and camera of the rig are virtual.
     """
     for number, sensor in enumerate(sensors):
         place = f"sensors.{number}"
@@ -116,6 +124,6 @@ def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
             raise ValueError(f"{place}.address = {sensor.address!r} should be {should}")
         if simulated and (sensor.driver not in SENSOR_DIALECTS or sensor.measures == "other"):
             raise ValueError(
-                f"{place}: a sensor of the virtual rig has one of the drivers {', '.join(SENSOR_DIALECTS)}, and "
-                f"measures one of {', '.join(UNITS)}"
+                f"{place}: a sensor of the virtual rig should have one of the drivers {', '.join(SENSOR_DIALECTS)}, "
+                f"and measures should be one of {', '.join(UNITS)}"
             )

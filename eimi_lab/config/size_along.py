@@ -1,4 +1,4 @@
-"""A size of the beam that may vary along it: a number, or a table over the arc length."""
+"""A width or depth of the beam that may vary along its length: a number, or a table over the arc length."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """The mean of a table over the arc length, in mm, with the table.
+    """A width or depth in mm that varies along the beam. As a number, this is the mean over the arc length.
 
     Parameters
     ----------
     rows : tuple of (float, float)
-        Arc length and size in mm; straight lines connect the rows, and two rows at one arc length are a step.
+        Arc length from the clamp and size, both in mm. Between two rows the size changes linearly. Two rows with the
+        same arc length are a step.
     """
 
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Return the mean over the arc length as a number that keeps the table."""
+        """Return the mean of the size over the arc length, as a number that has the table as attribute `rows`."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows
@@ -31,12 +32,25 @@ class SizeAlong(float):
 
 
 def rows_of(size_mm: float) -> Rows:
-    """Return the table of a size; an empty table if the size is the same everywhere."""
+    """Return the table of a width or depth over the arc length; an empty tuple if the size is constant."""
     return size_mm.rows if isinstance(size_mm, SizeAlong) else ()
 
 
 def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
-    """Validate a size: a number by the validator of numbers, or a table. Raises ValueError for a wrong table."""
+    """Return the width or depth that a file gives as a number or as a table over the arc length.
+
+    Parameters
+    ----------
+    value
+        The value in the file.
+    number
+        Function that checks a number.
+
+    Raises
+    ------
+    ValueError
+        If the table is wrong.
+    """
     if not isinstance(value, list | tuple):
         return number(value)
     rows = []
@@ -48,15 +62,17 @@ def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
         except (TypeError, OverflowError) as error:
             raise ValueError(f"a row of the table should be [arc length, size] in mm, not {row!r}") from error
     if len(rows) < 2 or rows[0][0] != 0:
-        raise ValueError("a table should have at least two rows, of which the first is at arc length 0")
+        raise ValueError("should have at least two rows, and the arc length of the first row should be 0")
     for (before, _), (after, _) in pairwise(rows):
         if not after >= before:
-            raise ValueError(f"the arc lengths of a table should rise, but {after:g} follows {before:g}")
+            raise ValueError(f"should have increasing arc lengths, but {after:g} follows {before:g}")
     if any(first[0] == third[0] for first, third in zip(rows, rows[2:], strict=False)) or not rows[-1][0] > rows[-2][0]:
-        raise ValueError("a table should have at most two rows at one arc length, and one at its end")
+        raise ValueError(
+            "should have at most two rows with the same arc length, and only one row with the last arc length"
+        )
     return SizeAlong(tuple(rows))
 
 
 def written(size_mm: float) -> float | list[list[float]]:
-    """Return a size in the form of the file: a number or a table."""
+    """Return a width or depth as a file contains it: a number, or a table of rows [arc length, size]."""
     return [list(row) for row in size_mm.rows] if isinstance(size_mm, SizeAlong) else float(size_mm)

@@ -1,4 +1,4 @@
-"""specimen.toml: a beam of soft material, with or without a magnet at its tip."""
+"""Read specimen.toml, which describes a beam of soft material, with or without a magnet at its tip."""
 
 from __future__ import annotations
 
@@ -23,37 +23,34 @@ from eimi_lab.process.paths import named_in
 Array = NDArray[np.float64]
 
 MEASURED: Literal["measured"] = "measured"
-"""The shape at rest is measured in the states without load."""
+"""Value of `rest_shape` for a shape at rest that is measured in the states without load."""
 SAME = 1e-3  # relative difference within which two lengths are the same
 _NAMED_CSV = re.compile(r"""^\s*rest_shape\s*=\s*(?P<value>["'](?P<name>[^"']+\.csv)["'])""", re.MULTILINE)
 STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
 
 
 LEAST_SIZE_MM = 0.05
-"""A smaller size is assumed to be given in metres: no beam of silicone is cast so thin."""
+"""Smallest permitted width or depth. A smaller number is assumed to be in metres."""
 
 
 def _in_millimetres(size_mm: float) -> float:
     if size_mm < LEAST_SIZE_MM:
-        raise ValueError(
-            f"is below {LEAST_SIZE_MM:g} mm; the unit is millimetres, and in metres this would be {1e3 * size_mm:g} mm"
-        )
+        raise ValueError(f"should be {LEAST_SIZE_MM:g} mm or more; if the number is in metres, write {1e3 * size_mm:g}")
     return size_mm
 
 
 LEAST_LENGTH_MM = 1.0
-"""A shorter beam is assumed to be given in metres."""
+"""Smallest permitted length of the beam. A smaller number is assumed to be in metres."""
 
 IN_G_CM3 = (0.1, 20.0)
-"""A density between these numbers is assumed to be given in g/cm³. No soft solid is as light in kg/m³, and a smaller
-density leaves the weight out."""
+"""A number between these bounds is assumed to be a density in g/cm³, because no soft solid has such a density in kg/m³.
+A smaller number is allowed, and makes the weight of the beam negligible."""
 
 
 def _long_in_millimetres(length_mm: float) -> float:
     if length_mm < LEAST_LENGTH_MM:
         raise ValueError(
-            f"is below {LEAST_LENGTH_MM:g} mm; the unit is millimetres, and in metres this would be "
-            f"{1e3 * length_mm:g} mm"
+            f"should be {LEAST_LENGTH_MM:g} mm or more; if the number is in metres, write {1e3 * length_mm:g}"
         )
     return length_mm
 
@@ -61,7 +58,10 @@ def _long_in_millimetres(length_mm: float) -> float:
 def _in_kg_m3(density_kg_m3: float) -> float:
     least, most = IN_G_CM3
     if least <= density_kg_m3 <= most:
-        raise ValueError(f"is too light for a soft solid in kg/m3; if it is in g/cm3, write {1e3 * density_kg_m3:g}")
+        raise ValueError(
+            f"is too small for the density of a soft solid in kg/m3; if the number is in g/cm3, write "
+            f"{1e3 * density_kg_m3:g}"
+        )
     return density_kg_m3
 
 
@@ -73,45 +73,49 @@ CentreLine = Annotated[tuple[Annotated[tuple[float, float], Field(strict=False)]
 
 
 class Beam(Table):
-    """The beam as cast."""
+    """The beam in the shape in which it was cast."""
 
     name: str = Field(min_length=1)
-    """Name of the specimen; datasets with the same name share its dimensions and their errors."""
+    """Name of the specimen. The errors of its dimensions are the same in all datasets with this name."""
     material: str = Field(min_length=1)
-    """Material of the beam; the protocol's material must be the same."""
+    """Material of the beam; it must be equal to the material in the protocol."""
     length_mm: Annotated[float, Field(gt=0), AfterValidator(_long_in_millimetres)]
     """Length from the clamp to the tip, including a magnet."""
     width_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
-    """Width across the beam, as the camera sees it; the bending stiffness grows with its cube. Where it varies: a table
-    of rows [arc length, width] from the clamp to the tip. Two rows at one arc length are a step."""
+    """Width across the beam, as the camera sees it. The bending stiffness is proportional to the cube of the width. If
+    the width varies along the beam, give a table of rows [arc length, width] from the clamp to the tip. Two rows with
+    the same arc length are a step."""
     depth_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
-    """Depth along the camera's line of sight; a number, or a table as for ``width_mm``."""
+    """Depth along the line of sight of the camera: a number, or a table as for ``width_mm``."""
     density_kg_m3: Density
     """Density of the silicone."""
     poisson_ratio: float = Field(default=0.5, gt=0, le=0.5)
-    """Poisson's ratio of the material at small strain. A fit assumes an incompressible material; below 0.495 it
-    states the effect of this assumption on the modulus."""
+    """Poisson's ratio of the material at small strain. A fit assumes an incompressible material (0.5). For a ratio
+    below 0.495, the result tells the effect of this assumption on the modulus."""
     section: mechanics.Section = "solid"
-    """Model of the depth: the solid beam, or one of two planar approximations."""
+    """Model of the cross-section: "solid" for the beam in three dimensions, or one of the planar approximations
+    "plane-stress" and "plane-strain"."""
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
-    """Magnetisation of silicone cast with magnetic powder, along and across the beam at rest."""
+    """Magnetisation of silicone that was cast with magnetic powder: the components along and across the beam at
+    rest."""
     rest_shape: Literal["measured", "straight"] | CentreLine = MEASURED
-    """Shape without load. "measured": from the states without field and tip force; gravity must act along the beam, and
-    these states must have edges. "straight": straight, with the stated widths. Otherwise the centre line: the name of a
-    CSV file beside this one (columns x_mm, y_mm, from the clamp to the tip), or its points [x, y]."""
+    """Shape of the beam without load. "measured": from the edges in the states without field and tip force; gravity
+    must act along the beam. "straight": a straight beam with the width in width_mm. A centre line of another shape is
+    given as points [x, y] from the clamp to the tip, or as the name of a CSV file in the same folder, with the columns
+    x_mm and y_mm."""
     measured_with: str | None = Field(default=None, min_length=1)
-    """Instrument that measured the lengths; specimens that name the same one share its error."""
+    """Name of the instrument that measured the lengths. Its error is the same for all specimens with this name."""
 
 
 class Magnet(Table):
-    """A block magnet at the tip or ``tip_offset_mm`` before it, magnetised along the beam toward the tip."""
+    """A block magnet at the tip of the beam, or at the distance ``tip_offset_mm`` from the tip."""
 
     length_mm: Size
     """Length along the beam."""
     width_mm: Size
-    """Width across the beam; at most that of the specimen."""
+    """Width across the beam; at most the width of the beam."""
     depth_mm: Size
-    """Depth along the camera's line of sight; at most that of the specimen."""
+    """Depth along the line of sight of the camera; at most the depth of the beam."""
     remanence_T: float = Field(gt=0, le=2.0)
     """Remanence from the data sheet: 1.17 to 1.21 T for N35, 1.32 to 1.37 T for N45."""
     density_kg_m3: Density
@@ -119,30 +123,32 @@ class Magnet(Table):
     tip_offset_mm: float = Field(default=0.0, ge=0)
     """Length of silicone between the magnet and the tip."""
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
-    """Direction of the magnetisation at rest: 0 along the beam toward the tip, positive toward the positive field.
-    Data sheets give its uncertainty as 3 to 5 degrees; 1 degree changes the modulus by 3 to 5 %."""
+    """Direction of the magnetisation at rest: 0 is along the beam toward the tip, and 90 is the direction of the field
+    of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1 degree changes the modulus by 3 to
+    5 %."""
 
 
 class TipLoad(Table):
-    """The material point at which a tip force acts; it moves with the beam."""
+    """The point of the beam at which a tip force acts. This point moves with the beam."""
 
     x_mm: float | None = None
-    """Distance from the clamp along the beam; without this key the tip, wherever ``length_mm`` puts it."""
+    """Distance of the point from the clamp, along the beam at rest; by default ``length_mm``."""
     y_mm: float = 0.0
-    """Distance across the beam from its middle."""
+    """Distance of the point from the centre line, across the beam at rest."""
 
 
 class SpecimenFile(Document):
     """The contents of specimen.toml."""
 
     specimen: Beam
-    """The beam as cast."""
+    """The beam."""
     magnet: Magnet | None = None
-    """A block magnet magnetised along the beam toward the tip; omit the table if there is none."""
+    """A block magnet at the tip. Leave the table out if there is no magnet."""
     tip_load: TipLoad | None = None
     """Point at which a tip force acts; by default the middle of the tip."""
     uncertainty: OfSpecimen | None = None
-    """Standard uncertainties under the keys of the values, such as magnet_width_mm for the magnet. 0 means exact."""
+    """Standard uncertainties, with the keys of the values, such as width_mm, or magnet_width_mm for the width of the
+    magnet. 0 means exact; an absent key means unknown."""
 
     @model_validator(mode="after")
     def _consistent(self) -> SpecimenFile:
@@ -150,39 +156,41 @@ class SpecimenFile(Document):
         if math.hypot(*beam.magnetisation_kA_per_m) > STRONGEST_kA_PER_M:
             x, y = beam.magnetisation_kA_per_m
             raise ValueError(
-                f"specimen.magnetisation_kA_per_m = [{x:g}, {y:g}] must not exceed {STRONGEST_kA_PER_M:g} in strength"
+                f"specimen.magnetisation_kA_per_m = [{x:g}, {y:g}] has the magnitude {math.hypot(x, y):g}, which "
+                f"should be at most {STRONGEST_kA_PER_M:g}"
             )
         if self.magnet:
             if self.magnet.length_mm >= beam.length_mm:
                 raise ValueError(
-                    f"magnet.length_mm = {self.magnet.length_mm:g} must be less than "
+                    f"magnet.length_mm = {self.magnet.length_mm:g} should be less than "
                     f"specimen.length_mm = {beam.length_mm:g}"
                 )
             if self.magnet.length_mm + self.magnet.tip_offset_mm >= beam.length_mm:
                 raise ValueError(
-                    f"magnet.tip_offset_mm = {self.magnet.tip_offset_mm:g} must leave a flexible part: with "
-                    f"magnet.length_mm = {self.magnet.length_mm:g} less than specimen.length_mm = {beam.length_mm:g}"
+                    f"magnet.tip_offset_mm = {self.magnet.tip_offset_mm:g} and magnet.length_mm = "
+                    f"{self.magnet.length_mm:g} together should be less than specimen.length_mm = {beam.length_mm:g}, "
+                    "so that a part of the beam is flexible"
                 )
             for side in ("width_mm", "depth_mm"):
                 inner, outer = getattr(self.magnet, side), self._least_at_magnet(self.magnet, side)
                 if inner > outer:
-                    raise ValueError(f"magnet.{side} = {inner:g} must not exceed specimen.{side} = {outer:g}")
+                    raise ValueError(f"magnet.{side} = {inner:g} should be at most specimen.{side} = {outer:g}")
         if self.tip_load:
             if self.tip_load.x_mm is not None and not 0 < self.tip_load.x_mm <= beam.length_mm:
                 raise ValueError(
-                    f"tip_load.x_mm = {self.tip_load.x_mm:g} must lie on the beam, "
-                    f"above 0 and up to specimen.length_mm = {beam.length_mm:g}"
+                    f"tip_load.x_mm = {self.tip_load.x_mm:g} should be on the beam, "
+                    f"above 0 and at most specimen.length_mm = {beam.length_mm:g}"
                 )
             if abs(self.tip_load.y_mm) > beam.width_mm / 2:
                 raise ValueError(
-                    f"tip_load.y_mm = {self.tip_load.y_mm:g} must lie on the beam, "
-                    f"within half of specimen.width_mm = {beam.width_mm:g}"
+                    f"tip_load.y_mm = {self.tip_load.y_mm:g} should be on the beam, "
+                    f"at most half of specimen.width_mm = {beam.width_mm:g} from the centre line"
                 )
         check_sizes(self.uncertainty or {}, self._values())
         for key, rows in (("width_mm", rows_of(beam.width_mm)), ("depth_mm", rows_of(beam.depth_mm))):
             if rows and abs(rows[-1][0] / beam.length_mm - 1) > SAME:
                 raise ValueError(
-                    f"specimen.{key}: the table ends at {rows[-1][0]:g}, and should end at "
+                    f"specimen.{key}: the table ends at the arc length {rows[-1][0]:g}, but should end at "
                     f"specimen.length_mm = {beam.length_mm:g}"
                 )
         try:
@@ -191,13 +199,12 @@ class SpecimenFile(Document):
             raise ValueError(f"specimen.rest_shape: {error}") from error
         if self.magnet is None and "magnetisation_angle_deg" in (self.uncertainty or {}):
             raise ValueError(
-                "[uncertainty] magnetisation_angle_deg: there is no magnet.magnetisation_angle_deg to which it could "
-                "belong"
+                "[uncertainty] magnetisation_angle_deg: the file has no table [magnet]; leave this uncertainty out"
             )
         return self
 
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
-        """Return the smallest width or depth of the beam along its magnet."""
+        """Return the smallest width or depth of the beam between the ends of the magnet; ``side`` is the key."""
         size: float = getattr(self.specimen, side)
         rows = rows_of(size)
         if not rows:
@@ -210,7 +217,10 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return, for each key of [uncertainty] that is compared with a value, the key of this value and the value."""
+        """Return the values with which uncertainties are compared, by their key in the table [uncertainty].
+
+        Each entry is the key of the value in the file, and the value; None if the file does not have it.
+        """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
         return {
@@ -220,14 +230,15 @@ class SpecimenFile(Document):
         }
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys that have a value in this specimen and may have an uncertainty."""
+        """Return the keys of the table [uncertainty] whose values the specimen file contains."""
         keys = tuple(key for key, (_, value) in self._values().items() if value is not None)
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the uncertainties that the file states.
+        """Return the sources of uncertainty in the table [uncertainty] of the specimen file.
 
-        Datasets of one specimen share its errors. Lengths measured with one instrument share the instrument's error.
+        The errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument,
+        the errors of lengths are common to all specimens that were measured with it.
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with
@@ -238,7 +249,7 @@ class SpecimenFile(Document):
         return stated_sources("specimen", self.uncertainty, shared_by, {})
 
     def mechanics(self) -> mechanics.Specimen:
-        """Return the specimen as the finite-element model needs it, in the units of `eimi_fitting.beam.specimen`."""
+        """Return the specimen in the form that the simulation of the beam needs (`eimi_fitting.beam.specimen`)."""
         beam = self.specimen
         along, across = beam.magnetisation_kA_per_m
         return mechanics.Specimen(
@@ -254,14 +265,17 @@ class SpecimenFile(Document):
         )
 
     def _tip_load_mm(self) -> tuple[float, float] | None:
-        """Return the point at which a tip force acts; None: the middle of the tip."""
+        """Return the point (x, y) in mm at which a tip force acts; None if this is the middle of the tip."""
         load = self.tip_load
         if load is None:
             return None
         return self.specimen.length_mm if load.x_mm is None else load.x_mm, load.y_mm
 
     def _rest_shape(self) -> RestShape | None:
-        """Return the stated shape of the unloaded beam; None for a straight beam of one width and depth."""
+        """Return the shape of the beam without load as the file gives it; None for a straight, uniform beam.
+
+        The result is also None if the shape at rest is to be measured, and width and depth are constant.
+        """
         beam = self.specimen
         turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)
         widths, depths = (
@@ -272,9 +286,10 @@ class SpecimenFile(Document):
 
 
 def load_specimen(name: str | Path) -> SpecimenFile:
-    """Read a specimen from a path, or a shipped specimen by its name ("type1"); raise InputError if it is not valid.
+    """Read a specimen from a path, or a shipped specimen by its name ("type1").
 
-    The points of a centre line in a CSV file replace the name of that file in the text, so that the text is complete.
+    If the file names a CSV file with the centre line, the name is replaced by the points in the text of the result, so
+    that the text is complete. Raises InputError if a file cannot be read, or if the specimen is not valid.
     """
     file = locate(name, "specimens")
     text = read_text(file)

@@ -1,4 +1,4 @@
-"""Validation of TOML text against a pydantic model, with one line of text for the first fault."""
+"""Validate TOML text against a pydantic model, and describe the first fault in one line for the user."""
 
 from __future__ import annotations
 
@@ -19,24 +19,27 @@ from eimi_lab.process.paths import reachable
 
 
 class Table(BaseModel):
-    """Base class of a TOML table: immutable, without unknown keys, type conversions and infinite numbers."""
+    """The base class of the models of TOML tables.
+
+    Instances cannot be changed. Unknown keys, values of another type, NaN and infinite numbers are errors.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Document(Table):
-    """Base class of the contents of a TOML file."""
+    """The base class of the models of TOML files, which keep the text of the file."""
 
     _text: str = PrivateAttr(default="")
 
     @property
     def text(self) -> str:
-        """The text from which the document was read; empty if it was created in Python."""
+        """The TOML text from which the document was read; empty if the document was created in Python."""
         return self._text
 
 
 MOST_PARTS_OF_A_KEY = 1000
-"""Largest number of dots in a key: the time that tomllib takes grows with the square of it."""
+"""Largest number of dots in a key. The time that tomllib needs is proportional to the square of this number."""
 
 _DECIMAL_COMMA = re.compile(r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<value>[+-]?\d+,\d+)\s*(#.*)?")
 
@@ -46,14 +49,14 @@ AnyDocument = TypeVar("AnyDocument", bound=Document)
 
 
 def locate(name: str | Path, folder: str = "") -> Path:
-    """Return the path of a file that is given by its path or by the name of a shipped file.
+    """Return the path of a TOML file that the user gives by its path or by the name of a shipped file.
 
     Parameters
     ----------
     name
-        A path, or the bare name of a shipped file with or without ``.toml``.
+        A path, or the name of a shipped file with or without ``.toml``.
     folder
-        Folder of the shipped files in ``protocols``.
+        Subfolder of ``protocols`` with the shipped files of this kind.
 
     Raises
     ------
@@ -71,14 +74,14 @@ def locate(name: str | Path, folder: str = "") -> Path:
     if path.is_dir():
         raise InputError(f"{name}: is a folder, not a TOML file")
     stems = ", ".join(sorted(file.stem for file in shipped.glob("*.toml")))
-    raise InputError(f"{name}: no such file, and no shipped file of that name; shipped are {stems}")
+    raise InputError(f"{name}: no such file, and no shipped file of that name; the shipped files are {stems}")
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"  # HDF5 File Format Specification, II.A: the signature
 
 
 def is_dataset(path: Path) -> bool:
-    """Return whether a file begins like an HDF5 file, as every dataset does."""
+    """Return whether a file begins with the signature of HDF5, as every dataset does."""
     if not path.is_file():
         return False
     try:
@@ -89,7 +92,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file; raise InputError if it cannot be read."""
+    """Return the text of a file in UTF-8. Raises InputError if the file cannot be read."""
     if path.exists() and not (path.is_file() or path.is_dir()):  # reading it might never end
         raise InputError(f"{path}: is a device or a pipe, not a file")
     try:
@@ -98,39 +101,41 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         if is_dataset(path):
-            raise InputError(f"{path}: is a dataset; a text file is needed here") from error
+            raise InputError(f"{path}: is a dataset (HDF5), but a text file is needed here") from error
         if path.suffix.lower() in SPREADSHEETS:
             raise InputError(f"{path}: is a spreadsheet; save its table as CSV") from error
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it with that encoding") from error
+        raise InputError(
+            f"{path}: is not text in UTF-8 (byte {error.start}); save it with the encoding UTF-8"
+        ) from error
 
 
 def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocument:
-    """Validate TOML text against a model.
+    """Return the contents of a TOML file as an instance of its pydantic model.
 
     Parameters
     ----------
     model
-        The model of the file.
+        The pydantic model of the file.
     text
-        TOML text.
+        The text of the file.
     origin
         Name of the file in error messages.
 
     Raises
     ------
     InputError
-        If the text is not valid TOML, or does not agree with the model.
+        If the text is not valid TOML, or if a key or value is wrong.
     """
     return check(model, parse_table(text, origin), text, origin)
 
 
 def to_toml(document: Document) -> str:
-    """Write a document as TOML text; keys with default values that were not set are omitted."""
+    """Return a document as TOML text, without the keys that were not set."""
     return table_text(document.model_dump(exclude_unset=True, exclude_none=True))
 
 
 def table_text(table: dict[str, Any]) -> str:
-    """Write a dictionary of numbers, texts, lists, tables and lists of tables as TOML text."""
+    """Return a dictionary of numbers, texts, lists, tables and lists of tables as TOML text."""
     return "\n".join(_lines(table, "")) + "\n"
 
 
@@ -159,7 +164,7 @@ def _toml(value: Any) -> str:
 
 
 def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
-    """Parse TOML text into a dictionary; raise InputError if it is not valid TOML."""
+    """Return the contents of TOML text as a dictionary. Raises InputError if the text is not valid TOML."""
     if any(_longest_key(line) > MOST_PARTS_OF_A_KEY for line in text.splitlines()):
         raise InputError(f"{origin}: is not usable TOML: a key has more than {MOST_PARTS_OF_A_KEY} parts")
     try:
@@ -171,7 +176,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def _decimal_comma(text: str) -> str:
-    """Return a hint about the first number with a decimal comma; an empty text if there is none."""
+    """Return advice about the first number with a decimal comma in a text; an empty text without such a number."""
     for number, line in enumerate(text.splitlines(), 1):
         if stated := _DECIMAL_COMMA.fullmatch(line):
             right = stated["value"].replace(",", ".")
@@ -180,7 +185,7 @@ def _decimal_comma(text: str) -> str:
 
 
 def _longest_key(line: str) -> int:
-    """Return the largest number of dots in any part of a line that may be a dotted key."""
+    """Return the largest number of dots in a key of a TOML line."""
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)
@@ -188,7 +193,10 @@ def _longest_key(line: str) -> int:
 
 
 def differences(before: str, after: str) -> tuple[str, ...]:
-    """Return one line for each key whose value differs between two TOML texts; comments and order have no effect."""
+    """Return one line of text for each key whose value differs between two TOML texts.
+
+    Each line gives the old and the new value. Comments and the order of the keys are ignored.
+    """
     old, new = _flat(tomllib.loads(before), ""), _flat(tomllib.loads(after), "")
     return tuple(
         f"{key} was {_stated(old, key)}, and is {_stated(new, key)} now"
@@ -218,7 +226,10 @@ _KINDS = {
 
 
 def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
-    """Validate a table against a model and keep the text in the result; raise InputError as `parse` does."""
+    """Return the contents of a parsed TOML file as an instance of its pydantic model; see `parse`.
+
+    ``table`` is the dictionary with the contents, and ``text`` is the text that the result keeps.
+    """
     try:
         document = model.model_validate(table)
     except ValidationError as error:
@@ -237,7 +248,10 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _one_line(model: type[BaseModel], error: ValidationError) -> str:
-    """Describe one fault in one line; an unknown key comes first, because it is usually misspelt."""
+    """Return a description of one of the faults that pydantic found, in one line for the user.
+
+    An unknown key is described first, because it is usually misspelt.
+    """
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])
     location = tuple(str(part) for part in fault["loc"])
@@ -247,13 +261,13 @@ def _one_line(model: type[BaseModel], error: ValidationError) -> str:
         case unknown if unknown in UNKNOWN:
             return f"{key} is not a known key; {_near(location[-1], _known_keys(model, location[:-1]))}"
         case "missing" if isinstance(fault["loc"][-1], int):
-            return f"{'.'.join(location[:-1])} should have more values than {location[-1]}"
+            return f"{'.'.join(location[:-1])} should have more than {location[-1]} values"
         case "too_long":
             largest, actual = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
             shown = _shown(value) if len(value) <= LONGEST_SHOWN else "a list"
             return f"{key} = {shown} should have at most {largest} values, not {actual}"
         case "tuple_type":
-            return f"{key} = {_shown(value)} should be a list in brackets"
+            return f"{key} = {_shown(value)} should be a list in square brackets"
         case "missing":
             missing = [_missing(model, other["loc"]) for other in faults if _is_missing_key(other)]
             return f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
@@ -283,14 +297,17 @@ def _near(key: str, keys: list[str]) -> str:
 
 
 def _shown(value: object) -> str:
-    """Format a value for a message, as TOML writes it."""
+    """Return a value as text for a message, in the form that TOML has; a dictionary becomes "a table"."""
     if isinstance(value, dict):
         return "a table"
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
-    """Return the keys of the table at a location below a model; an empty list if no table is there."""
+    """Return the keys of the table at a location in a file; an empty list if there is no table at this location.
+
+    ``table`` is the pydantic model of the file, and ``location`` are the names of the enclosing tables and the table.
+    """
     for part in location:
         if part.isdecimal():  # one of several tables [[name]]
             continue

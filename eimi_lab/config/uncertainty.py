@@ -1,7 +1,7 @@
-"""The table [uncertainty] of specimens, calibrations and rigs: standard uncertainties under the keys of the values.
+"""The table [uncertainty] of specimens, calibrations and rigs, which contains standard uncertainties of the values.
 
-An uncertainty of 0 means that the value is exact; an absent key means that the uncertainty is unknown.
-`eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
+Each uncertainty has the key of its value. 0 means that the value is exact, and an absent key means that the uncertainty
+is unknown. `eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from eimi_fitting.inference.evidence.sources import SOURCES, File, StatedSource
 LARGEST_SHARE = 0.1  # a larger relative uncertainty is assumed to be a typing error or a wrong unit
 
 FOCAL_LENGTH = "focal_length_px"
-"""Key for the uncertainty of the focal length, whose value is in the camera matrix and has no key of its own."""
+"""Key of the uncertainty of the focal length. The focal length itself is in the camera matrix and has no key."""
 
 Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the keys of a file's table [uncertainty], each with the name of its source of uncertainty."""
+    """Return the keys that the table [uncertainty] of a kind of file may have, with their sources of uncertainty."""
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
 
@@ -40,7 +40,7 @@ def _validator(file: File, *further_keys: str) -> Callable[[Table], Table]:
                     + (f"did you mean {near[0]}?" if near else f"the known keys are {', '.join(keys)}")
                 )
             if not 0 <= value < math.inf:
-                raise ValueError(f"{key} = {value:g} should be a standard uncertainty: 0 (exact) or above")
+                raise ValueError(f"{key} = {value:g} should be a standard uncertainty: 0 (exact) or a number above 0")
         return table
 
     return check
@@ -52,28 +52,34 @@ OfRig = Annotated[Table, AfterValidator(_validator("rig"))]
 
 
 def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], largest: float = LARGEST_SHARE) -> None:
-    """Check the uncertainties of quantities with a natural zero, such as lengths, against their values.
+    """Raise ValueError if an uncertainty is implausibly large compared with its value.
+
+    Only quantities for which a relative uncertainty is meaningful, such as lengths, are in ``values``.
 
     Parameters
     ----------
     table
         The table [uncertainty].
     values
-        For each key: the key of the value in the file, and the value; None if the file has no such value.
+        For each key of an uncertainty, the key of the value in the file, and the value; None if the file does not have
+        this value.
     largest
-        Largest uncertainty allowed, as a fraction of the value.
+        Largest permitted relative uncertainty.
 
     Raises
     ------
     ValueError
-        If the file has no value for an uncertainty, or if the uncertainty is too large a fraction of the value.
+        If the file does not have the value of an uncertainty, or if an uncertainty is larger than ``largest`` times
+        the value.
     """
     for key, uncertainty in table.items():
         if key not in values:
             continue
         place, value = values[key]
         if value is None:
-            raise ValueError(f"[uncertainty] {key} = {uncertainty:g}: there is no {place} to which it could belong")
+            raise ValueError(
+                f"[uncertainty] {key} = {uncertainty:g}: the file has no {place}; leave this uncertainty out"
+            )
         if uncertainty > largest * value:
             raise ValueError(
                 f"[uncertainty] {key} = {uncertainty:g} should be at most {largest:g} of {place} = {value:g}"
@@ -81,7 +87,17 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys without a stated uncertainty; without a table, only the name ``everything``."""
+    """Return the keys whose uncertainty is unknown because the table [uncertainty] does not have them.
+
+    Parameters
+    ----------
+    everything
+        A name for all keys together, which is the only result if ``table`` is None.
+    table
+        The table [uncertainty]; None if the file has no such table.
+    keys
+        The keys of the values in the file.
+    """
     if table is None:
         return (everything,)
     return tuple(key for key in keys if key not in table)
@@ -97,12 +113,12 @@ def stated_sources(
     file
         The kind of file.
     table
-        The table [uncertainty]; None if the file has none.
+        The table [uncertainty]; None if the file has no such table.
     shared_by
-        Function that names the object (an instrument, a specimen) whose error a key describes. Datasets with the same
-        object share the error.
+        Function that returns, for a key, the name of the object (an instrument, a specimen) that causes the error. The
+        error is common to all datasets with the same object.
     in_units
-        Factors from the unit of a key to the unit of its source; 1 if absent.
+        Factors by key from the unit of the key to the unit of the source; 1 for a key that is absent.
     """
     names = keys_of(file)
     return tuple(

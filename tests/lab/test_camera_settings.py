@@ -56,9 +56,9 @@ def test_settings_are_read_from_the_rig(files: Path) -> None:
         ("exposure_ms = 8.0", "camera.exposure_ms is not a known key; did you mean exposure_s?"),
         ("gain = '6 dB'", "camera.gain = '6 dB' should be a valid number"),
         ("gamma = -1.0", "camera.gamma = -1.0 should be greater than 0"),
-        ("region = [0, 0, 640]", "camera.region should have more values than 3"),
-        ("region = [0, 0, 640, 0]", "camera.region = [0, 0, 640, 0] should be left, top, width and height in pixels"),
-        ("region = [-1, 0, 640, 5]", "camera.region = [-1, 0, 640, 5] should be left, top, width and height"),
+        ("region = [0, 0, 640]", "camera.region should have more than 3 values"),
+        ("region = [0, 0, 640, 0]", "camera.region = [0, 0, 640, 0] should be left and top (0 or more), width and"),
+        ("region = [-1, 0, 640, 5]", "camera.region = [-1, 0, 640, 5] should be left and top (0 or more), width and"),
         ("bit_depth = 4", "camera.bit_depth = 4 should be greater than or equal to 8"),
         ("frame_rate_Hz = 0", "camera.frame_rate_Hz = 0 should be greater than 0"),
         (
@@ -82,7 +82,7 @@ def test_the_virtual_camera_has_nothing_to_set(files: Path) -> None:
     (files / "rig.toml").write_text(
         shipped.text.replace('source = "virtual"', 'source = "virtual"\nexposure_s = 0.01\ngain = 1.0')
     )
-    with pytest.raises(InputError, match=r"\[camera\] has no exposure_s, gain to set with driver = 'virtual'"):
+    with pytest.raises(InputError, match=r"\[camera\] should not have exposure_s, gain with driver = 'virtual'"):
         load_rig(files / "rig.toml")
 
 

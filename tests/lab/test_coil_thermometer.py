@@ -90,7 +90,7 @@ def test_an_interlock_on_the_temperature_of_the_coil_ends_the_run(setup: Any) ->
             "needs address = .supply., measures = .coil_temperature., at",
         ),
         (COIL.replace('"supply"', '"/dev/ttyX"'), "needs address = .supply."),
-        (COIL.replace("coil-resistance", "text-line"), "at_rest_degC and at_rest_A belong to driver"),
+        (COIL.replace("coil-resistance", "text-line"), "at_rest_degC and at_rest_A are only for driver"),
     ],
 )
 def test_a_wrong_table_of_the_coil_is_refused(setup: Any, table: str, words: str) -> None:

@@ -197,7 +197,7 @@ def empty(files: Path) -> None:
 BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     "semicolons in the header alone": (
         rewrite("states.csv", "frame,current_A", "frame;current_A"),
-        "states.csv: row 2: has 1 cells; the header has 2 columns",
+        "states.csv: row 2: has 1 cells, but the header has 2 columns",
     ),
     "header": (
         rewrite("states.csv", "current_A", "curent_A"),
@@ -221,7 +221,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "decimal comma": (
         rewrite("states.csv", ",0.2", ",0,2"),
-        "states.csv: row 3: has 3 cells; the header has 2 columns; numbers with a decimal comma need semicolons",
+        "states.csv: row 3: has 3 cells, but the header has 2 columns; numbers with a decimal comma need semicolons",
     ),
     "case of a name": (
         rewrite("states.csv", "frame_2.png", "elsewhere/Frame_2.PNG"),
@@ -229,7 +229,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "Latin text": (
         lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
-        "states.csv: is not UTF-8 text (byte 18); save it with that encoding",
+        "states.csv: is not text in UTF-8 (byte 18); save it with the encoding UTF-8",
     ),
     "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits; frame_1.png is 128 x 96 px of 8 bits"),
     "stack": (stack, "frame_10.tif: is a stack of pictures; save each picture as a separate file"),

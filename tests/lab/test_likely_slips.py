@@ -27,7 +27,7 @@ def test_a_dataset_and_a_fit_in_each_other_s_place_are_named(dataset: Path, tmp_
     assert status == 2
     assert f"{dataset}: is a dataset" in told or f"{fits}: is a JSON file, not a dataset" in told
     assert "--fit" in told
-    with pytest.raises(InputError, match="is a dataset; a text file is needed here"):
+    with pytest.raises(InputError, match=r"is a dataset \(HDF5\), but a text file is needed here"):
         load_specimen(dataset)
 
 
@@ -44,8 +44,8 @@ def test_a_decimal_comma_in_toml_is_named_with_its_line(files: Path, key: str) -
     ("key", "value", "right"),
     [
         ("density_kg_m3", "1.07", "in g/cm3, write 1070"),
-        ("width_mm", "0.003", "in metres this would be 3 mm"),
-        ("length_mm", "0.06", "in metres this would be 60 mm"),
+        ("width_mm", "0.003", "if the number is in metres, write 3"),
+        ("length_mm", "0.06", "if the number is in metres, write 60"),
     ],
 )
 def test_a_value_in_another_unit_is_asked_about(files: Path, key: str, value: str, right: str) -> None:

@@ -83,7 +83,7 @@ def test_the_states_are_repeated_with_the_current_reversed(texts: dict[str, str]
 
 def test_both_polarities_of_a_negative_current_are_refused(texts: dict[str, str]) -> None:
     text = texts["protocol"].replace("start_A = 0.0", "start_A = -0.3\nboth_polarities = true")
-    with pytest.raises(InputError, match=r"repeats every state with the current reversed, but one current is -0\.3 A"):
+    with pytest.raises(InputError, match=r"repeats every state with the opposite current, but one current is -0\.3 A"):
         parse(Protocol, text, "protocol.toml")
 
 

@@ -124,10 +124,16 @@ def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
         ({"rest_shape": '"bent"'}, "rest_shape"),
         ({"rest_shape": "[[0, 0], [10, 0], [20, 0], [25, 0]]"}, "25 mm long, but the beam has length_mm = 30"),
         ({"width_mm": "[[0.0, 3.0]]"}, "at least two rows"),
-        ({"width_mm": "[[1.0, 3.0], [30.0, 2.5]]"}, "first is at arc length 0"),
-        ({"width_mm": "[[0.0, 3.0], [20.0, 2.5], [10.0, 2.5]]"}, "should rise, but 10 follows 20"),
-        ({"width_mm": "[[0.0, 3.0], [25.0, 2.5]]"}, "ends at 25, and should end at specimen.length_mm = 30"),
-        ({"width_mm": "[[0.0, 3.0], [30.0, 1.0]]"}, "magnet.width_mm = 2 must not exceed specimen.width_mm"),
+        ({"width_mm": "[[1.0, 3.0], [30.0, 2.5]]"}, "the arc length of the first row should be 0"),
+        (
+            {"width_mm": "[[0.0, 3.0], [20.0, 2.5], [10.0, 2.5]]"},
+            "increasing arc lengths, but 10 follows 20",
+        ),
+        (
+            {"width_mm": "[[0.0, 3.0], [25.0, 2.5]]"},
+            "ends at the arc length 25, but should end at specimen",
+        ),
+        ({"width_mm": "[[0.0, 3.0], [30.0, 1.0]]"}, "magnet.width_mm = 2 should be at most specimen.width_mm"),
     ],
 )
 def test_a_shape_that_cannot_be_is_refused_in_one_line(keys, words):

@@ -164,7 +164,10 @@ def test_a_release_of_an_earlier_version_is_a_ring_down(setup: Any) -> None:
         ("ring_down = { seconds = 5.0, from_A = 0.0 }", "does not move the beam"),
         ("ring_down = { seconds = 5.0, from_A = 3.0 }", "ring_down.from_A goes to 3 A"),
         ("ring_down = { seconds = 0.0 }", "seconds"),
-        ("creep = true\ntransients = { frames_per_state = 0 }", "creep = true needs transients.frames_per_state"),
+        (
+            "creep = true\ntransients = { frames_per_state = 0 }",
+            "transients.frames_per_state = 0 should be",
+        ),
         ("release = { seconds = 1 }\nring_down = { seconds = 1 }", "release"),
     ],
 )

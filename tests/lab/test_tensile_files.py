@@ -79,11 +79,11 @@ def test_the_database_itself(measured: Path) -> None:
         ("strain,stress_kPa\n0.1,2\n0.2,x\n", "row 3: stress_kPa = 'x' should be a number"),
         ("strain,stress_kPa\n0.1,2\n0.2,nan\n", "row 3: stress_kPa = 'nan' should be a finite number"),
         ("strain_percent,stress_kPa\n-100,2\n", "row 2: strain_percent = '-100' should be an engineering strain above"),
-        ("strain,stress_kPa\n0.1\n", "row 2: has 1 cells; the header has 2 columns"),
+        ("strain,stress_kPa\n0.1\n", "row 2: has 1 cells, but the header has 2 columns"),
         ("strain,stress_kPa\n0.1,2\n0.2,3\n", "2 rows can be used, but a fit of the mooney-rivlin law"),
         (DATABASE, "has no header with the columns Engineering Strain and Engineering Stress (MPa)"),
         (DATABASE + COLUMNS, "has a header but no rows"),
-        (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells; the header has 5 columns"),
+        (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells, but the header has 5 columns"),
         (DATABASE + COLUMNS + "1;2;3;0,1,2;4\n", "row 6: Engineering Strain = '0,1,2' should be a number"),
     ],
 )  # fmt: skip

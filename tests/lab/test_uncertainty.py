@@ -29,7 +29,7 @@ def text_of(name: str, table: str = "") -> str:
     ("table", "said"),
     [
         ("widht_mm = 0.02", "[uncertainty] widht_mm is not a known key; did you mean width_mm?"),
-        ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or above"),
+        ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or a number above 0"),
         ("width_mm = 2.0", "beam.toml: [uncertainty] width_mm = 2 should be at most 0.1 of specimen.width_mm = 3"),
         (
             "magnet_depth_mm = 1",
@@ -51,13 +51,11 @@ def test_a_wrong_uncertainty_is_refused_in_one_line(table, said):
 
 def test_an_uncertainty_of_a_missing_input_is_refused():
     telecentric = text_of("rigs/virtual_calibration.toml", "stand_off_mm = 1.0")
-    with pytest.raises(
-        InputError, match=r"\[uncertainty\] stand_off_mm = 1: there is no stand_off_mm to which it could belong"
-    ):
+    with pytest.raises(InputError, match=r"\[uncertainty\] stand_off_mm = 1: the file has no stand_off_mm; leave this"):
         parse(Calibration, telecentric, "calibration.toml")
     beam, _, _ = text_of("specimens/type1.toml").partition("[magnet]")
     with pytest.raises(
-        InputError, match=r"\[uncertainty\] remanence_T = 0.01: there is no magnet.remanence_T to which it could belong"
+        InputError, match=r"\[uncertainty\] remanence_T = 0.01: the file has no magnet.remanence_T; leave this"
     ):
         parse(SpecimenFile, beam + "[uncertainty]\nremanence_T = 0.01\n", "beam.toml")
 

@@ -152,7 +152,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
             "virtual",
             'driver = "opencv", source = 0',
             "",
-            "camera.driver = 'opencv' cannot see the simulated coil of supply",
+            "camera.driver = 'opencv' does not suit supply.driver = 'virtual'",
         ),
         (
             "korad",
@@ -164,7 +164,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
             "korad",
             'driver = "opencv", source = 0',
             VIRTUAL,
-            "the table [virtual] belongs with camera.driver",
+            "the table [virtual] is required with camera.driver",
         ),
         (
             "korad",
