@@ -1,6 +1,6 @@
-"""The functions of `import eimi_lab as eimi`: one function for each command, which takes and returns Python objects.
+"""The Python interface `import eimi_lab as eimi`: one function for each command, with Python objects as arguments.
 
-given        types and conversion of arguments: paths, names of shipped files, objects that are open or loaded already
+given        types and conversion of arguments: paths, names of shipped files, or open and loaded objects
 acquiring    open, open_fits, acquire
 segmenting   import_pictures, import_points, segment
 moving       import_motion
@@ -9,6 +9,6 @@ discovering  discover
 using        simulate, validate, plan, report, export
 results      classes of returned values, which print themselves as tables
 
-Options have the same names and meanings as on the command line. A function writes a file only if it is given an
-`output`, or if its result is a file.
+Options have the same names and meanings as on the command line. A function writes a file only if the argument `output`
+is given, or if its result is a file.
 """

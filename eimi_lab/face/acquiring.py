@@ -1,4 +1,4 @@
-"""Open a dataset, or acquire one on the bench."""
+"""Open a dataset, or acquire a new dataset on the bench."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ def open(path: AnyDataset) -> Dataset:
     Parameters
     ----------
     path : str, Path or Dataset
-        An HDF5 file. A dataset that is open already is returned unchanged.
+        Path of an HDF5 file. An open dataset is returned unchanged.
 
     Returns
     -------
     Dataset
-        The dataset with its states, images and edges. It is closed at the end of a ``with`` block, by ``close()``, or
+        The dataset with its states, frames and edges. It is closed at the end of a ``with`` block, by ``close()``, or
         when no variable refers to it any more.
 
     Raises
     ------
     InputError
-        If the file cannot be read. The message names the file.
+        If the file cannot be read. The message tells the file.
     """
     return path if isinstance(path, Dataset) else open_dataset(Path(path))
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """The steps of a run that was not carried out: one line for each step and for each message to the supply."""
+    """The steps of a run that was only planned: one line for each step, and for each message to the supply."""
 
     lines: tuple[str, ...]
 
@@ -97,9 +97,9 @@ def acquire(
     on_event: OnEvent = ignore_event,
     force: bool = False,
 ) -> Dataset | DryRun:
-    """Run a protocol on a rig: set the currents, take frames and store them in a dataset.
+    """Run a protocol on a rig: set the currents, take frames, and store the frames in a dataset.
 
-    Every way out of the run, including errors and Ctrl-C, switches the coil off.
+    The coil is switched off at the end of the run, also after an error or Ctrl-C.
 
     Parameters
     ----------
@@ -109,38 +109,38 @@ def acquire(
     output : str or Path
         The dataset to write.
     dry_run : bool
-        Return the steps of the run and do not carry them out.
+        Only return the steps of the run; no instrument is opened.
     resume : bool
-        Continue the run that the dataset holds.
+        Continue the run that is stored in the dataset ``output``.
     take_over : bool
-        If the output of the supply is on before the run, switch it off. Otherwise the run is refused.
+        Allow the run even if the output of the supply is on before the run; the output is then switched off first.
     note : str
         Text to store with the run in the dataset.
     transcript : str or Path
-        New file that records every message to and from the supply.
+        New file for a record of every message to and from the supply.
     on_event : callable
-        Receives every `Event` of the run, such as a stored state, in the thread of the run. An exception in it ends the
-        run with the coil off.
+        Function that gets every `Event` of the run, such as a stored state, in the thread of the run. If the function
+        raises an exception, the coil is switched off and the run ends.
     force : bool
         Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        The dataset, open for reading. With ``dry_run`` a `DryRun`.
+        The dataset, open for reading. With ``dry_run``, the result is a `DryRun`.
 
     Raises
     ------
     InputError
-        If protocol, specimen, rig or output cannot be used. The output of the supply was not switched on.
+        If protocol, specimen, rig or output cannot be used. In this case the coil was not switched on.
     InstrumentError
-        If an instrument fails or does not follow a command.
+        If an instrument fails or does not obey a command.
     """
     chosen, beam, bench_rig = protocol_of(protocol), specimen_of(specimen), rig_of(rig)
     if dry_run:
         return DryRun(tuple(dry_steps(chosen, beam, bench_rig)[1]))
     if output is None:
-        raise InputError("acquire: output is missing; give the dataset to write (only dry_run needs none)")
+        raise InputError("acquire: output is missing; give the dataset to write, or dry_run = True")
     stored = run_protocol(
         chosen,
         beam,
@@ -158,9 +158,17 @@ def acquire(
 
 
 def dry_steps(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> tuple[list[str], list[str]]:
-    """Return the steps of a run that is not carried out: a summary, and all lines with every message to the supply.
+    """Return the steps of a run without opening an instrument.
 
-    Raises InputError.
+    Returns
+    -------
+    summary, lines
+        A summary of the steps, and all steps with every message to the supply, as lines of text.
+
+    Raises
+    ------
+    InputError
+        If protocol, specimen and rig do not suit each other.
     """
     from eimi_lab.acquisition.dry_run import dry_run
     from eimi_lab.acquisition.playback import describe_recording_length
@@ -197,23 +205,23 @@ def run_protocol(
     force: bool = False,
     watched_by: str | None = None,
 ) -> Path:
-    """Run a protocol, store its states in a dataset, and return the path of the dataset.
+    """Run a protocol, store the states in a dataset, and return the path of the dataset.
 
-    The options that are not listed are those of `acquire`.
+    The parameters that are not listed have the same meaning as in `acquire`.
 
     Parameters
     ----------
     read : sequence of Path
-        Files from which protocol, specimen and rig were loaded. None of them may be the output.
+        Files from which protocol, specimen and rig were loaded. They must differ from the output.
     events : bool
-        Print the events of the run on standard output, one JSON object per line.
+        Print the events of the run on standard output, one JSON object in each line.
     watched_by : str or None
-        File descriptors of the live page, see `page.watched_run`.
+        File descriptors by which the live page exchanges messages with this process, see `page.watched_run`.
 
     Raises
     ------
     InputError, InstrumentError
-        For the reasons given in `acquire`.
+        For the same reasons as `acquire`.
     """
     from eimi_lab.acquisition.event_lines import sending_events
     from eimi_lab.acquisition.event_words import on_terminal
@@ -235,16 +243,19 @@ def run_protocol(
     if not resume:
         refuse_taken(output, force)
     elif force or note:
-        raise InputError("--resume: continues the run in the dataset; leave out --force and --note")
+        raise InputError("--resume: continues the run in an existing dataset; leave out --force and --note")
     if transcript is not None:
         check_distinct([output], [transcript])
         refuse_existing(transcript, force=False)
         if rig.simulated:
-            raise InputError("--transcript: a virtual supply exchanges no messages; leave it out")
+            raise InputError("--transcript: a virtual supply exchanges no messages; leave --transcript out")
     if kind := network_file_system(output.parent):
-        tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer")
+        tell(
+            f"warning: {output} is on a network drive ({kind}): after a crash, stored states may be lost; a local disk "
+            "is safer"
+        )
     if sys.stdin is not None and sys.stdin.isatty():
-        tell("p and Enter pause the run, with the coil off; Ctrl-C ends it")
+        tell("press p and Enter to pause the run with the coil off; press Ctrl-C to end the run")
     page = Descriptors.of(watched_by) if watched_by else None
     events_descriptor = page.events if page else STANDARD_OUTPUT if events else None
     with (

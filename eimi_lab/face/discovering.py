@@ -1,4 +1,4 @@
-"""Discover the terms of a law from datasets and tensile tests."""
+"""Select the terms of a law by means of datasets and tensile tests."""
 
 from __future__ import annotations
 
@@ -26,38 +26,40 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Select the terms of a law by cross-validation, the error on data that were held out.
+    """Select the terms of a law by cross-validation, that is by its error on data that were not fitted.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
-        Bending datasets of one material.
+        Datasets of beams of one material.
     tensile : str or Path, or a sequence of them
         Tensile curves of the same material.
     tensile_window : float or str
-        Largest strain of the tensile curves in per cent, or ``"full"``.
+        Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves.
     term : str or sequence of str
-        Terms of the library: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``, ``"ogden=-4"`` and so on.
+        Terms among which the program selects: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``,
+        ``"ogden=-4"`` and so on.
     most_terms : int
         Largest number of terms in a law.
     lot : float
-        Relative standard deviation by which the moduli of beam and tensile specimen differ.
+        Relative standard deviation of the difference between the moduli of the beam and of the tensile specimen, which
+        were cast separately.
     section, include_flagged, seed
         See `eimi_lab.fit`.
     output : str or Path
-        A discovery.json to write.
+        File discovery.json for the result; None to write no file.
     force : bool
         Replace an existing file.
 
     Returns
     -------
     Discovered
-        A statement in words, and the sets of terms that the data cannot distinguish.
+        The result in words, and the sets of terms that the data cannot distinguish.
 
     Raises
     ------
     InputError
-        If a name does not exist or the data cannot be used.
+        If a term or section does not exist, or if the data cannot be used.
     """
     from eimi_lab.fits.discovering import content, discovered, library_of
     from eimi_lab.fits.tensile_files import check_windows, read_curve

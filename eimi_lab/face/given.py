@@ -1,4 +1,4 @@
-"""Types and conversion of arguments: paths, names of shipped files, or objects that are open or loaded already."""
+"""Types of the arguments of the Python interface, and their conversion: paths, names of shipped files, or objects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function so that the error about an unknown option suggests an existing option."""
+    """Return a function that does the same as ``function``, but suggests a similar option for an unknown option.
+
+    An unknown option raises TypeError.
+    """
     names = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)
@@ -44,7 +47,7 @@ def named_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def several(given: Any) -> list[Any]:
-    """Return the elements of a list or tuple as a list; put any other object, such as a text, into a list."""
+    """Return a list or tuple as a list; return a list with one element for any other object, such as a text."""
     if isinstance(given, list | tuple):
         return list(given)
     return [given]
@@ -57,7 +60,10 @@ def path_of(given: AnyDataset) -> Path:
 
 @contextmanager
 def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
-    """Yield the paths of datasets; open datasets are closed within the context, so that their files can be written."""
+    """Close open datasets during a ``with`` block, so that their files can be written, and yield the paths of all.
+
+    The datasets are opened again at the end of the block.
+    """
     opened = [dataset for dataset in given if isinstance(dataset, Dataset)]
     for dataset in opened:
         dataset.close()
@@ -69,24 +75,33 @@ def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
 
 
 def protocol_of(given: AnyProtocol) -> Protocol:
-    """Return the given protocol; if it is a path or a name, load the protocol from its file. Raises InputError."""
+    """Return a protocol that is given as an object, or load it from a path or a shipped file.
+
+    Raises InputError if the file is not a valid protocol.
+    """
     return given if isinstance(given, Protocol) else load_protocol(Path(given))
 
 
 def specimen_of(given: AnySpecimen) -> SpecimenFile:
-    """Return the given specimen; if it is a path or a name, load the specimen from its file. Raises InputError."""
+    """Return a specimen that is given as an object, or load it from a path or a shipped file.
+
+    Raises InputError if the file is not a valid specimen.
+    """
     return given if isinstance(given, SpecimenFile) else load_specimen(Path(given))
 
 
 def rig_of(given: AnyRig) -> Rig:
-    """Return the given rig; if it is a path or a name, load the rig from its file. Raises InputError."""
+    """Return a rig that is given as an object, or load it from a path or a shipped file.
+
+    Raises InputError if the file is not a valid rig.
+    """
     return given if isinstance(given, Rig) else load_rig(Path(given))
 
 
 def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path | None:
-    """Return the path of an output; None if no output is given.
+    """Return the path of an output file; None if no output is given.
 
-    Raises InputError if it is one of the files that are read, or exists and `force` is false.
+    Raises InputError if the output is one of the files ``read``, or if it exists and ``force`` is False.
     """
     path = None if output is None else Path(output)
     check_distinct(read, [path] if path else [])
@@ -96,6 +111,6 @@ def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path
 
 
 def files(*given: object) -> list[Path]:
-    """Return those of the arguments that are paths, without duplicates."""
+    """Return the arguments that are paths (text or Path), without duplicates; other objects are left out."""
     paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

@@ -28,7 +28,7 @@ AnyFit: TypeAlias = AnyPath | FitRecord | TensileRecord | RingDownRecord | Fits
 """Path of a fits.json, the fits of such a file, or one fit."""
 
 IN_MEMORY = Path("(in memory)")
-"""Stands for the path of a fit that was not read from a file."""
+"""Path that is shown for a fit that was not read from a file."""
 
 
 @named_options
@@ -38,23 +38,26 @@ def open_fits(path: AnyPath) -> Fits:
     Parameters
     ----------
     path : str or Path
-        A file written by `fit` or `tensile`, or by the commands ``eimi fit`` or ``eimi tensile``.
+        A file that was written by `fit`, `tensile`, ``eimi fit`` or ``eimi tensile``.
 
     Returns
     -------
     Fits
-        The fits, indexed by number or by law: ``fits[0]``, ``fits["yeoh"]``.
+        The fits. An index is a number or the name of a law: ``fits[0]``, ``fits["yeoh"]``.
 
     Raises
     ------
     InputError
-        If the file cannot be read. The message names the file and the key.
+        If the file cannot be read. The message tells the file and the key.
     """
     return read_fits_file(Path(path))
 
 
 def fits_of(given: AnyFit | Sequence[AnyFit]) -> list[FittedLaw]:
-    """Return all fits, each with the path of its file and its index in the file. Raises InputError."""
+    """Return all given fits, each with the path of its file and its number in the file.
+
+    Raises InputError if a file cannot be read.
+    """
     laws: list[FittedLaw] = []
     for source in several(given):
         if isinstance(source, FitRecord | TensileRecord | RingDownRecord):
@@ -167,70 +170,73 @@ def fit(
 ) -> FitRecord | RingDownRecord | Fits:
     """Identify the parameters of one or several laws from one or several datasets.
 
-    A dataset of frames without edges is segmented first.
+    If a dataset of frames has no edges yet, its edges are found first.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
         Measured datasets. Several datasets are fitted together.
     model : str, or a list of str
-        A law, which is a key of `LAWS`, or a list of laws.
+        Name of a law, which is a key of `LAWS`, or a list of names.
     prior : Prior or str, or a sequence of them
-        Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``, with mean and
-        standard deviation in the unit of the parameter.
+        Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``. The numbers are
+        mean and standard deviation in the unit of the parameter.
     section : "solid", "plane-strain" or "plane-stress"
-        Section model, instead of the specimen's.
+        Section model of the beam; by default the section in the specimen file.
     include_flagged : bool
-        Use flagged states as well.
+        Use also states with flags that make a state unusable.
     free : str or sequence of str
-        Uncertain quantity to estimate together with the law, with its standard deviation in mm, in degrees or as a
-        fraction, such as ``"width=0.02"``. Without a number, the standard deviation stated in the files is used.
+        Uncertain quantity that is estimated together with the law, with its standard deviation in mm, in degrees or as
+        a fraction, such as ``"width=0.02"``. Without a number, the standard uncertainty in the input files is used.
         ``"bulk"`` estimates the bulk modulus.
     tensile : str or Path, or a sequence of them
-        Tensile curves to fit together with the datasets.
+        Tensile curves that are fitted together with the datasets.
     tensile_window : float or str
-        Largest strain of the tensile curves in per cent, or ``"full"``. The default is 50.
+        Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves. The default is 50.
     tensile_weight : float
-        Weight of the tensile curves, relative to the weight their noise gives them.
+        Factor by which the weight of the tensile curves differs from the weight that follows from their noise.
     restarts : int
-        Number of restarts of the search, each with twice the population of the one before.
+        Number of restarts of the search. Each restart has twice the population of the previous search.
     bipop : bool
         Insert searches with a small population between the restarts.
     time : {"none", "prony"}
-        Law of time: ``"prony"`` identifies a Prony series from the recorded ring-downs and creep of the datasets,
-        together with their states. A dataset of motions alone gives the dynamic modulus.
+        ``"prony"`` also identifies a viscoelastic law, a Prony series, from the recorded ring-downs and creep of the
+        datasets. From a dataset that has only motions and no states, the dynamic modulus is identified.
     seed : int, or with a list of laws a sequence of int
-        Seed of the search.
+        Seed of the random numbers of the search.
     each : bool
-        Fit every dataset separately; only with a list of laws.
+        Fit every dataset separately. This needs a list of laws.
     bootstrap : int
-        Number of bootstrap replicates of the states on which each fit is repeated.
+        Number of bootstrap samples of the states; each fit is repeated on every sample.
     workers : int
-        Number of processes that share the work.
+        Number of processes that compute in parallel.
     scheduler : str
-        Address of a dask cluster, which does the work instead of processes of this computer.
+        Address of a dask cluster, which computes instead of this computer.
     checkpoint : str or Path
-        Log of all generations, from which an interrupted fit can be continued.
+        File that stores every generation of the search, so that an interrupted fit can be continued.
     resume : bool
-        Continue from the checkpoint, if it exists.
+        Continue from the checkpoint, if this file exists.
     output : str or Path
-        A fits.json to write.
+        File fits.json for the result; None to write no file.
     force : bool
         Replace existing files.
 
     Returns
     -------
-    FitRecord, or RingDownRecord for a dataset of motions alone
-        The fit of one law: parameters and initial shear modulus with their intervals; ``residuals()``,
-        ``to_pandas()``, ``to_xarray()`` and ``plot()``. For a list of laws, `Fits` with one record for each law.
+    FitRecord, RingDownRecord or Fits
+        For one law: a record with the parameters and the initial shear modulus, their intervals, and the methods
+        ``residuals()``, ``to_pandas()``, ``to_xarray()`` and ``plot()``. It is a `RingDownRecord` if the datasets have
+        motions but no states. For a list of laws: `Fits` with one record for each law.
 
     Raises
     ------
     InputError
-        If a name does not exist, or if no material explains the data. The message says what would be right.
+        If a law or option does not exist, or if no material explains the data. The message says what would be right.
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
-        raise InputError(f"fit: each and several seeds give several fits; give model = [{model!r}]")
+        raise InputError(
+            f"fit: each = True and several seeds give several fits; give a list of laws, model = [{model!r}]"
+        )
     options = FitOptions(
         section=section,
         include_flagged=include_flagged,
@@ -263,7 +269,7 @@ def fit(
 
 
 def _prior_text(prior: Prior | str) -> str:
-    """Return the prior as text in the syntax of `--prior`, with all digits of its numbers."""
+    """Return a prior as text in the form that the option `--prior` takes, with all digits of the numbers."""
     return prior if isinstance(prior, str) else f"{prior.parameter}={prior.mean!r},{prior.standard_deviation!r}"
 
 
@@ -282,9 +288,19 @@ def identify_laws(
     output: Path | None = None,
     force: bool = False,
 ) -> tuple[Fits, list[Evidence]]:
-    """Fit laws to datasets, write the fits to `output` if it is given, and return the fits and their evidence.
+    """Fit laws to datasets, and write the fits to ``output`` if it is given.
 
-    Raises InputError for the same reasons as `fit`.
+    The parameters have the same meaning as in `fit`.
+
+    Returns
+    -------
+    fits, evidence
+        The fits, and the data of each dataset with states as the inference uses them.
+
+    Raises
+    ------
+    InputError
+        For the same reasons as `fit`.
     """
     from eimi_lab.fits.checkpoint import Checkpoint, Head
     from eimi_lab.fits.fit_grid import fit_grid, grid
@@ -337,7 +353,7 @@ def identify_laws(
 
 
 def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
-    """Return the recorded motions of the datasets. Raises InputError."""
+    """Return the recorded ring-downs and creep of datasets. Raises InputError if a dataset cannot be read."""
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
     return with_ring_downs([load_motions(path) for path in datasets])
@@ -346,7 +362,10 @@ def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
 def _fits_of_motions(
     laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
 ) -> Fits:
-    """Return the fits to datasets without states, and write them if there is an output. Raises InputError."""
+    """Return the fits of laws to datasets that have motions but no states, and write them to ``output`` if it is given.
+
+    Raises InputError if the motions cannot be used, or if the file cannot be written.
+    """
     from eimi_lab.fits.time_fits import fit_motions
 
     content = Fits.of([fit_motions(law, motions, seed) for law in laws for seed in seeds])
@@ -357,14 +376,14 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Add a sentence to the message of a signal that interrupts a fit: how the fit can be continued."""
+    """Add advice on how to continue the fit to the `Stopped` of a signal that interrupts the block."""
     try:
         yield
     except Stopped as stopped:
         left = (
-            f"{checkpoint} has the generations so far; the same command with --resume continues the fit"
+            f"{checkpoint} contains all generations so far; the same command with --resume continues the fit"
             if checkpoint
-            else "nothing of the fit is stored; with --checkpoint FILE it can be continued"
+            else "nothing of the fit is stored; a fit with --checkpoint FILE can be continued after an interruption"
         )
         raise Stopped(stopped.number, left) from stopped
 
@@ -379,20 +398,20 @@ def tensile(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Fits:
-    """Fit laws to a tensile test by least squares on the stress.
+    """Fit laws to a tensile test by least squares of the stress.
 
     Parameters
     ----------
     curve : str or Path
-        CSV of strain and stress: a file of the Soft Robotics Materials Database, or two columns with a header.
+        CSV file with strain and stress: a file of the Soft Robotics Materials Database, or two columns with a header.
     model : str, or a sequence of str
-        Laws, which are keys of `LAWS`.
+        Names of laws, which are keys of `LAWS`.
     window : float or str, or a sequence of them
-        Largest strains in per cent, or ``"full"``.
+        Largest strains in per cent, or ``"full"`` for the whole curve. Each window gives a fit.
     relative : bool
-        Minimise the relative error of the stress instead of the absolute error.
+        Minimise the relative differences of the stress instead of the absolute differences.
     output : str or Path
-        A fits.json to write.
+        File fits.json for the result; None to write no file.
     force : bool
         Replace an existing file.
 
@@ -404,7 +423,7 @@ def tensile(
     Raises
     ------
     InputError
-        If a name does not exist or the curve cannot be used.
+        If a law does not exist, or if the curve cannot be used.
     """
     from eimi_lab.fits.tensile_files import check_windows, read_tensile
     from eimi_lab.fits.tensile_fits import fit_window

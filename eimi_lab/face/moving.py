@@ -1,4 +1,4 @@
-"""Import the motion of a beam, a ring-down or creep, from a video or from tracked points."""
+"""Import a ring-down or the creep of a beam from a video or from tracked points."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def import_motion(
     plane: str | None = None,
     force: bool = False,
 ) -> Dataset:
-    """Make a dataset from a recorded motion of a beam: a video, or points that were tracked.
+    """Make a dataset from a ring-down or creep of a beam that was recorded as a video or as tracked points.
 
-    A video needs ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
+    A video needs the argument ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
 
     Parameters
     ----------
@@ -66,48 +66,51 @@ def import_motion(
     output : str or Path
         The dataset to write.
     kind : "ring_down" or "creep"
-        Whether the beam swings freely after a flick or a release, or creeps under a load that no longer changes.
+        "ring_down" if the beam swings freely after a flick or a release, "creep" if it creeps under a constant load.
     calibration : str, Path or Calibration
         Calibration of the pictures.
     along : sequence of (float, float)
-        Two to six points on the centre line of the beam at rest, from the clamp to the tip, px. Without a calibration
-        they state the clamp, the axis and the scale, and gravity points down in the picture.
+        Two to six points on the centre line of the beam at rest, from the clamp to the tip, px. Without a calibration,
+        clamp, axis and scale follow from these points, and gravity is assumed to point down in the picture.
     clamp, axis, region, polarity, channel, beam_colour
-        Values that replace those of the calibration, see `import_pictures`.
+        New values, which replace the values in the calibration; see `import_pictures`.
     gravity_angle : float
-        For tracked points: direction of gravity in the beam frame, degrees from +x toward +y; 0 if the beam hangs.
+        For tracked points: direction of gravity in the beam frame, degrees from +x toward +y; 0 for a beam that hangs
+        down.
     no_gravity : bool
         For tracked points: gravity does not bend the beam.
     rate : float
-        Frames per second of the recording, if the file states none, or if the file is played slowly.
+        Frames per second of the recording. It is needed if the file does not contain the rate, or if it is played in
+        slow motion.
     released : float
-        Time in the recording at which the beam was released or its load changed, s. By default, each flick is found.
+        Time in the recording at which the beam was released or its load changed, s. By default, the program finds the
+        release of each flick.
     hanging, removed : float
         Weight that hangs at the tip during the motion, and weight that was taken from the tip at the release, N.
     exposure : float
         Exposure time of a frame, s.
     row_time : float
-        Time from one row of the picture to the next below, s (rolling shutter).
+        Time between the exposures of two neighbouring rows of the sensor, s; 0 for a global shutter.
     format : str
         Name of the tracking program: dice, ncorr, mudic, dltdv, tracker, deeplabcut or c3d.
     unit : str
         Unit of the points of a tracking program: mm, cm, m, in or px.
     pixels_per_mm : float
-        Scale of points in px, without a calibration.
+        Scale of points in px. It is not needed with a calibration.
     sigma : float
         Standard deviation of a tracked coordinate, in the unit of the file.
     rest : int
-        Number of the frame in which the tracked beam is straight.
+        Number of the frame of the tracks in which the beam is straight.
     plane : str
-        For points in three dimensions: the plane of bending, such as "xz".
+        For points in three dimensions: the plane in which the beam bends, such as "xz".
     force : bool
         Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        The dataset, open for reading. `Dataset.ring_downs` and `Dataset.creeps` return its motions; `fit` with
-        ``time="prony"`` identifies a law of time.
+        The dataset, open for reading. `Dataset.ring_downs` and `Dataset.creeps` return its motions. `fit` with
+        ``time="prony"`` identifies a viscoelastic (Prony) law from the motions.
 
     Raises
     ------
@@ -160,14 +163,14 @@ def import_motion(
 
 @dataclass(frozen=True)
 class ReadMotions:
-    """The motions of a source, and the calibration of its pictures."""
+    """The motions in a video or a file of tracked points, and the calibration; None for points without calibration."""
 
     motions: tuple[Motion, ...]
     calibration: Calibration | None
 
     @property
     def in_words(self) -> str:
-        """The number of frames and of motions."""
+        """A text with the numbers of frames, of motions and of lost frames."""
         kind: Kind = self.motions[0].kind
         frames = sum(len(motion.time_s) for motion in self.motions)
         parts = f" after {len(self.motions)} flicks" if len(self.motions) > 1 else ""
@@ -187,7 +190,7 @@ def read_motions(
     has_gravity_direction: bool,
     output: Path,
 ) -> ReadMotions:
-    """Read the motions in a video or in tracked points.
+    """Read the motions in a video or in a file of tracked points.
 
     Parameters
     ----------
@@ -196,47 +199,52 @@ def read_motions(
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        The facts about the recording that the user stated, such as the frame rate.
+        Facts about the recording that the user gives, such as the frame rate.
     calibration : str, Path or Calibration, optional
-        The calibration, if the user gave one.
+        The calibration, if the user gives a calibration.
     changes : mapping
-        Values that replace those of the calibration.
+        New values, which replace the values in the calibration.
     tool : str, optional
         Name of the tracking program.
     placing : callable
-        Returns how the points of a tracking program are placed, from the calibration.
+        Function that returns, for a calibration or None, how coordinates of the tracking program are converted into
+        the beam frame.
     has_gravity_direction : bool
-        Whether the user stated the direction of gravity in the beam frame, or that gravity does not act.
+        Whether the user gives the direction of gravity in the beam frame, or says that gravity does not bend the beam.
     output : Path
-        The dataset; a picture for reading off pixels is written beside it.
+        The dataset. If points on the beam are missing, a picture with rulers is written to the same folder.
 
     Raises
     ------
     InputError
-        If the source cannot be read, or if an option is missing or superfluous.
+        If the source cannot be read, or if an option is missing or not allowed.
     """
     from eimi_lab.dataset.listing import is_image, is_video
 
     if not source.exists():
         raise InputError(f"{source}: no such file; give a video or tracked points")
     if source.is_dir() and tool is None:
-        raise InputError(f"{source}: a motion is read from a video or from tracked points, not from a folder of images")
+        raise InputError(
+            f"{source}: is a folder; a motion is read from a video or from tracked points (--format), not from images"
+        )
     if is_image(source):
         raise InputError(f"{source}: is one image; a motion is read from a video or from tracked points")
     if is_video(source):
         if has_gravity_direction:
             raise InputError(
-                f"{source}: --gravity-angle and --no-gravity: are for tracked points; the calibration of a video "
-                "states the direction of gravity, and without a calibration gravity points down in the picture"
+                f"{source}: --gravity-angle and --no-gravity: are only for tracked points; leave them out for a video, "
+                "whose calibration gives the direction of gravity (without a calibration: down in the picture)"
             )
         if tool is not None:
             raise InputError(f"{source}: --format: is for the file of a tracking program, not for a video")
         return _of_video(source, specimen, facts, calibration, changes, output)
     loaded = _loaded(calibration, {}) if calibration is not None else None
     if loaded is None and not has_gravity_direction:
-        raise InputError(f"{source}: tracked points need --gravity-angle or --no-gravity")
+        raise InputError(
+            f"{source}: tracked points need --gravity-angle (direction of gravity in the beam frame) or --no-gravity"
+        )
     if facts.row_time_s or facts.exposure_s:
-        raise InputError(f"{source}: --row-time and --exposure: are for a video, not for tracked points")
+        raise InputError(f"{source}: --row-time and --exposure: are only for a video; leave them out for this file")
     if tool is not None:
         from eimi_lab.dataset.moving.tracked_motion import read_tracked_motion
 
@@ -245,7 +253,8 @@ def read_motions(
 
     if loaded or changes:
         raise InputError(
-            f"{source}: is in the beam frame; leave out --calibration, --clamp and the other options that place points"
+            f"{source}: a table of points is in the beam frame already; leave out --calibration, --clamp and the other "
+            "options of the calibration"
         )
     return ReadMotions(read_motion_csv(source, specimen, facts), None)
 
@@ -282,7 +291,17 @@ def _of_video(
 
 
 def _where(source: Path, output: Path, problem: str) -> str:
-    """Write the frame at rest with rulers, and return a message that asks for points on the beam in it."""
+    """Write a picture of the beam at rest with rulers, and return a message that asks the user for points on the beam.
+
+    Parameters
+    ----------
+    source
+        The video.
+    output
+        The dataset. The picture is written to the same folder.
+    problem
+        What is wrong, as the beginning of the message.
+    """
     import cv2
 
     from eimi_lab.dataset.moving.filmed_motion import frame_at_rest
@@ -292,6 +311,6 @@ def _where(source: Path, output: Path, problem: str) -> str:
     picture = output.with_name(f"{output.stem}_where.png")
     write_file(picture, cv2.imencode(".png", ruled_picture(frame_at_rest(source)))[1].tobytes(), force=True)
     return (
-        f"{source}: {problem}; {picture} shows the beam at rest with rulers in px: read off three points on its centre "
-        "line, at the clamp, in the middle and at the tip, and give them with --along"
+        f"{source}: {problem}; {picture} shows the beam at rest with rulers in px: read the pixels of three points on "
+        "its centre line, at the clamp, in the middle and at the tip, and give them with --along"
     )

@@ -1,4 +1,4 @@
-"""Classes of the values that the functions of this package return, printed as text and shown as HTML in a notebook."""
+"""Classes of results of the Python interface, which are printed as text and shown as HTML in a notebook."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eimi_lab.showing.tables import html_table, installed
 
 @dataclass(frozen=True, repr=False)
 class Validations:
-    """Predictions of fits for datasets: one for each dataset and fit, in the order in which they were given."""
+    """Comparisons of fits with datasets: one prediction for each dataset and fit, in the order of the arguments."""
 
     predictions: tuple[Prediction[FittedLaw], ...]
 
@@ -39,21 +39,24 @@ class Validations:
 
     @property
     def evidence(self) -> tuple[Evidence, ...]:
-        """The evidence of each dataset, in the order in which the datasets were given."""
+        """The measured edges and loads of each dataset, in the order in which the datasets were given."""
         return tuple({id(prediction.evidence): prediction.evidence for prediction in self.predictions}.values())
 
     @property
     def content(self) -> dict[str, Any]:
-        """The content of validation.json."""
+        """The content of the file validation.json."""
         return ValidationFile(validations=tuple(self)).model_dump(mode="json")
 
     def residuals(self, index: int = 0) -> Residuals:
-        """Return the distances between measured and predicted edges of one prediction, see `Residuals`."""
+        """Return the distances between the measured edges and those of the prediction with this index."""
         prediction = self.predictions[index]
         return Residuals.of(prediction.evidence, prediction.residuals_mm)
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with one row for each dataset, fit and state. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame with one row for each dataset, fit and state.
+
+        Raises ImportError if pandas is not installed.
+        """
         tables = {
             (validation.dataset, f"{validation.fit.index} {validation.model}"): validation.to_pandas()
             for validation in self
@@ -61,12 +64,15 @@ class Validations:
         return installed("pandas").concat(tables, names=["dataset", "fit"])
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write validation.json and return its path. Raises InputError if the file exists and ``force`` is not set."""
+        """Write validation.json to ``path`` and return the path.
+
+        Raises InputError if the file exists and ``force`` is False.
+        """
         write_file(Path(path), ValidationFile(validations=tuple(self)).model_dump_json(indent=1) + "\n", force)
         return Path(path)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the error of every state, with one curve for each fit and dataset."""
+        """Return a matplotlib figure of the error in each state against the field, a curve for each fit and dataset."""
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
         return drawn_errors_of_several(
@@ -88,10 +94,16 @@ class Validations:
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """States chosen for the next run.
+    """The states that are proposed for the next run.
 
-    goal: the quantity to determine; runs: the planned runs, the best mounting first; base: the protocol whose limits,
-    ramp and settling are used again.
+    Attributes
+    ----------
+    goal : planning.Goal
+        What the next run should determine.
+    runs : tuple of planning.PlannedRun
+        The planned runs, the best run first. They differ in specimen, direction of gravity and weight at the tip.
+    base : Protocol
+        The protocol whose limits, ramp and settling are used again.
     """
 
     goal: planning.Goal
@@ -100,16 +112,19 @@ class Plan:
 
     @property
     def text(self) -> str:
-        """Protocol of the best run, as TOML."""
+        """The protocol of the best run as TOML text."""
         return planning.protocol_text(self.goal, self.runs[0], self.base)
 
     @property
     def protocol(self) -> Protocol:
-        """Protocol of the best run."""
+        """The protocol of the best run."""
         return parse(Protocol, self.text, "plan")
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write the protocol and return its path. Raises InputError if the file exists and ``force`` is not set."""
+        """Write the protocol of the best run to ``path`` and return the path.
+
+        Raises InputError if the file exists and ``force`` is False.
+        """
         write_file(Path(path), self.text, force)
         return Path(path)
 
@@ -133,7 +148,12 @@ class Plan:
 class Discovered:
     """The result of a search for the terms of a law.
 
-    discovery: sets of terms and their held-out errors; content: the content of discovery.json.
+    Attributes
+    ----------
+    discovery : Discovery
+        The sets of terms, and the error of each set on data that were not fitted.
+    content : mapping
+        The content of the file discovery.json.
     """
 
     discovery: Discovery
@@ -141,7 +161,7 @@ class Discovered:
 
     @property
     def statement(self) -> str:
-        """Sentence that says whether the data determine the terms."""
+        """A sentence that says whether the data determine the terms of the law."""
         return self.discovery.statement
 
     @property
@@ -150,7 +170,10 @@ class Discovered:
         return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write discovery.json and return its path. Raises InputError if the file exists and ``force`` is not set."""
+        """Write discovery.json to ``path`` and return the path.
+
+        Raises InputError if the file exists and ``force`` is False.
+        """
         write_file(Path(path), json.dumps(self.content, indent=1) + "\n", force)
         return Path(path)
 
@@ -167,7 +190,7 @@ class Discovered:
 
 @dataclass(frozen=True)
 class Report:
-    """Paths of a written report: its HTML page, and the folder of its figures and tables if one was requested."""
+    """The paths of a report: its HTML page, and the folder of its figures and tables, None if none was requested."""
 
     path: Path
     assets: Path | None = None

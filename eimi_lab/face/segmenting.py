@@ -1,4 +1,4 @@
-"""Import images or tracked points into a dataset, and find the edges of the beam in its frames."""
+"""Import images or tracked points into a dataset, and find the edges of the beam in the frames of a dataset."""
 
 from __future__ import annotations
 
@@ -37,14 +37,15 @@ def import_pictures(
     along: Sequence[tuple[float, float]] | None = None,
     force: bool = False,
 ) -> Dataset:
-    """Make a dataset from images or a video.
+    """Make a dataset from existing images or an existing video.
 
     Parameters
     ----------
     source : str or Path
         A folder of images, an image, or a video.
     states : str or Path
-        A table (CSV) with the columns frame (or time_s), current_A or field_mT, and tip_force_N.
+        The table of states (CSV) with the loads of each picture: the columns frame (or time_s), current_A or field_mT,
+        and tip_force_N.
     specimen, calibration : str, Path or object
         TOML files, names of shipped files, or objects loaded from such files.
     output : str or Path
@@ -52,18 +53,18 @@ def import_pictures(
     average : bool
         Store the mean frame of each state instead of every frame.
     every : int
-        Of a video, import every n-th frame. Each load of the table acts from the time_s or the frame of its row until
-        the next row, or until the until_s of its row.
+        The number n, to import every n-th frame of a video. The load in a row of the table then acts from the time_s or
+        frame of the row until the next row, or until the until_s of the row.
     dark : str or Path
-        Image without light, subtracted from every frame. The dataset stores it.
+        Image that was taken without light. It is subtracted from every frame, and stored in the dataset.
     flat : str or Path
-        Image of the back-light alone, which corrects uneven light. The dataset stores it.
+        Image of the back-light without the beam, which corrects uneven light. It is stored in the dataset.
     clamp : (float, float)
-        Middle of the line where the beam leaves its clamp, px.
+        Middle of the line at which the beam leaves the clamp, px.
     axis : float
-        Direction of the straight beam at its clamp, degrees: 0 right, 90 down.
+        Direction in which the straight beam leaves the clamp, degrees: 0 is to the right, 90 is down.
     region : (int, int, int, int)
-        x, y, width and height of the part of the image in which to look for the beam, px.
+        Part of the image in which the beam is searched: left, top, width and height, px.
     polarity : "dark" or "bright"
         Whether the beam is darker or brighter than its background.
     channel : "red", "green", "blue" or "grey"
@@ -71,15 +72,16 @@ def import_pictures(
     beam_colour : (float, float, float)
         Colour of the beam: red, green and blue, each from 0 to 255.
     along : sequence of (float, float)
-        Two to six points on the centre line of the beam in the first image, from clamp to tip, px. The points guide the
-        search and are not used as edges. In each later image the search begins near the beam of the image before.
+        Two to six points on the centre line of the beam in the first image, from the clamp to the tip, px. They help to
+        find the beam, but are not used as edges. In each later image the search begins near the beam in the previous
+        image.
     force : bool
         Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        The dataset, open and without edges; `segment` finds the edges.
+        The dataset, open for reading and without edges; `segment` finds the edges.
 
     Raises
     ------
@@ -121,16 +123,16 @@ def import_points(
     Parameters
     ----------
     source : str or Path
-        A table (CSV) with the columns state, point, x0_mm, y0_mm, x_mm, y_mm and sigma_mm.
+        The table of points (CSV) with the columns state, point, x0_mm, y0_mm, x_mm, y_mm and sigma_mm.
     states : str or Path
-        A table (CSV) with the columns state, field_mT and tip_force_N.
+        The table of states (CSV) with the columns state, field_mT and tip_force_N.
     specimen : str, Path or SpecimenFile
         The beam.
     output : str or Path
         The dataset to write.
     gravity_angle : float
-        Direction of gravity in the beam frame, degrees from +x toward +y; 0 if the beam hangs. It is required unless
-        ``no_gravity`` is set.
+        Direction of gravity in the beam frame, degrees from +x toward +y; 0 for a beam that hangs down. It is required
+        unless ``no_gravity`` is True.
     no_gravity : bool
         Gravity does not bend the beam.
     force : bool
@@ -150,7 +152,10 @@ def import_points(
     from eimi_lab.process.outputs import check_distinct
 
     if gravity_angle is None and not no_gravity:
-        raise InputError(f"{source}: tracked points need gravity_angle, or no_gravity = True")
+        raise InputError(
+            f"{source}: tracked points need gravity_angle, the direction of gravity in the beam frame, or "
+            "no_gravity = True"
+        )
     check_distinct(files(source, states, specimen), [Path(output)])
     from_table(
         Path(source), Path(states), specimen_of(specimen), gravity_angle, Path(output), force, gravity=not no_gravity
@@ -180,35 +185,35 @@ def segment(
     workers: int = 1,
     force: bool = False,
 ) -> Dataset:
-    """Find the beam's edges in every state and store them in the dataset.
+    """Find the edges of the beam in every state, and store the edges in the dataset.
 
     Parameters
     ----------
     dataset : str, Path or Dataset
-        A dataset of frames. An open dataset is closed while the edges are written, and then opened again.
+        A dataset of frames. An open dataset is closed while the edges are written, and is then opened again.
     specimen, calibration : str, Path or object
-        Specimen and calibration that replace the stored ones. The dataset keeps both versions.
+        New specimen and calibration, which replace those in the dataset. The dataset keeps the replaced texts.
     clamp, axis, region, polarity, channel, beam_colour, along
-        Values that replace those of the calibration, see `import_pictures`. The dataset stores them.
+        New values, which replace the values of the calibration in the dataset; see `import_pictures`.
     csv : str or Path
-        Folder for the edges as CSV.
+        Folder for the edges as CSV files.
     overlay : str or Path
-        Folder for frames with the edges drawn on them.
+        Folder for pictures of the frames with their edges.
     explain : str or Path
-        Folder for images that show how the beam is followed from its clamp.
+        Folder for pictures that show how the beam was followed from the clamp to the tip.
     dark, flat : str or Path
-        Images that correct the frames, see `import_pictures`. The dataset stores them.
+        Dark frame and flat field, which correct the frames and are stored in the dataset; see `import_pictures`.
     uncorrected : bool
         Remove the dark frame and the flat field from the dataset.
     workers : int
-        Number of processes that share the states.
+        Number of processes that compute in parallel.
     force : bool
         Replace existing folders.
 
     Returns
     -------
     Dataset
-        The dataset with edges, open. If an open dataset was given, the same object is returned.
+        The dataset with edges, open for reading. If an open dataset was given, the same object is returned.
 
     Raises
     ------
@@ -239,7 +244,10 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
-    """Return the path of a TOML file with this content; a loaded object is written to `path` first."""
+    """Return the path of a TOML file that the user gives; None if it is not given.
+
+    If the user gives a loaded object instead, write it to the file ``path``, and return this path.
+    """
     if given is None or not isinstance(given, Document):
         return None if given is None else str(given)
     path.write_text(given.text or to_toml(given), encoding="utf-8")
@@ -255,7 +263,10 @@ def stated_changes(
     beam_colour: tuple[float, float, float] | None,
     along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
-    """Return the values that replace values of a calibration, see `config.calibration.Changes`."""
+    """Return the new values for a calibration that the user gives, by key, see `config.calibration.Changes`.
+
+    An argument that is None gives no new value. For the arguments see `import_pictures`.
+    """
     picture = {
         "region_px": region,
         "polarity": polarity,
@@ -286,10 +297,14 @@ def find_edges(
     workers: int = 1,
     force: bool = False,
 ) -> tuple[tuple[EdgeSet, ...], tuple[str, ...]]:
-    """Find the edges in a dataset and store them.
+    """Find the edges of the beam in every state of a dataset, and store the edges.
 
-    Returns the edges of every state, and one line for each value of specimen and calibration that changed.
-    Raises InputError.
+    For the parameters and errors see `segment`.
+
+    Returns
+    -------
+    edges, changes
+        The edges of every state, and one line of text for each changed value of specimen and calibration.
     """
     from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.restating import restate
@@ -303,7 +318,9 @@ def find_edges(
         total = len(opened.states) + len(opened.recorded_ring_downs()) + creeping
     correction = read_correction_images(dark, flat)
     if uncorrected and correction:
-        raise InputError("--uncorrected: removes the dark frame and the flat field; leave out --dark and --flat")
+        raise InputError(
+            "--uncorrected: removes the dark frame and the flat field from the dataset; leave out --dark and --flat"
+        )
     with ExitStack() as stack:
         unfinished = {
             folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay, explain) if folder
@@ -313,7 +330,7 @@ def find_edges(
             replaced = None if calibration is None else Path(calibration)
             changed = restate(dataset, specimen=specimen, calibration=replaced, changes=dict(changes or {}))
             if not changed:
-                tell(f"{dataset}: nothing changed; the dataset already holds these values")
+                tell(f"{dataset}: nothing changed, because the dataset has these values already")
         if correction:
             store_correction(dataset, correction)
         if uncorrected:
@@ -331,5 +348,7 @@ def find_edges(
         explanation, picture = explain_missing_beam(dataset, without_beam[0])
         picture_path = dataset.with_name(f"{dataset.stem}_where.png")
         write_file(picture_path, picture, force=True)
-        tell(f"state {without_beam[0]}: no beam was found; {explanation} {picture_path} shows where the program looked")
+        tell(
+            f"state {without_beam[0]}: no beam was found; {explanation} {picture_path} shows where the program searched"
+        )
     return edge_sets, changed

@@ -1,4 +1,4 @@
-"""Use a law or a fit: simulate, validate, plan the next run, write a report, export a material card, publish."""
+"""Functions that use a law or a fit: simulate, validate, plan, report, export and publish."""
 
 from __future__ import annotations
 
@@ -66,43 +66,43 @@ def simulate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Simulation:
-    """Simulate a specimen of a given law in all states of a protocol.
+    """Simulate a specimen, whose material has a given law, in all states of a protocol.
 
     Parameters
     ----------
     protocol : str, Path or Protocol, or sequence of float
-        A TOML file, the name of a shipped file or a loaded protocol; or currents in A.
+        A TOML file, the name of a shipped file, or a loaded protocol. A sequence of numbers gives the currents in A.
     specimen : str, Path or SpecimenFile
         The beam.
     model : str
-        A law, which is a key of `LAWS`. It is not needed if ``fit`` holds one law.
+        Name of a law, which is a key of `LAWS`. It is not needed if ``fit`` contains only one law.
     parameter : mapping, or sequence of str
         Parameters of the law, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
     fit : FitRecord, Fits, str or Path
-        Fit that gives the parameters, instead of ``parameter``. The tip then has intervals.
+        Fit whose parameters are used instead of ``parameter``. The result then has intervals for the tip.
     index : int
-        Index of the fit, from 0, if there are several.
+        Number of the fit, from 0, if ``fit`` contains several fits.
     coil_constant : float
-        Field per current, mT/A.
+        Field at the magnet for each ampere, mT/A.
     gravity_angle, field_angle : float
-        Directions in the beam frame, degrees from +x toward +y: at a gravity angle of 0 the beam hangs, and at a field
-        angle of 90 the field is across the beam.
+        Directions of gravity, and of the field of a positive current, in the beam frame, degrees from +x toward +y. For
+        a gravity angle of 0 the beam hangs down. For a field angle of 90 the field is across the beam.
     bulk_modulus_kPa : float
-        Bulk modulus of a solid or in plane strain, kPa. Without it the material is incompressible.
+        Bulk modulus, kPa, for the section models "solid" and "plane-strain". By default the material is incompressible.
     output : str or Path
-        Folder to write, with tables, a figure and files for ParaView.
+        Folder for tables, a figure and files for ParaView; None to write no files.
     force : bool
         Replace an existing folder.
 
     Returns
     -------
     Simulation
-        ``tip_mm``, ``tip_angle_deg``, ``edges_mm``, ``max_stretch`` and ``plot()``.
+        The simulated states, with ``tip_mm``, ``tip_angle_deg``, ``edges_mm``, ``max_stretch`` and ``plot()``.
 
     Raises
     ------
     InputError
-        If a name does not exist, or if a state has no equilibrium.
+        If a law, a parameter or a file does not exist, or if the beam has no equilibrium in a state.
     """
     if fit is None:
         if model is None:
@@ -110,7 +110,7 @@ def simulate(
         (name,) = check_models([model])
         (law, values), drawn = parse_parameters(name, _parameter_texts(name, parameter)), None
     elif parameter:
-        raise InputError("simulate: a fit contains the parameters; leave out fit or parameter")
+        raise InputError("simulate: fit and parameter both give the parameters; leave one of them out")
     else:
         fitted_laws = fits_of(fit)
         records = [fitted_law.fit for fitted_law in fitted_laws]
@@ -128,7 +128,10 @@ def simulate(
 
 
 def _parameter_texts(model: str, parameter: Mapping[str, float] | Sequence[str]) -> list[str]:
-    """Return the parameters as texts in the syntax of `--parameter`. Raises InputError for an unknown name."""
+    """Return the parameters of a law as texts in the form that the option `--parameter` takes.
+
+    Raises InputError for a parameter that the law does not have.
+    """
     if not isinstance(parameter, Mapping):
         return several(parameter)
     law = LAWS[model]
@@ -149,32 +152,32 @@ def validate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Validations:
-    """Predict datasets with fits, and compare the predictions with the measured edges.
+    """Simulate the states of datasets with fitted laws, and compare the simulated edges with the measured edges.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
-        Measured datasets, preferably datasets that were not fitted.
+        Measured datasets, preferably datasets that were not used for the fits.
     fit : FitRecord, Fits, str or Path, or a sequence of them
-        Fits, or paths of fits.json.
+        Fits, or paths of files fits.json.
     section : "solid", "plane-strain" or "plane-stress"
-        Section model, instead of the specimen's.
+        Section model of the beam; by default the section in the specimen file.
     include_flagged : bool
-        Use flagged states as well.
+        Use also states with flags that make a state unusable.
     output : str or Path
-        A validation.json to write.
+        File validation.json for the result; None to write no file.
     force : bool
         Replace an existing file.
 
     Returns
     -------
     Validations
-        One `Validation` for each dataset and fit, by index; ``residuals()``, ``to_pandas()`` and ``plot()``.
+        One `Validation` for each dataset and fit, and the methods ``residuals()``, ``to_pandas()`` and ``plot()``.
 
     Raises
     ------
     InputError
-        If a name does not exist, or if a fit used one of these datasets with another section model.
+        If a section or a file does not exist, or if a fit used one of these datasets with another section model.
     """
     chosen = check_section(section)
     predictions: list[Prediction[FittedLaw]] = []
@@ -208,12 +211,12 @@ def plan(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
-    """Choose the states to measure next, and predict the width of the interval that they will give.
+    """Choose the states to measure in the next run, and predict the width of the interval that this run will give.
 
     Parameters
     ----------
     fits : FitRecord, Fits, str or Path
-        Fits of an earlier run; its law and its noise are used.
+        Fits of an earlier run, whose law and noise are used.
     protocol : str, Path or Protocol
         Protocol whose limits, ramp and settling are used again.
     specimen : str, Path or SpecimenFile, or a sequence of them
@@ -223,29 +226,29 @@ def plan(
     states : int
         Number of states. The default is the number of states of the protocol.
     goal : str
-        ``"modulus"``, the parameter to determine best, or the law to rule out.
+        What the run should determine: ``"modulus"``, the name of a parameter, or the name of a law to rule out.
     model : str
-        Law to use, if the fits have several.
+        Name of the law to use, if the fits have several laws.
     gravity_angle : float or sequence of float
-        Directions of gravity to compare, degrees in the beam frame. The default is that of the rig.
+        Directions of gravity to compare, degrees in the beam frame. The default is the direction in the rig file.
     tip_weight : float or sequence of float
         Weights at the tip to compare, grams.
     both_polarities : bool
-        Whether to consider also runs that repeat each state with the current of the coil reversed.
+        Consider also runs that repeat each state with the opposite current.
     output : str or Path
-        A protocol to write.
+        File for the protocol of the best run; None to write no file.
     force : bool
         Replace an existing file.
 
     Returns
     -------
     Plan
-        ``protocol`` of the best run, and all planned runs with their expected intervals.
+        The ``protocol`` of the best run, and all planned runs with their predicted intervals.
 
     Raises
     ------
     InputError
-        If a name does not exist, or if too few states have an equilibrium.
+        If a law, a goal or a file does not exist, or if the beam has an equilibrium in too few states.
     """
     path = output_of(output, files(fits, protocol, rig, *several(specimen)), force)
     base, bench = protocol_of(protocol), rig_of(rig)
@@ -270,9 +273,9 @@ def report(
     workers: int = 1,
     force: bool = False,
 ) -> Report:
-    """Write a report as one HTML file, with all figures in it.
+    """Write a report as one HTML file that contains all figures.
 
-    It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and methods.
+    The report shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and methods.
 
     Parameters
     ----------
@@ -281,11 +284,11 @@ def report(
     output : str or Path
         HTML file to write.
     fit : FitRecord, Fits, str or Path, or a sequence of them
-        Fits to compare with the datasets.
+        Fits of these datasets.
     assets : str or Path
-        Folder for every figure as SVG and PDF and every table as CSV and LaTeX.
+        Folder for all figures as SVG and PDF, and all tables as CSV and LaTeX; None to write no folder.
     workers : int
-        Number of processes that share several datasets.
+        Number of processes that compute in parallel if there are several datasets.
     force : bool
         Replace existing files.
 
@@ -326,18 +329,18 @@ def publish(
     licence: str | None = None,
     force: bool = False,
 ) -> Publication:
-    """Write datasets, results and other files as an RO-Crate 1.1 in a zip file, and check every hash in it.
+    """Write datasets, results and other files to a zip archive of the format RO-Crate 1.1, and check every hash in it.
 
     Parameters
     ----------
     runs : str, Path or sequence of them
-        Files, or folders that contain them.
+        Files, or folders of files.
     output : str or Path
         The archive; its name ends in ``.eln``.
     title : str
-        Name of the archive; by default the name of the file without its ending.
+        Title of the archive; by default the name of the file without its ending.
     people : str or Path
-        people.toml, the authors.
+        The file people.toml with the authors.
     licence : str
         SPDX identifier such as ``"CC-BY-4.0"``, or a URL.
     force : bool
@@ -346,14 +349,14 @@ def publish(
     Returns
     -------
     Publication
-        The archive, its files, and the items that its reader would miss.
+        The archive, its files, and information that is missing for a reader of the archive.
 
     Raises
     ------
     InputError
-        If a file cannot be read, is given twice or belongs to a run that is not complete.
+        If a file cannot be read, is given twice, or belongs to a run that is not complete.
     OSError
-        If a file changed while it was written, or if the disk takes no more data.
+        If a file changes while the archive is written, or if the disk is full.
     """
     authors = load_people(people) if people is not None else None
     paths = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
@@ -379,30 +382,30 @@ def export(
     fits : FitRecord, Fits, str or Path
         Fits of datasets or of a tensile test.
     model : str
-        A law. It is not needed for a single fit.
+        Name of a law. It is not needed for a single fit.
     to : str
         Program that reads the card: ``"abaqus"``, ``"calculix"``, ``"ansys"``, ``"comsol"``, ``"febio"`` or
         ``"sofa"``.
     index : int
-        Index of the fit, from 0, if several fits have this law.
+        Number of the fit, from 0, if several fits have this law.
     bulk_modulus_kPa : float
-        Bulk modulus of the card, kPa. It is never taken from a fit.
+        Bulk modulus in the card, kPa. It is never taken from a fit.
     bulk_ratio : float
-        Instead of the bulk modulus: bulk modulus divided by initial shear modulus.
+        Ratio of bulk modulus to initial shear modulus in the card. Give either bulk_modulus_kPa or bulk_ratio.
     output : str or Path
-        File to which the card is also written.
+        File for the card; None to write no file.
     force : bool
         Replace an existing file.
 
     Returns
     -------
     str
-        The card.
+        The text of the card.
 
     Raises
     ------
     InputError
-        If a name does not exist, or if the program does not have the law.
+        If a law or a file does not exist, or if the program does not support the law.
     """
     text, _ = card_of(fits, model, to, index, bulk_modulus_kPa, bulk_ratio)
     if output is not None:
@@ -418,7 +421,7 @@ def card_of(
     bulk_modulus_kPa: float | None,
     bulk_ratio: float | None,
 ) -> tuple[str, FitRecord | TensileRecord | RingDownRecord]:
-    """Return the card that `export` returns, and the fit that it contains. Raises InputError."""
+    """Return the text of a material card and the fit that the card contains; for parameters and errors see `export`."""
     solver, fitted_laws = check_solver(to), fits_of(fits)
     records = [fitted_law.fit for fitted_law in fitted_laws]
     (name,) = check_models([model or records[0].model])

@@ -235,7 +235,7 @@ def test_a_stopped_fit_prints_one_line_and_ends_its_workers(
         time.sleep(0.002)
     os.killpg(process.pid, number)
     said = process.communicate(timeout=PATIENCE_S)[1]  # to the end: as long as any of its processes is there
-    go_on = "log.jsonl has the generations so far; the same command with --resume continues the fit"
+    go_on = "log.jsonl contains all generations so far; the same command with --resume continues the fit"
     assert (process.returncode, said.decode()) == (128 + number, f"eimi: stopped by {number.name}: {go_on}\n")
     assert not (tmp_path / "fits.json").exists()
 

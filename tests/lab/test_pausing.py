@@ -210,7 +210,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
         assert process.wait(PATIENCE_S) == 0, said
     os.close(keys)
     assert off == [True]
-    assert "eimi: p and Enter pause the run, with the coil off; Ctrl-C ends it" in said[:2]
+    assert "eimi: press p and Enter to pause the run with the coil off; press Ctrl-C to end the run" in said[:2]
     assert "eimi: the run continues; it first passes through the previous states" in said
     assert not coil.state.output
     with open_dataset(bench / "run.h5") as dataset:

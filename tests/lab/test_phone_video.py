@@ -124,7 +124,7 @@ def test_a_video_without_a_calibration_asks_for_points_on_the_beam(run: Run, tmp
         assert dataset.calibration.axis_angle_deg == pytest.approx(0.0, abs=0.5)
     assert motion.seen.mean() > 0.95
     code, said = run(*asked, "--along", "61,20 260,20 458,20", "--force")
-    assert (code, "read off three points on its centre line" in said) == (2, True), said
+    assert (code, "read the pixels of three points on its centre line" in said) == (2, True), said
 
 
 @pytest.mark.slow

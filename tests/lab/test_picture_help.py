@@ -241,7 +241,7 @@ def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
     assert imported(run, files, scene((30, 30, 30), (200, 200, 200)))[0] == 0
     status, said = run("segment", files / "out.h5")
     assert (status, told in said) == (0, True), said
-    assert f"{files / 'out_where.png'} shows where the program looked" in said
+    assert f"{files / 'out_where.png'} shows where the program searched" in said
     drawn = cv2.imread(str(files / "out_where.png")).astype(int)
     assert ((drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)).sum() > 50  # the stated beam
     green = (drawn[..., 0] < 60) & (drawn[..., 1] > 140) & (drawn[..., 2] < 60)

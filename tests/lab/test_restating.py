@@ -72,7 +72,7 @@ def test_changed_values_are_printed_and_equal_files_change_nothing(
     assert run("segment", acquired, "--calibration", calibration)[0] == 0
     assert "calibration: gravity_angle_deg was 90.0, and is -90.0 now" in said
     assert run("segment", acquired, "--calibration", calibration)[0] == 0
-    assert any("nothing changed; the dataset already holds these values" in str(line) for line in said)
+    assert any("nothing changed, because the dataset has these values already" in str(line) for line in said)
     with open_dataset(acquired) as dataset:
         assert len(dataset.corrections()) == 1
 
