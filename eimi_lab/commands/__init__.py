@@ -1,8 +1,8 @@
-"""The commands of `eimi`: their options and their output. Other packages do the work.
+"""The commands of the program `eimi`: their options and their output. Other packages do the work.
 
 beginning         init
 bench             instruments, emulate, acquire, recover
-trying            the questions of `eimi instruments --try`
+trying            the trial of a supply by `eimi instruments --try`
 images            import, segment
 calibrating       calibrate
 material_laws     fit, validate, tensile, simulate, export
@@ -12,11 +12,11 @@ publishing        publish
 studying          discover, study
 watching          dashboard
 shared_options    options of several commands, and options that are fields of a dataclass
-picture_options   options for finding the beam in images
-motion_options    options of `eimi import` for a motion
-track_options     options for tracked points
+picture_options   options that help the program to find the beam in images
+motion_options    options of `eimi import` for ring-downs and creep
+track_options     options of `eimi import` for tracked points
 examples          the examples that --help shows
 result            the result of a command, and the options --json and --quiet
 
-A command is one function. It imports what it needs when it runs, so that `eimi --help` is quick.
+Each command is one function. The function imports other modules only when it runs, so that `eimi --help` is quick.
 """

@@ -14,13 +14,13 @@ STATES = "states.csv"
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="folder to write the files into; it may hold images already")] = Path(),
+    folder: Annotated[Path, typer.Argument(help="folder for the files; it may contain images already")] = Path(),
     force: Force = False,
 ) -> Result:
     """Write template files for a new beam, to be filled in.
 
-    The files are specimen.toml, calibration.toml and protocol.toml, with comments, and states.csv. If the folder holds
-    images, states.csv has a row for each of them.
+    The files are specimen.toml, calibration.toml and protocol.toml, with comments, and states.csv. If the folder
+    contains images, states.csv has a row for each image.
     """
     from importlib.resources import files
 
@@ -39,7 +39,10 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """Return the text of states.csv without currents: a row for each image of the folder, or one example row."""
+    """Return the text of a states.csv without currents.
+
+    The table has a row for each image in the folder, or one example row if the folder has no images.
+    """
     from eimi_drivers.cameras.image_series import natural_key
     from eimi_lab.vision.image_files import ENDINGS
 

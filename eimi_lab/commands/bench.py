@@ -1,4 +1,4 @@
-"""Commands for the bench: list the instruments, emulate one, acquire a dataset, recover a crashed one."""
+"""Commands for the bench: instruments, emulate, acquire, calibrate-coil and recover."""
 
 from __future__ import annotations
 
@@ -13,30 +13,38 @@ from eimi_lab.commands.shared_options import Force, Output, Specimen
 from eimi_lab.process.errors import InputError
 
 BENCH = "bench"
-"""The name that `eimi emulate` takes for all instruments of a rig."""
+"""The argument of `eimi emulate` for all instruments of a rig together."""
 
 
 def instruments(
-    driver: Annotated[str | None, typer.Argument(help="with --try: driver of the supply", show_default=False)] = None,
-    address: Annotated[str | None, typer.Argument(help="with --try: its address", show_default=False)] = None,
+    driver: Annotated[
+        str | None, typer.Argument(help="with --try: name of the driver of the supply", show_default=False)
+    ] = None,
+    address: Annotated[str | None, typer.Argument(help="with --try: address of the supply", show_default=False)] = None,
     try_: Annotated[
         bool,
-        typer.Option("--try", help="try the driver on a supply without a coil, and write a report and a transcript"),
+        typer.Option(
+            "--try", help="test the driver on a real supply without a coil, and write a report and a transcript"
+        ),
     ] = False,
     who: Annotated[
-        str | None, typer.Option(metavar="NAME", help="with --try: you and your laboratory, for the report")
+        str | None, typer.Option(metavar="NAME", help="with --try: your name and laboratory, for the report")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="with --try: report to write (Markdown)")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="with --try: file for the report (Markdown)")
     ] = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="with --try: ask nothing; nothing is connected to the output")
+        bool,
+        typer.Option(
+            "--yes",
+            help="with --try: ask no questions; only if nothing is connected to the output of the supply",
+        ),
     ] = False,
 ) -> Result:
     """List the attached instruments and their drivers.
 
-    With --try, one supply is tried on its driver with nothing connected to its output, which is on at 1 V for a few
-    seconds. Without DRIVER and ADDRESS it is the listed supply, if there is only one.
+    With --try, the driver of one supply is tested. Nothing may be connected to the output of the supply, which is
+    switched on at 1 V for a few seconds. If only one supply is attached, DRIVER and ADDRESS can be left out.
     """
     from eimi_drivers.discovery import discover
 
@@ -45,18 +53,18 @@ def instruments(
 
         return try_one_supply(driver, address, who, output, yes)
     if driver or address or who or output or yes:
-        raise InputError("DRIVER, ADDRESS, --who, -o and --yes: belong to --try")
+        raise InputError("DRIVER, ADDRESS, --who, -o and --yes: are only for --try; add --try or leave them out")
     result = discover()
     lines = [
         f"{instrument.kind}: driver = {instrument.driver}, address or source = {instrument.address} ({instrument.text})"
         for instrument in result.found
-    ] or ["no supply and no camera found; `eimi emulate korad` serves an emulated supply"]
+    ] or ["no supply and no camera was found; `eimi emulate korad` starts an emulated supply"]
     lines += [f"note: {note}" for note in result.notes]
     return Result(lines, {"found": [asdict(instrument) for instrument in result.found], "notes": result.notes})
 
 
 def _list_faults(wanted: bool) -> None:
-    """Print the faults of `eimi emulate --fault` and end the program."""
+    """Print a description of each fault of `eimi emulate --fault` and end the program, if ``wanted`` is True."""
     if not wanted:
         return
     from eimi_drivers.emulators.faults import Fault
@@ -71,8 +79,8 @@ def emulate(
     supply: Annotated[
         str,
         typer.Argument(
-            help="supply or sensor to emulate, by the name of its driver: korad, scpi, lakeshore-425, ...; or bench, "
-            "for all instruments of RIG"
+            help="name of the driver of the supply or sensor to emulate: korad, scpi, lakeshore-425, ...; or bench, to "
+            "emulate all instruments of RIG"
         ),
     ],
     rig: Annotated[
@@ -81,20 +89,24 @@ def emulate(
     tcp: Annotated[
         int | None,
         typer.Option(
-            help="serve on this TCP port instead of a terminal device; 0 takes any free port", min=0, max=65535
+            help="accept connections at this TCP port instead of a terminal device; 0 chooses a free port",
+            min=0,
+            max=65535,
         ),
     ] = None,
     fault: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="fault of the supply, its coil or its line: silence, sleep, garbage, partial, slow, drop, disconnect, "
-            "reenumerate, swap, shorted, drift, fallen, offset, locked, hunting, trip or brownout",
+            help="fault of the supply, of the coil or of the connection: silence, sleep, garbage, partial, slow, drop, "
+            "disconnect, reenumerate, swap, shorted, drift, fallen, offset, locked, hunting, trip or brownout",
         ),
     ] = None,
     after: Annotated[
         float,
-        typer.Option(metavar="SECONDS", min=0.0, help="time from switching the output on with a current to the fault"),
+        typer.Option(
+            metavar="SECONDS", min=0.0, help="time from switching on the output with a current until the fault begins"
+        ),
     ] = 5.0,
     faults: Annotated[
         bool,
@@ -102,41 +114,57 @@ def emulate(
             "--faults",
             is_eager=True,
             callback=_list_faults,
-            help="describe every fault and what a correct program does",
+            help="describe each fault, and what a correct program does in this case, and stop",
         ),
     ] = False,
     without_coil: Annotated[
-        bool, typer.Option("--without-coil", help="nothing is connected to the output, as for `eimi instruments --try`")
+        bool,
+        typer.Option(
+            "--without-coil", help="emulate a supply to which no coil is connected, for `eimi instruments --try`"
+        ),
     ] = False,
     coil: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="for a gaussmeter: address of the emulated coil whose field it measures"),
+        typer.Option(
+            metavar="ADDRESS", help="for a gaussmeter: address of the emulated coil whose field the gaussmeter measures"
+        ),
     ] = None,
-    mT_per_A: Annotated[float, typer.Option("--mT-per-A", help="for a gaussmeter: true field per current")] = 4.7,
-    offset_mT: Annotated[float, typer.Option("--offset-mT", help="for a gaussmeter: true field without current")] = 0.0,
+    mT_per_A: Annotated[
+        float, typer.Option("--mT-per-A", help="for a gaussmeter: true field of the coil for each ampere, in mT")
+    ] = 4.7,
+    offset_mT: Annotated[
+        float, typer.Option("--offset-mT", help="for a gaussmeter: true field without a current, in mT")
+    ] = 0.0,
     specimen: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="for bench: specimen.toml, or the name of a shipped specimen such as type1"),
     ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="for bench: rig file to write for `eimi acquire`")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="for bench: rig file with the addresses, for `eimi acquire`"
+        ),
     ] = Path("bench.toml"),
     packet_loss: Annotated[
-        float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="for bench: share of the camera's packets to lose")
+        float,
+        typer.Option(
+            metavar="SHARE", min=0.0, max=1.0, help="for bench: fraction of the packets of the camera that are lost"
+        ),
     ] = 0.0,
     force: Force = False,
 ) -> None:
-    """Serve an emulated instrument, or a whole bench, until Ctrl-C.
+    """Emulate one instrument, or a whole bench, until Ctrl-C.
 
-    Programs reach a supply at the printed address with the same commands as the real supply. With a fault, the true
-    current in the coil is printed when it changes. `bench` serves the supply, the sensors and a GigE camera that sees
-    the virtual beam, all on one coil, and writes the rig file with their addresses.
+    The address of the instrument is printed. There the emulated supply or sensor obeys the commands of the real
+    instrument. With --fault, the true current in the coil is printed whenever it changes. `eimi emulate bench` emulates
+    a supply, the sensors and a GigE camera, which shows the virtual beam in the field of the coil. It writes a rig file
+    with the addresses of these instruments.
     """
     if supply == BENCH:
         _serve_bench(rig, specimen, output, force, fault, after, packet_loss)
         return
     if rig is not None or specimen is not None:
-        raise InputError(f"RIG and --specimen belong to `eimi emulate {BENCH}`, not to {supply!r}")
+        raise InputError(f"RIG and --specimen: are only for `eimi emulate {BENCH}`; leave them out for {supply!r}")
     from eimi_drivers.clock import WallClock
     from eimi_drivers.emulators.faults import Fault
     from eimi_drivers.emulators.sensor_session import SENSOR_FAULTS, EmulatedSensorSession
@@ -147,7 +175,7 @@ def emulate(
 
     if supply in SENSOR_DIALECTS:
         if fault is not None and fault not in SENSOR_FAULTS:
-            raise InputError(f"--fault = {fault!r} of a sensor should be one of {', '.join(SENSOR_FAULTS)}")
+            raise InputError(f"--fault = {fault!r}: should be one of {', '.join(SENSOR_FAULTS)} for a sensor")
         begins = SENSOR_FAULTS[fault] if fault is not None else None
         EmulatedSensorSession(
             supply, tcp, coil, mT_per_A, offset_mT, begins, after, lambda text: print(text, flush=True)
@@ -178,7 +206,7 @@ def _serve_bench(
     from eimi_lab.virtual.served_bench import ServedBench
 
     if rig is None or specimen is None:
-        raise InputError(f"`eimi emulate {BENCH} RIG --specimen FILE` needs the rig and the specimen")
+        raise InputError(f"RIG or --specimen is missing; give both: `eimi emulate {BENCH} RIG --specimen FILE`")
     by_word = {each.word: each for each in Fault}
     if fault is not None and fault not in by_word:
         raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")
@@ -203,37 +231,42 @@ def acquire(
     specimen: Specimen,
     rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml, or the name of a shipped rig such as virtual")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="dataset to write; only --dry-run needs none")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="dataset to write; not needed with --dry-run"),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="print the steps of the run without touching an instrument")
+        bool, typer.Option("--dry-run", help="only print the steps of the run; no instrument is used")
     ] = False,
     verbose: Annotated[
         bool,
         typer.Option("-v", "--verbose", help="with --dry-run: also print every state and every message to the supply"),
     ] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="continue the run that the dataset holds")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="continue the interrupted run in the dataset given with -o")
+    ] = False,
     take_over: Annotated[
         bool,
         typer.Option(
-            "--take-over", help="if the supply's output is on before the run, switch it off; the default is to refuse"
+            "--take-over",
+            help="allow the run if the output of the supply is on before the run; the output is switched off first",
         ),
     ] = False,
     note: Annotated[str, typer.Option(metavar="TEXT", help="text to store with the run in the dataset")] = "",
     transcript: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="new file that records every message to and from the supply"),
+        typer.Option(metavar="FILE", help="new file for a record of every message to and from the supply"),
     ] = None,
     events: Annotated[
-        bool, typer.Option("--events", help="print the events of the run on standard output, one JSON object per line")
+        bool,
+        typer.Option("--events", help="print the events of the run on standard output, one JSON object in each line"),
     ] = False,
     force: Force = False,
     watched_by: Annotated[str | None, typer.Option(hidden=True, help="file descriptors of the live page")] = None,
 ) -> Result:
     """Run a protocol on the bench and store its frames.
 
-    The supply is set to each current of the protocol, and the camera films the beam. The coil is switched off at the
-    end, however the run ends.
+    The program sets each current of the protocol, waits until the beam is at rest, and takes frames. At the end of the
+    run the coil is switched off, also after an error or Ctrl-C.
     """
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
@@ -247,13 +280,13 @@ def acquire(
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     if dry_run:
         if events:
-            raise InputError("--events: --dry-run starts no run and has no events; leave out one of the two")
+            raise InputError("--events: there are no events with --dry-run, which starts no run; leave one of them out")
         summary, whole = dry_steps(chosen, beam, bench_rig)
         return Result(whole if verbose else summary, {"dry_run": whole})
     if verbose:
-        raise InputError("-v: belongs to --dry-run; --transcript FILE records the messages of a run")
+        raise InputError("-v: is only for --dry-run; to record the messages of a run, give --transcript FILE")
     if output is None:
-        raise InputError("-o FILE.h5 is missing; give the dataset to write (only --dry-run needs none)")
+        raise InputError("-o FILE.h5 is missing; give the dataset to write (not needed with --dry-run)")
     stored = run_protocol(
         chosen,
         beam,
@@ -275,20 +308,24 @@ def acquire(
 def calibrate_coil(
     rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml with a gaussmeter in [[sensors]]")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="calibration to write, beside the old one")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="new calibration file; the calibration of the rig is not changed"
+        ),
     ] = Path("calibration.toml"),
     largest: Annotated[
         float | None,
-        typer.Option(metavar="AMPERE", help="largest current", show_default="the largest that the rig allows"),
+        typer.Option(metavar="AMPERE", help="largest current", show_default="the largest current that the rig allows"),
     ] = None,
-    steps: Annotated[int, typer.Option(help="currents from zero to the largest", min=2, max=200)] = 6,
+    steps: Annotated[int, typer.Option(help="number of currents from zero to the largest current", min=2, max=200)] = 6,
     force: Force = False,
 ) -> Result:
     """Measure the field of the coil with a gaussmeter.
 
-    The current goes up and back to zero, and is also reversed if the supply can. The written calibration is that of the
-    rig with the measured coil constant, the field without a current, their uncertainties, and the table. The probe
-    belongs where the magnet is; take the specimen away, because its magnet has a field too.
+    Put the probe at the place of the magnet, and remove the specimen, because its magnet also has a field. The current
+    increases in steps and returns to zero; if the supply can reverse the current, this is repeated with the opposite
+    sign. The new calibration is that of the rig with the measured coil constant, the measured field without a current,
+    their uncertainties, and the table of readings.
     """
     from datetime import date
 
@@ -307,13 +344,16 @@ def calibrate_coil(
     before, line = bench_rig.calibration.mT_per_A, measured.line
     lines = [f"{a:8.4g} A {b:10.5g} mT" for a, b in zip(measured.current_A, measured.field_mT, strict=True)]
     lines += [
-        f"at the magnet, by {line.probe}: {line.in_words}; the calibration of the rig states {before:g} mT/A",
-        f"readings scatter by {line.scatter_mT:.2g} mT about the line, and differ by at most "
-        f"{measured.hysteresis_mT:.2g} mT between the way up and the way down",
+        f"at the magnet, measured with {line.probe}: {line.in_words}; the calibration of the rig has {before:g} mT/A",
+        f"the standard deviation of the readings from a straight line is {line.scatter_mT:.2g} mT; readings with "
+        f"increasing and with decreasing current differ by at most {measured.hysteresis_mT:.2g} mT",
     ]
     if not line.shared_is_stated:
-        lines.append("the scale of the gaussmeter is taken as exact, because its table states no uncertainty_share")
-    lines.append(f"{output}: the calibration with the measured coil")
+        lines.append(
+            "the scale of the gaussmeter is assumed to be exact, because its table in the rig file has no "
+            "uncertainty_share"
+        )
+    lines.append(f"{output}: the calibration with the measured field of the coil")
     return Result(
         lines,
         {
@@ -335,7 +375,7 @@ def recover(
 ) -> Result:
     """Copy the stored states of a crashed run to a new dataset.
 
-    Damaged frames are left out.
+    Damaged frames are left out. A damaged dataset of a finished run can also be recovered.
     """
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 

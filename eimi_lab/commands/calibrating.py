@@ -1,4 +1,4 @@
-"""The command that measures a calibration from pictures."""
+"""The command `calibrate`, which measures a calibration from pictures."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def calibrate(
     board: Annotated[
         str | None, typer.Option(metavar="charuco|checkerboard|circles", help="pattern of the board")
     ] = None,
-    columns: Annotated[int, typer.Option(help="number of squares (or circles) in a row of the board")] = 20,
+    columns: Annotated[int, typer.Option(help="number of squares or circles in a row of the board")] = 20,
     rows: Annotated[int, typer.Option(help="number of rows of the board")] = 16,
     square_mm: Annotated[
-        float, typer.Option(help="side of a square, or distance between neighbouring circle centres")
+        float, typer.Option(help="side of a square, or distance between the centres of neighbouring circles, in mm")
     ] = 2.0,
     board_error_percent: Annotated[
-        float, typer.Option(help="uncertainty of the scale of the printed board", min=0)
+        float, typer.Option(help="standard uncertainty of the scale of the printed board, in per cent", min=0)
     ] = 0.1,
     print_board: Annotated[
-        bool, typer.Option("--print-board", help="write the board as a PDF in true size, and stop")
+        bool, typer.Option("--print-board", help="only write the board as a PDF for printing in true size")
     ] = False,
     mid_plane: Annotated[
         Path | None,
@@ -55,42 +55,47 @@ def calibrate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="specimen.toml of the beam in the image, whose width gives the scale; or of the beam in --beam",
+            help="specimen.toml of the beam in the image; the width of this beam gives the scale. With --beam: "
+            "specimen.toml of the beam in that image",
         ),
     ] = None,
-    width_tolerance_mm: Annotated[float, typer.Option(help="uncertainty of the width of the beam", min=0)] = 0.05,
+    width_tolerance_mm: Annotated[
+        float, typer.Option(help="standard uncertainty of the width of the beam, in mm", min=0)
+    ] = 0.05,
     ruler_px: Annotated[
         tuple[float, float, float, float] | None,
-        typer.Option(metavar="X Y X Y", help="both ends of a known length in the image, in px"),
+        typer.Option(metavar="X Y X Y", help="two points of a ruler in the image, in px"),
     ] = None,
-    ruler_mm: Annotated[float, typer.Option(help="known length between the ends in --ruler-px")] = 0.0,
+    ruler_mm: Annotated[float, typer.Option(help="distance between the two points of --ruler-px, in mm")] = 0.0,
     coil_constant: Annotated[
-        float | None, typer.Option(help="field per current at the specimen, in mT/A", show_default="no coil")
+        float | None,
+        typer.Option(help="field of the coil at the magnet, in mT for each ampere", show_default="no coil"),
     ] = None,
     clamp_midpoint_px: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="X Y", help="middle of the line where the beam leaves its clamp, in px"),
+        typer.Option(metavar="X Y", help="middle of the line at which the beam leaves the clamp, in px"),
     ] = None,
     beam: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="image of the beam at rest, in which the clamp is measured; --clamp-midpoint-px is then an estimate",
+            help="image of the beam at rest, in which the position of the clamp is measured; --clamp-midpoint-px may "
+            "then be an estimate",
         ),
     ] = None,
     plumb_line: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="image of a dark thread with a weight, from which gravity is measured"),
+        typer.Option(metavar="FILE", help="image of a dark thread with a weight, which shows the direction of gravity"),
     ] = None,
     axis_angle: Annotated[
         float,
-        typer.Option(metavar="DEG", help="direction of the straight beam, clockwise from the +x of the image"),
+        typer.Option(metavar="DEG", help="direction of the straight beam, clockwise from +x of the image"),
     ] = 90.0,
     gravity_angle: Annotated[
         float | None,
         typer.Option(
             metavar="DEG",
-            help="direction of gravity, clockwise from the +x of the image; an estimate if --plumb-line is given",
+            help="direction of gravity, clockwise from +x of the image; with --plumb-line, it may be an estimate",
             show_default="--axis-angle; 90 with --plumb-line",
         ),
     ] = None,
@@ -98,7 +103,7 @@ def calibrate(
         float | None,
         typer.Option(
             metavar="DEG",
-            help="direction of the field of a positive current, clockwise from the +x of the image",
+            help="direction of the field of a positive current, clockwise from +x of the image",
             show_default="--axis-angle minus 90",
         ),
     ] = None,
@@ -107,7 +112,7 @@ def calibrate(
 ) -> Result:
     """Measure scale, distortion and orientation from images.
 
-    The images show a board (--board), the beam itself (--specimen) or a ruler (--ruler-px).
+    The images show a board (--board), the beam (--specimen) or a ruler (--ruler-px).
     """
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.process.outputs import check_distinct, refuse_existing
@@ -121,16 +126,20 @@ def calibrate(
         _write_board(_board(board or "charuco", columns, rows, square_mm), output, force)
         return Result([output], {"board": output})
     if beam is not None and (specimen is None or (board is None and ruler_px is None)):
-        raise InputError("--beam: needs --specimen, and one of --board and --ruler-px for the scale")
+        raise InputError("--beam: also needs --specimen and, for the scale, --board or --ruler-px")
     if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
         raise InputError("give exactly one of --board, --specimen and --ruler-px")
     pattern = _board(board, columns, rows, square_mm) if board else None
     if not images or (pattern is None and len(images) > 1):
         raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")
     if clamp_midpoint_px is None:
-        raise InputError("--clamp-midpoint-px: give the middle of the clamp line, because no image shows it")
+        raise InputError(
+            "--clamp-midpoint-px is missing; give the pixel at which the middle of the beam leaves the clamp"
+        )
     if coil_constant is not None and coil_constant <= 0:
-        raise InputError(f"--coil-constant {coil_constant:g}: should be greater than 0; leave it out without a coil")
+        raise InputError(
+            f"--coil-constant {coil_constant:g}: should be greater than 0; without a coil, leave --coil-constant out"
+        )
     gravity = axis_angle if gravity_angle is None else gravity_angle
     field = axis_angle - 90.0 if field_angle is None else field_angle
     setup = calibration_file.BenchSetup(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)

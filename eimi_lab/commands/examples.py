@@ -1,4 +1,4 @@
-"""Examples of each command, which its --help shows at the end."""
+"""Examples of each command, which the --help of the command shows at the end."""
 
 from __future__ import annotations
 
@@ -65,5 +65,5 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Return the examples as a help text whose lines are not wrapped."""
+    """Return examples as a text for --help in which lines are not wrapped."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

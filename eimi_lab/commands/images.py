@@ -1,4 +1,4 @@
-"""Commands for images: import and segment."""
+"""The commands `import` and `segment`, which make a dataset from images and find the edges in a dataset."""
 
 from __future__ import annotations
 
@@ -19,11 +19,16 @@ if TYPE_CHECKING:  # OpenCV is slow to import, and most commands do not need it
 
 Dark = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="image without light, subtracted from every frame; stored in the dataset"),
+    typer.Option(
+        metavar="FILE", help="image taken without light, which is subtracted from every frame; the dataset stores it"
+    ),
 ]
 Flat = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="image of the back-light alone, to correct uneven light; stored in the dataset"),
+    typer.Option(
+        metavar="FILE",
+        help="image of the back-light without the beam, which corrects uneven light; the dataset stores it",
+    ),
 ]
 
 
@@ -32,7 +37,8 @@ def import_(
     source: Annotated[
         Path,
         typer.Argument(
-            help="folder of images, image, video, points.csv or, with --format, the file of a tracking program"
+            help="a folder of images, an image, a video, a table of points or, with --format, the file of a tracking "
+            "program"
         ),
     ],
     specimen: Specimen,
@@ -41,17 +47,20 @@ def import_(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="states.csv with the columns frame (or time_s, or state), current_A or field_mT and, if there is a "
-            "force, tip_force_N and tip_force_angle_deg; only a motion may be imported without it",
+            help="states.csv with the loads of each state: the columns frame (or time_s, or state), current_A or "
+            "field_mT, and for a force at the tip tip_force_N and tip_force_angle_deg; needed except for a motion",
             show_default=False,
         ),
     ] = None,
-    calibration: Annotated[Path | None, typer.Option(metavar="FILE", help="calibration.toml; images need it")] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="calibration.toml; needed for images and for states in a video")
+    ] = None,
     gravity_angle: Annotated[
         float | None,
         typer.Option(
             metavar="DEG",
-            help="for tracked points: direction of gravity in the beam frame, from +x toward +y; 0 if the beam hangs",
+            help="for tracked points: direction of gravity in the beam frame, from +x toward +y; 0 for a beam that "
+            "hangs down",
         ),
     ] = None,
     no_gravity: Annotated[
@@ -64,8 +73,8 @@ def import_(
         int | None,
         typer.Option(
             metavar="N",
-            help="for a video: import every N-th frame; each load of states.csv acts from its time_s or frame until "
-            "the next row, or until the column until_s",
+            help="for a video: import every N-th frame; the load in a row of states.csv acts from time_s or frame of "
+            "this row until the next row, or until until_s of this row",
             min=1,
         ),
     ] = None,
@@ -77,7 +86,7 @@ def import_(
 ) -> Result:
     """Make a dataset from images, a video or tracked points.
 
-    The source shows states at rest (--states), or a motion (--ring-down or --creep), or both.
+    SOURCE contains states in which the beam is at rest (--states), or a motion (--ring-down or --creep), or both.
     """
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
@@ -120,33 +129,34 @@ def import_(
             return Result([f"{output}: {read.in_words}", *flagged_lines(read.motions)], content)
         if options.format is None and not is_video(source):
             raise InputError(
-                f"{source}: --states: a table of a motion holds no states; import them into a dataset of "
-                "their own, and fit both datasets together"
+                f"{source}: --states: a table with a motion cannot contain states as well; import the states into a "
+                "second dataset, and fit both datasets together"
             )
     if states is None:
-        raise InputError("--states: is missing; give states.csv, or --ring-down or --creep for a motion")
+        raise InputError("--states is missing; give states.csv or, for a motion, --ring-down or --creep")
     tables = _Tables(source, states, beam, output, force)
     if every is not None and (options.format is not None or not is_video(source)):
-        raise InputError(f"--every {every}: is for a video; {source} is none")
+        raise InputError(f"--every {every}: is for a video only, but {source} is not a video; leave --every out")
     if options.format is not None:
         if dark or flat or average:
-            raise InputError("--dark, --flat and --average: are for images, not for tracked points")
+            raise InputError("--dark, --flat and --average: are only for images; leave them out for tracked points")
         count = _import_tracks(tables, options, calibration, gravity_angle, not no_gravity)
     else:
         options.refuse_track_options()
         if source.is_dir() or is_video(source) or is_image(source):
             if calibration is None or gravity_angle is not None or no_gravity:
                 raise InputError(
-                    f"{source}: images need --calibration, and neither --gravity-angle nor --no-gravity: the "
-                    "calibration states the direction of gravity"
+                    f"{source}: images need --calibration, which also gives the direction of gravity; leave out "
+                    "--gravity-angle and --no-gravity"
                 )
             count = _import_pictures(tables, options, str(calibration), average, every, (dark, flat))
         else:
             has_none = gravity_angle is None and not no_gravity
             if has_none or calibration or dark or flat or options.changes():
                 raise InputError(
-                    f"{source}: tracked points need --gravity-angle or --no-gravity, and no option for images such as "
-                    "--calibration, --dark, --flat or --clamp; the file of a tracking program needs --format"
+                    f"{source}: a table of tracked points needs --gravity-angle or --no-gravity; leave out options for "
+                    "images such as --calibration, --dark, --flat and --clamp; for a file of a tracking program, add "
+                    "--format"
                 )
             count = import_points(source, states, tables.beam, gravity_angle, output, force, not no_gravity)
     line = f"{output}: {count} state{'s' if count > 1 else ''}"
@@ -158,7 +168,7 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The inputs and the output of an import."""
+    """The files of an import: source, table of states, specimen and output."""
 
     source: Path
     states: Path
@@ -200,7 +210,10 @@ def _import_tracks(
     from eimi_lab.dataset.tracked.tracked_states import import_tracks
 
     if calibration is not None and gravity_angle is not None:
-        raise InputError("--gravity-angle: the calibration states the direction of gravity; leave out one of the two")
+        raise InputError(
+            "--gravity-angle: the calibration also gives the direction of gravity; leave out --gravity-angle or "
+            "--calibration"
+        )
     placing = options.placing(load_calibration(calibration) if calibration else None)
     tool = options.format or ""
     source, states, output = tables.source, tables.states, tables.output
@@ -208,17 +221,19 @@ def _import_tracks(
 
 
 def _check_source(source: Path, states: Path | None) -> None:
-    """Raise InputError if the source does not exist, or is a file that belongs to another argument."""
+    """Raise InputError if the source of an import does not exist, or if it is a table of states or a dataset."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
     if states is not None and states.exists() and source.samefile(states):
         raise InputError(
-            f"{source}: is the file given as --states; the first argument is the images, the video or the points"
+            f"{source}: is also given with --states; the first argument should be the images, the video or the points"
         )
     if source.suffix.lower() in (".h5", ".hdf5", ".nxs"):
-        raise InputError(f"{source}: is a dataset already; `eimi segment` and `eimi fit` take it")
+        raise InputError(f"{source}: is a dataset already; continue with `eimi segment` or `eimi fit`")
     if source.suffix.lower() == ".toml":
-        raise InputError(f"{source}: is a TOML file; the first argument is a folder of images, a video or points.csv")
+        raise InputError(
+            f"{source}: is a TOML file; the first argument should be a folder of images, a video or points.csv"
+        )
 
 
 @with_fields(PictureOptions)
@@ -226,21 +241,31 @@ def segment(
     dataset: Annotated[Path, typer.Argument(help="dataset of frames")],
     specimen: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="specimen.toml that replaces the stored one; the dataset keeps both"),
+        typer.Option(
+            metavar="FILE",
+            help="corrected specimen.toml, which replaces the specimen in the dataset; the dataset keeps the old text",
+        ),
     ] = None,
     calibration: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="calibration.toml that replaces the stored one; the dataset keeps both"),
+        typer.Option(
+            metavar="FILE",
+            help="corrected calibration.toml, which replaces the calibration in the dataset; the dataset keeps the old "
+            "text",
+        ),
     ] = None,
     csv: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="folder for the edges as CSV and for quality.json")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="folder for the edges as CSV files, and for the flags as quality.json"),
     ] = None,
     overlay: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="folder for frames with the edges drawn on them")
+        Path | None, typer.Option(metavar="FOLDER", help="folder for pictures of the frames with their edges")
     ] = None,
     explain: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="folder for images that show how the beam is followed from its clamp"),
+        typer.Option(
+            metavar="FOLDER", help="folder for pictures that show how the beam was followed from the clamp to the tip"
+        ),
     ] = None,
     dark: Dark = None,
     flat: Flat = None,
@@ -254,7 +279,7 @@ def segment(
 ) -> Result:
     """Find the edges of the beam in every state of a dataset.
 
-    The edges are stored in the dataset. So are the dark frame and the flat field, if they are given.
+    The edges are stored in the dataset. If a dark frame and a flat field are given, they are stored too.
     """
     from eimi_lab.dataset.moving.recording_checks import flagged_lines
     from eimi_lab.dataset.reading import open_dataset
@@ -281,12 +306,12 @@ def segment(
     with open_dataset(dataset) as opened:
         colours, ring_downs, creeps = opened.projection(), opened.ring_downs(), opened.creeps()
     lines = list(restated)
-    lines += [] if colours is None else [f"colours seen as one: {colours}"]
+    lines += [] if colours is None else [f"projection of the colours to grey values: {colours}"]
     lines.append(
         f"{dataset}: edges of {total} state{'s' if total > 1 else ''}, {flagged} with flags, {unusable} unusable"
     )
     if ring_downs or creeps:
-        lines.append(f"{dataset}: points of {len(ring_downs)} ring-downs and {len(creeps)} creep records")
+        lines.append(f"{dataset}: points of {len(ring_downs)} ring-downs and of {len(creeps)} states with creep")
         lines += flagged_lines([*ring_downs, *creeps])
     flags = [[flag.name for flag in edge_set.flags] for edge_set in edge_sets]
     return Result(

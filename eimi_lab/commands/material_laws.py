@@ -1,4 +1,4 @@
-"""Commands for laws: fit, validate, tensile, export and simulate."""
+"""The commands `fit`, `validate`, `tensile`, `export` and `simulate`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from eimi_lab.fits.options import FitOptions
 
 @with_fields(FitOptions)
 def fit(
-    datasets: Annotated[list[Path], typer.Argument(help="one or more datasets, fitted together")],
+    datasets: Annotated[list[Path], typer.Argument(help="one or more datasets, which are fitted together")],
     model: Annotated[
-        list[str], typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")
+        list[str],
+        typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
     ],
     output: Output,
     options: FitOptions,
@@ -24,29 +25,40 @@ def fit(
         list[int] | None,
         typer.Option(
             metavar="SEED",
-            help="seed of the search, stored in the result; may be repeated",
+            help="seed of the random numbers of the search; each seed gives a fit; may be repeated",
             min=1,
             show_default="1",
         ),
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="fit every dataset separately")] = False,
     bootstrap: Annotated[
-        int, typer.Option(help="number of bootstrap replicates on which each fit is repeated", min=0, max=9999)
+        int,
+        typer.Option(
+            help="number of bootstrap samples of the states; each fit is repeated on every sample", min=0, max=9999
+        ),
     ] = 0,
     workers: Workers = 1,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="scheduler of a dask cluster, such as tcp://host:8786")
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="address of a dask cluster that computes the fits, such as tcp://host:8786"
+        ),
     ] = None,
     checkpoint: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="log of all generations, from which --resume continues an interrupted fit"),
+        typer.Option(
+            metavar="FILE", help="file that stores every generation of the search; --resume continues from this file"
+        ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="continue from the checkpoint, if it exists")] = False,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="continue the interrupted fit in the file of --checkpoint, if it exists"),
+    ] = False,
     force: Force = False,
 ) -> Result:
     """Identify the parameters of one law or of several laws.
 
-    Datasets without edges are segmented first.
+    If a dataset has no edges yet, its edges are found first.
     """
     from eimi_lab.face.identifying import identify_laws
     from eimi_lab.fits.fit_summary import comparison_table, evidence_remarks, remarks
@@ -83,10 +95,12 @@ def fit(
 
 def validate(
     datasets: Annotated[
-        list[Path], typer.Argument(help="datasets to predict, preferably datasets that were not fitted")
+        list[Path],
+        typer.Argument(help="datasets to compare with the fits, preferably datasets that were not used for the fits"),
     ],
     fit: Annotated[
-        list[Path], typer.Option(metavar="FILE", help="fits.json of datasets or of tensile tests; may be repeated")
+        list[Path],
+        typer.Option(metavar="FILE", help="fits.json with fits of datasets or of tensile tests; may be repeated"),
     ],
     output: Output,
     section: Annotated[
@@ -96,7 +110,9 @@ def validate(
             help="section assumption; default: the section in the specimen file",
         ),
     ] = None,
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False,
+    include_flagged: Annotated[
+        bool, typer.Option("--include-flagged", help="use also states with flags that make a state unusable")
+    ] = False,
     by_state: Annotated[
         bool, typer.Option("--by-state", help="also print the error and the deviation of every state")
     ] = False,
@@ -104,8 +120,8 @@ def validate(
 ) -> Result:
     """Compare the predictions of fits with measured datasets.
 
-    Every fit predicts every dataset. The tables list the fits of each dataset, best first; for several datasets a
-    matrix of fits and specimens follows.
+    Every dataset is simulated with every fit. For each dataset, a table lists the fits, and the fit with the smallest
+    error comes first. If there are several datasets, a table of the errors of all fits and specimens follows.
     """
     from eimi_lab.face.using import validate as validate_fits
     from eimi_lab.fits.fit_summary import evidence_remarks
@@ -125,20 +141,29 @@ def validate(
 
 def tensile(
     curve: Annotated[
-        Path, typer.Argument(help="CSV of strain and stress: two columns, or a Soft Robotics Materials Database file")
+        Path,
+        typer.Argument(
+            help="CSV file with strain and stress: two columns, or a file of the Soft Robotics Materials Database"
+        ),
     ],
     model: Annotated[
-        list[str], typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")
+        list[str],
+        typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
     ],
     output: Output,
     window: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PERCENT|full", help="largest strain that is fitted; may be repeated", show_default="20 50 100 full"
+            metavar="PERCENT|full",
+            help="largest strain that is fitted, in per cent; full for the whole curve; may be repeated",
+            show_default="20 50 100 full",
         ),
     ] = None,
     relative: Annotated[
-        bool, typer.Option("--relative", help="minimise the relative error of the stress instead of the absolute error")
+        bool,
+        typer.Option(
+            "--relative", help="minimise the relative differences of the stress instead of the absolute differences"
+        ),
     ] = False,
     force: Force = False,
 ) -> Result:
@@ -157,8 +182,10 @@ def tensile(
 
 
 def export(
-    fits: Annotated[Path, typer.Argument(help="fits.json of datasets or of a tensile test")],
-    model: Annotated[str, typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    fits: Annotated[Path, typer.Argument(help="fits.json with fits of datasets or of a tensile test")],
+    model: Annotated[
+        str, typer.Option(metavar="LAW", help="law of the card: neo-hookean, mooney-rivlin, yeoh or ogden")
+    ],
     to: Annotated[
         str, typer.Option(metavar="abaqus|calculix|ansys|comsol|febio|sofa", help="program that reads the card")
     ],
@@ -167,15 +194,17 @@ def export(
         typer.Option("-o", "--output", metavar="FILE", help="file to write", show_default="print the card"),
     ] = None,
     index: Annotated[
-        int | None, typer.Option(help="index of the fit in the file, from 0, if several fits have this law")
+        int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
     ] = None,
     bulk_modulus_kPa: Annotated[
-        float | None, typer.Option("--bulk-modulus-kPa", help="bulk modulus of the card; it is never taken from a fit")
+        float | None,
+        typer.Option("--bulk-modulus-kPa", help="bulk modulus in the card, in kPa; it is never taken from a fit"),
     ] = None,
     bulk_ratio: Annotated[
         float | None,
         typer.Option(
-            "--bulk-ratio", help="instead of --bulk-modulus-kPa: bulk modulus divided by initial shear modulus"
+            "--bulk-ratio",
+            help="ratio of bulk modulus to initial shear modulus in the card; give it instead of --bulk-modulus-kPa",
         ),
     ] = None,
     force: Force = False,
@@ -200,37 +229,45 @@ def simulate(
         str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
     ],
     specimen: Specimen,
-    model: Annotated[str, typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    model: Annotated[
+        str, typer.Option(metavar="LAW", help="law of the material: neo-hookean, mooney-rivlin, yeoh or ogden")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")],
     parameter: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=NUMBER", help="parameter of the law, such as mu_Pa=46390; once for each"),
+        typer.Option(metavar="KEY=NUMBER", help="parameter of the law, such as mu_Pa=46390; repeat it for each one"),
     ] = None,
     fit: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="fits.json, instead of --parameter; the tip curve then has intervals"),
+        typer.Option(
+            metavar="FILE",
+            help="fits.json whose parameters are used instead of --parameter; the tip curve then has intervals",
+        ),
     ] = None,
     index: Annotated[
-        int | None, typer.Option(help="index of the fit in the file, from 0, if several fits have this law")
+        int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
     ] = None,
-    coil_constant: Annotated[float, typer.Option(help="field per current, in mT/A")] = 4.7,
+    coil_constant: Annotated[float, typer.Option(help="field of the coil at the magnet, in mT for each ampere")] = 4.7,
     gravity_angle: Annotated[
         float,
         typer.Option(
-            metavar="DEG", help="direction of gravity in the beam frame, from +x toward +y; 0 if the beam hangs"
+            metavar="DEG",
+            help="direction of gravity in the beam frame, from +x toward +y; 0 for a beam that hangs down",
         ),
     ] = 0.0,
     field_angle: Annotated[
         float,
         typer.Option(
-            metavar="DEG", help="direction of the field in the beam frame, from +x toward +y; 90 is across the beam"
+            metavar="DEG",
+            help="direction of the field of a positive current in the beam frame, from +x toward +y; 90 is across the "
+            "beam",
         ),
     ] = 90.0,
     bulk_modulus_kPa: Annotated[
         float | None,
         typer.Option(
             "--bulk-modulus-kPa",
-            help="bulk modulus, for a solid or for plane strain",
+            help="bulk modulus in kPa, for the section models solid and plane-strain",
             show_default="incompressible",
         ),
     ] = None,
@@ -238,7 +275,7 @@ def simulate(
 ) -> Result:
     """Simulate a specimen with a known law.
 
-    The folder contains the shapes, the tip curve and the stretch as CSV, a figure, and VTU files for ParaView.
+    The folder contains the shapes, the tip curve and the stretches as CSV files, a figure, and VTU files for ParaView.
     """
     from eimi_lab.face.using import simulate as simulate_beam
 

@@ -1,4 +1,4 @@
-"""Options of `eimi import` for the motion of a beam: a ring-down, or creep."""
+"""Options of `eimi import` for the motion of a beam: a ring-down or creep."""
 
 from __future__ import annotations
 
@@ -20,59 +20,68 @@ _NOT_NEGATIVE = ("hanging", "removed")
 
 @dataclass(frozen=True)
 class MotionOptions(PictureOptions):
-    """Facts about the recording of a motion that are in no file."""
+    """Options of `eimi import` about the recording of a motion, with facts that the recording does not contain."""
 
     ring_down: Annotated[
-        bool, typer.Option("--ring-down", help="the source shows a beam that swings freely after a flick or a release")
+        bool, typer.Option("--ring-down", help="SOURCE shows a beam that swings freely after a flick or a release")
     ] = False
-    creep: Annotated[
-        bool, typer.Option("--creep", help="the source shows a beam that creeps under a load that no longer changes")
-    ] = False
+    creep: Annotated[bool, typer.Option("--creep", help="SOURCE shows a beam that creeps under a constant load")] = (
+        False
+    )
     rate: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="for a motion: frames per second, if the file states none or plays slowly"),
+        typer.Option(
+            metavar="HZ",
+            help="for a motion: frames per second of the recording, if the file does not contain this rate or is "
+            "played in slow motion",
+        ),
     ] = None
     released: Annotated[
         float | None,
         typer.Option(
             metavar="S",
             help="for a motion: time in the file at which the beam was released or its load changed",
-            show_default="last frame within 3 % of the greatest deflection",
+            show_default="last frame with at least 97 % of the largest deflection",
         ),
     ] = None
     hanging: Annotated[
-        float | None, typer.Option(metavar="N", help="for a motion: weight that hangs at the tip, in newtons")
+        float | None,
+        typer.Option(metavar="N", help="for a motion: weight that hangs at the tip during the motion, in newtons"),
     ] = None
     removed: Annotated[
         float | None,
-        typer.Option(metavar="N", help="for a motion: weight taken from the tip at the release, in newtons"),
+        typer.Option(metavar="N", help="for a motion: weight that was taken from the tip at the release, in newtons"),
     ] = None
     exposure: Annotated[float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame")] = None
     row_time: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="for a motion: time from one row of the picture to the next below (rolling shutter)"
+            metavar="S",
+            help="for a motion: time between the exposures of two neighbouring rows of the sensor (rolling shutter)",
         ),
     ] = None
 
     def motion_facts(self) -> MotionFacts | None:
-        """Return the facts of a motion; None if the source shows states.
+        """Return the facts about the recording of a motion; None if neither --ring-down nor --creep is given.
 
         Raises
         ------
         InputError
-            If an option of a motion is given without --ring-down or --creep, or if its value is impossible.
+            If an option for a motion is given without --ring-down or --creep, or if the value of an option is
+            impossible.
         """
         from eimi_lab.dataset.moving.motion_facts import MotionFacts
 
         values = {name: getattr(self, name) for name in (*_POSITIVE, *_NOT_NEGATIVE, "released", "row_time")}
         stated = {name: value for name, value in values.items() if value is not None}
         if self.ring_down and self.creep:
-            raise InputError("--ring-down and --creep: give one of them; import the other motion into its own dataset")
+            raise InputError(
+                "--ring-down and --creep: give only one of them; import the other motion into a second dataset"
+            )
         if not (self.ring_down or self.creep):
             if stated:
                 raise InputError(
-                    f"--{next(iter(stated)).replace('_', '-')}: is for a motion; give --ring-down or --creep, too"
+                    f"--{next(iter(stated)).replace('_', '-')}: is only for a motion; also give --ring-down or --creep"
                 )
             return None
         for name, value in stated.items():

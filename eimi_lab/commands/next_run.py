@@ -1,4 +1,4 @@
-"""The command `plan`, which chooses the states to measure next."""
+"""The command `plan`, which chooses the states to measure in the next run."""
 
 from __future__ import annotations
 
@@ -12,58 +12,60 @@ from eimi_lab.commands.shared_options import Force
 
 
 def plan(
-    fits: Annotated[Path, typer.Argument(help="fits.json of an earlier run; its law and its noise are used")],
+    fits: Annotated[Path, typer.Argument(help="fits.json of an earlier run, whose law and noise are used")],
     protocol: Annotated[str, typer.Argument(help="protocol.toml whose limits, ramp and settling are used again")],
     specimen: Annotated[
         list[str],
         typer.Option(
-            metavar="FILE", help="specimen.toml, or the name of a shipped specimen; repeat it to compare several"
+            metavar="FILE", help="specimen.toml, or the name of a shipped specimen; repeat it to compare specimens"
         ),
     ],
     rig: Annotated[
         str,
         typer.Option(
-            metavar="FILE", help="rig.toml, or the name of a shipped rig; its limits and uncertainties are used"
+            metavar="FILE", help="rig.toml whose limits and uncertainties are used, or the name of a shipped rig"
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="protocol to write")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="file for the protocol of the best run")
+    ],
     states: Annotated[
-        int | None, typer.Option(help="number of states", min=2, show_default="as many as PROTOCOL has")
+        int | None, typer.Option(help="number of states", min=2, show_default="the number of states in PROTOCOL")
     ] = None,
     goal: Annotated[
         str,
         typer.Option(
             metavar="modulus|PARAMETER|LAW",
-            help="the modulus or the parameter to determine best, or the law to rule out",
+            help="what the run should determine: the modulus, a parameter of the law, or whether LAW can be ruled out",
         ),
     ] = "modulus",
-    model: Annotated[str | None, typer.Option(metavar="LAW", help="law to use, if fits.json holds several")] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="LAW", help="law to use, if fits.json contains several laws")
+    ] = None,
     gravity_angle: Annotated[
         list[float] | None,
         typer.Option(
             metavar="DEG",
-            help="direction of gravity in the beam frame: 0 hanging, 90 level, 180 upright; repeat it to compare "
-            "several",
-            show_default="that of the rig",
+            help="direction of gravity in the beam frame: 0 for a beam that hangs down, 90 for a level beam, 180 for "
+            "an upright beam; repeat it to compare directions",
+            show_default="the direction in the rig",
         ),
     ] = None,
     tip_weight: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="GRAMS", help="weight at the tip; repeat it to compare several", min=0.0, show_default="0"
+            metavar="GRAMS", help="weight at the tip; repeat it to compare weights", min=0.0, show_default="0"
         ),
     ] = None,
     both_polarities: Annotated[
         bool,
-        typer.Option(
-            "--both-polarities", help="consider also runs that repeat each state with the current of the coil reversed"
-        ),
+        typer.Option("--both-polarities", help="consider also runs that repeat each state with the opposite current"),
     ] = False,
     force: Force = False,
 ) -> Result:
     """Choose the states to measure next and write their protocol.
 
-    The table lists the possible runs and what each is expected to achieve, best first.
+    The table lists the possible runs, with the interval that each run is expected to give. The best run comes first.
     """
     from eimi_lab.face.using import plan as plan_run
     from eimi_lab.fits import planning

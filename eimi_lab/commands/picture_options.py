@@ -1,4 +1,4 @@
-"""Options by which a person helps to find the beam in images."""
+"""Options by which the user helps the program to find the beam in images."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """The place and the look of the beam in the images; stored in the dataset with the calibration."""
+    """Options about position and appearance of the beam in images. The dataset stores them with the calibration."""
 
     clamp: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="middle of the line where the beam leaves its clamp, in px")
+        str | None, typer.Option(metavar="X,Y", help="middle of the line at which the beam leaves the clamp, in px")
     ] = None
     axis: Annotated[
         float | None,
         typer.Option(
-            metavar="DEG", help="direction of the straight beam at its clamp: 0 right, 90 down, 180 left, -90 up"
+            metavar="DEG",
+            help="direction in which the straight beam leaves the clamp: 0 right, 90 down, 180 left, -90 up",
         ),
     ] = None
     region: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="part of the image in which to look for the beam, in px"),
+        typer.Option(
+            metavar="X,Y,WIDTH,HEIGHT",
+            help="part of the image in which the beam is searched: left, top, width and height, in px",
+        ),
     ] = None
     polarity: Annotated[
         str | None,
@@ -38,24 +42,27 @@ class PictureOptions:
         typer.Option(metavar="red|green|blue|grey", help="channel in which the beam differs most from its background"),
     ] = None
     beam_colour: Annotated[
-        str | None, typer.Option(metavar="R,G,B", help="colour of the beam, three numbers from 0 to 255")
+        str | None,
+        typer.Option(metavar="R,G,B", help="colour of the beam: red, green and blue, each from 0 to 255"),
     ] = None
     along: Annotated[
         str | None,
         typer.Option(
             metavar="'X,Y X,Y ...'",
-            help="two to six points on the centre line of the beam, from clamp to tip, in px: in the first image; "
-            "for a motion, in the picture at rest",
+            help="two to six points on the centre line of the beam in the first image, from the clamp to the tip, in "
+            "px; for a motion, in the image of the beam at rest",
         ),
     ] = None
 
     def changes(self) -> dict[str, Any]:
-        """Return the values that replace those of a calibration, by key (`eimi_lab.config.calibration.Changes`).
+        """Return the new values for a calibration that the options give, by key.
+
+        For the form of the result see `eimi_lab.config.calibration.Changes`.
 
         Raises
         ------
         InputError
-            If the text of an option does not hold the right count of numbers.
+            If the text of an option does not contain the right number of numbers.
         """
         picture = {
             "region_px": self.region and _numbers("--region", self.region, 4, whole=True),
@@ -90,37 +97,37 @@ def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
     except ValueError:
         points = ()
     if not 2 <= len(points) <= 6 or any(len(point) != 2 for point in points):
-        raise InputError(f"{option} {text!r}: should be two to six points such as '120,80 118,160 101,240'")
+        raise InputError(f"{option} {text!r}: should be two to six points X,Y, such as '120,80 118,160 101,240'")
     return points
 
 
 def ask_where(
     missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path, every: int | None = None
 ) -> InputError:
-    """Write an image with rulers, and return an error that asks the user to read the missing values from it.
+    """Write an image with rulers, and return an error that asks the user to read missing values from this image.
 
     Parameters
     ----------
     missing : tuple of str
-        Keys that the calibration lacks: ``clamp_midpoint_px``, ``axis_angle_deg`` or both.
+        Keys that are missing in the calibration: ``clamp_midpoint_px``, ``axis_angle_deg`` or both.
     source, states : Path
-        The images and states.csv.
+        The images or the video, and states.csv.
     calibration : str
         Name of the calibration file, for the message.
     output : Path
-        The dataset; the image is written beside it.
+        The dataset. The image with rulers is written to the same folder.
     every : int or None
-        Only every n-th frame of a video is imported.
+        The number n, if only every n-th frame of a video is imported.
 
     Returns
     -------
     InputError
-        The error to raise.
+        The error, which the caller raises.
 
     Raises
     ------
     InputError
-        If the images cannot be listed or the image cannot be written.
+        If the images cannot be listed or read, or if the image with rulers cannot be written.
     """
     import cv2
 
@@ -134,6 +141,6 @@ def ask_where(
     options = " and ".join({"clamp_midpoint_px": "--clamp X,Y", "axis_angle_deg": "--axis DEG"}[key] for key in missing)
     return InputError(
         f"{calibration}: {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; {picture} shows "
-        f"{listing.frames[0].path.name} with rulers in px: read off where the beam leaves its clamp and in which "
+        f"{listing.frames[0].path.name} with rulers in px: read where the beam leaves the clamp, and in which "
         f"direction, and give {options}"
     )

@@ -1,4 +1,4 @@
-"""The command `publish`."""
+"""The command `publish`, which writes an archive of datasets and results for a repository."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from eimi_lab.commands.shared_options import Force, Output
 
 def publish(
     runs: Annotated[
-        list[Path], typer.Argument(help="datasets, fits.json, reports, cards and other files, or folders of them")
+        list[Path],
+        typer.Argument(help="datasets, fits.json, reports, material cards and other files, or folders of such files"),
     ],
     output: Output,
-    title: Annotated[str | None, typer.Option(help="name of the archive", show_default="the name of the file")] = None,
+    title: Annotated[str | None, typer.Option(help="title of the archive", show_default="the name of the file")] = None,
     people: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="people.toml: the authors, each in a table [[person]]")
+        Path | None,
+        typer.Option(metavar="FILE", help="people.toml with the authors, each author in a table [[person]]"),
     ] = None,
     licence: Annotated[
-        str | None, typer.Option(metavar="ID", help="licence: an identifier of SPDX such as CC-BY-4.0, or a URL")
+        str | None, typer.Option(metavar="ID", help="licence: an SPDX identifier such as CC-BY-4.0, or a URL")
     ] = None,
     force: Force = False,
 ) -> Result:
     """Archive datasets, results and cards for a repository.
 
-    The archive is an RO-Crate 1.1 in a zip file, which electronic notebooks read as .eln. It contains the TOML files of
-    each run, the hash of every file and the versions of the programs. It is read back, and every hash is checked.
+    The archive is a zip file in the format RO-Crate 1.1, which electronic lab notebooks can read (.eln). It contains
+    the given files, the TOML files of each run, the hash of every file and the versions of the programs. After writing,
+    the archive is read again and every hash is checked.
     """
     from eimi_lab.config.people import load_people
     from eimi_lab.process.errors import tell
@@ -41,7 +44,7 @@ def publish(
         tell(f"{output}: {remark}")
     sizes = sum(file.size_bytes for file in archive.files)
     return Result(
-        [f"{output}: {len(archive.files)} files, {sizes / 1e6:.1f} MB, every SHA-256 checked"],
+        [f"{output}: {len(archive.files)} files, {sizes / 1e6:.1f} MB; every SHA-256 hash was checked"],
         {
             "archive": output,
             "files": [

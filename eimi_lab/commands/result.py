@@ -1,4 +1,4 @@
-"""The result of a command, printed as lines for a person or, with --json, as JSON for a program."""
+"""The result of a command, which is printed as text for the user or, with --json, as JSON for a program."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ from eimi_lab.process.paths import reachable
 
 _OPTIONS = {
     "as_json": Annotated[bool, typer.Option("--json", help="print the result as JSON")],
-    "quiet": Annotated[bool, typer.Option("--quiet", help="print no progress, and no result unless --json is given")],
+    "quiet": Annotated[
+        bool, typer.Option("--quiet", help="print no progress and no result; with --json, print the result as JSON")
+    ],
 }
 
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a command.
+    """The result of a command, as text for the user and as data for a program.
 
     Parameters
     ----------
     lines : sequence of object
-        Lines that are printed for a person.
+        Lines of text that are printed for the user.
     content : mapping
-        The same facts and more, for a program. Values that JSON cannot express are written as text.
+        The result for a program, with at least the facts in ``lines``. Values that JSON cannot express, such as paths,
+        are written as text.
     """
 
     lines: Sequence[object]
@@ -36,14 +39,14 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command with each path in the form of `eimi_lab.process.paths.reachable`."""
+    """Return an argument of a command with each path converted by `eimi_lab.process.paths.reachable`."""
     if isinstance(argument, Path):
         return reachable(argument)
     return [_reachable(item) for item in argument] if isinstance(argument, list) else argument
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """Return the command with the options --json and --quiet; the command prints its result."""
+    """Return a command that prints the result of ``command``, and has the additional options --json and --quiet."""
     parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
     printing_options = [

@@ -16,17 +16,19 @@ Specimen = Annotated[
     str, typer.Option(metavar="FILE", help="specimen.toml, or the name of a shipped specimen such as type1")
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="file to write")]
-Workers = Annotated[int, typer.Option(help="number of processes that share the work; at most one per processor", min=1)]
-Force = Annotated[bool, typer.Option("--force", help="overwrite files that exist already")]
+Workers = Annotated[
+    int, typer.Option(help="number of processes that compute in parallel; at most the number of processors", min=1)
+]
+Force = Annotated[bool, typer.Option("--force", help="overwrite existing files")]
 
 
 def with_fields(kind: type) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
-    """Return a decorator that turns each field of a dataclass into an option of a command.
+    """Return a decorator that adds an option to a command for each field of a dataclass.
 
     Parameters
     ----------
     kind : type
-        Dataclass of options. The command takes an instance of it as its parameter ``options``.
+        The dataclass. The decorated function takes an instance of this class as its parameter ``options``.
     """
 
     def decorate(command: Callable[..., Result]) -> Callable[..., Result]:

@@ -19,7 +19,7 @@ _DEFAULT_WORKERS = 4  # at most: each takes some hundred megabytes
 
 
 def print_versions(asked: bool) -> None:
-    """Print the versions of the suite, of Python and of the packages on which results depend, and exit."""
+    """If ``asked`` is True, print the versions of eimi-lab, Python and the most important packages, and exit."""
     if asked:
         import platform
         from importlib.metadata import version
@@ -30,20 +30,21 @@ def print_versions(asked: bool) -> None:
 
 
 def report(
-    datasets: Annotated[list[Path], typer.Argument(help="datasets to show")],
+    datasets: Annotated[list[Path], typer.Argument(help="datasets to show in the report")],
     output: Output,
     fit: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="fits.json of datasets or of tensile tests to compare with; may be repeated"),
+        typer.Option(metavar="FILE", help="fits.json with fits of the datasets or of tensile tests; may be repeated"),
     ] = None,
     assets: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="folder for every figure as SVG and PDF and every table as CSV and LaTeX"),
+        typer.Option(metavar="FOLDER", help="folder for all figures as SVG and PDF, and all tables as CSV and LaTeX"),
     ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
-            help="number of processes that share several datasets; at most one per processor",
+            help="number of processes that compute in parallel if there are several datasets; at most the number of "
+            "processors",
             min=1,
             show_default="up to 4",
         ),
@@ -52,8 +53,8 @@ def report(
 ) -> Result:
     """Write an HTML report of datasets and their fits.
 
-    The report is one file. It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and
-    methods.
+    The report is one HTML file. It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals
+    and methods.
     """
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.process.progress import progress
@@ -86,10 +87,10 @@ def demo(
         str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="material of the hidden specimen")
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
-    quick: Annotated[bool, typer.Option("--quick", help="fit one law to fewer states")] = False,
-    seed: Annotated[int, typer.Option(help="seed of the search", min=1)] = 1,
+    quick: Annotated[bool, typer.Option("--quick", help="fit only one law, to fewer states")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the random numbers of the search", min=1)] = 1,
     rig: Annotated[
-        str, typer.Option(metavar="FILE", help="rig.toml of a virtual rig, or the name of a shipped one")
+        str, typer.Option(metavar="FILE", help="rig.toml of a virtual rig, or the name of a shipped virtual rig")
     ] = "virtual",
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")] = Path(
         "eimi-demo"
@@ -98,8 +99,8 @@ def demo(
 ) -> Result:
     """Measure and fit a virtual specimen; compare with its true law.
 
-    The demonstration acquires a dataset, finds the edges, fits laws and writes the report. The true law of the specimen
-    is hidden from all of these steps.
+    The program acquires a dataset on a virtual rig, finds the edges, fits laws and writes the report. None of these
+    steps uses the true law of the specimen.
     """
     from eimi_lab.demonstration import demonstrate
     from eimi_lab.process.progress import progress

@@ -1,4 +1,4 @@
-"""The commands `discover`, which finds the terms of a law, and `study`, which evaluates the method."""
+"""The commands `discover`, which selects the terms of a law, and `study`, which evaluates the method."""
 
 from __future__ import annotations
 
@@ -12,19 +12,22 @@ from eimi_lab.commands.shared_options import Force, Output
 
 
 def discover(
-    datasets: Annotated[list[Path], typer.Argument(help="bending datasets of one material")],
+    datasets: Annotated[list[Path], typer.Argument(help="datasets of beams of one material")],
     output: Output,
     tensile: Annotated[
         list[Path] | None, typer.Option(metavar="FILE", help="tensile curve of the same material; may be repeated")
     ] = None,
     tensile_window: Annotated[
-        str, typer.Option(metavar="PERCENT|full", help="largest strain of the tensile curves that is used")
+        str,
+        typer.Option(
+            metavar="PERCENT|full", help="largest strain of the tensile curves, in per cent; full for the whole curves"
+        ),
     ] = "full",
     term: Annotated[
         list[str] | None,
         typer.Option(
             metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
-            help="term of the library; may be repeated",
+            help="term among which the program selects; may be repeated",
             show_default="i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8",
         ),
     ] = None,
@@ -32,7 +35,9 @@ def discover(
     lot: Annotated[
         float,
         typer.Option(
-            help="relative standard deviation by which the moduli of beam and tensile specimen differ", min=0.0
+            help="relative standard deviation of the difference between the moduli of beam and tensile specimen, which "
+            "were cast separately",
+            min=0.0,
         ),
     ] = 0.02,
     section: Annotated[
@@ -42,14 +47,18 @@ def discover(
             help="section assumption; default: the section in the specimen file",
         ),
     ] = None,
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False,
-    seed: Annotated[int, typer.Option(help="seed of the search for the starting modulus", min=1)] = 1,
+    include_flagged: Annotated[
+        bool, typer.Option("--include-flagged", help="use also states with flags that make a state unusable")
+    ] = False,
+    seed: Annotated[
+        int, typer.Option(help="seed of the random numbers of the search for the first modulus", min=1)
+    ] = 1,
     force: Force = False,
 ) -> Result:
     """Find the terms of the law that the data support.
 
-    Laws are compared by their error on data that were left out of their fit. If the data do not distinguish the laws,
-    the result says so.
+    Each law is fitted to a part of the data, and laws are compared by their error on the other data. The result says
+    whether the data distinguish the laws.
     """
     from eimi_lab.face.discovering import discover as discover_terms
     from eimi_lab.fits.discovering import lines
@@ -73,21 +82,25 @@ def discover(
 
 def study(
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write, or to continue")
+        Path,
+        typer.Option("-o", "--output", metavar="FOLDER", help="folder to write, or folder of an interrupted study"),
     ] = Path("study"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="study one material, two specimen types, two laws and six states")
+        bool, typer.Option("--quick", help="study only one material, two types of specimen, two laws and six states")
     ] = False,
     tensile_data: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="folder with published tensile tests: dragon*.csv and ecoflex*.csv"),
+        typer.Option(
+            metavar="FOLDER", help="folder with published tensile tests, the files dragon*.csv and ecoflex*.csv"
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="seed of the searches")] = 1,
+    seed: Annotated[int, typer.Option(help="seed of the random numbers of all searches")] = 1,
     force: Force = False,
 ) -> Result:
     """Evaluate the method on virtual specimens of hidden materials.
 
-    The study repeats the evaluation by Di Lecce et al. (2022). The same command continues a study that was interrupted.
+    The study repeats the evaluation by Di Lecce et al. (2022). After an interruption, the same command continues the
+    study.
     """
     from dataclasses import asdict
 

@@ -17,43 +17,54 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImportOptions(MotionOptions):
-    """Options for finding the beam, and facts that the file of a tracking program does not state."""
+    """All options of `eimi import` about the beam, a motion, and the file of a tracking program."""
 
     format: Annotated[
         str | None,
-        typer.Option(metavar="dice|ncorr|mudic|dltdv|tracker|deeplabcut|c3d", help="format of the tracked points"),
+        typer.Option(
+            metavar="dice|ncorr|mudic|dltdv|tracker|deeplabcut|c3d",
+            help="for tracked points: program that wrote SOURCE, or c3d for a C3D file",
+        ),
     ] = None
     unit: Annotated[
-        str | None, typer.Option(metavar="mm|cm|m|in|px", help="unit of the tracked points, and then of --clamp")
+        str | None, typer.Option(metavar="mm|cm|m|in|px", help="for tracked points: unit of the file and of --clamp")
     ] = None
     pixels_per_mm: Annotated[
-        float | None, typer.Option(help="scale of tracked points in px, if --calibration is not given")
+        float | None, typer.Option(help="for tracked points in px without --calibration: scale")
     ] = None
     sigma: Annotated[
-        float | None, typer.Option(help="standard deviation of a tracked coordinate, in the unit of the file")
+        float | None,
+        typer.Option(help="for tracked points: standard deviation of a coordinate, in the unit of the file"),
     ] = None
-    rest: Annotated[int | None, typer.Option(help="number of the frame in which the tracked beam is straight")] = None
+    rest: Annotated[
+        int | None, typer.Option(help="for tracked points: number of the frame in which the beam is straight")
+    ] = None
     plane: Annotated[
-        str | None, typer.Option(metavar="PLANE", help="for points in three dimensions: plane of bending, such as xz")
+        str | None,
+        typer.Option(metavar="PLANE", help="for points in three dimensions: plane in which the beam bends, such as xz"),
     ] = None
 
     def placing(self, calibration: Calibration | None) -> Placing:
-        """Return how tracked points are placed in the beam frame.
+        """Return how coordinates of tracked points are converted into the beam frame.
 
         Raises
         ------
         InputError
-            If an option was given that concerns images, or that the calibration determines.
+            If an option for images is given, or if both the calibration and options give the clamp or the axis.
         """
         from eimi_lab.dataset.tracked.axes import Placing
 
         changes = self.changes()
         if "picture" in changes:
             raise InputError(
-                "--region, --polarity, --channel and --beam-colour: are for images, not for tracked points"
+                "--region, --polarity, --channel and --beam-colour: are only for images; leave them out for tracked "
+                "points"
             )
         if calibration is not None and changes:
-            raise InputError("--clamp, --axis: the calibration states them; leave out --calibration or these options")
+            raise InputError(
+                "--clamp and --axis: the calibration gives these values already; leave out --clamp and --axis, or "
+                "--calibration"
+            )
         return Placing(
             calibration=calibration,
             unit=self.unit,
@@ -70,5 +81,6 @@ class ImportOptions(MotionOptions):
         names = ("unit", "pixels_per_mm", "sigma", "rest", "plane")
         if needless := [name for name in names if getattr(self, name) is not None]:
             raise InputError(
-                f"--{needless[0].replace('_', '-')}: is for points that another program tracked; give --format, too"
+                f"--{needless[0].replace('_', '-')}: is only for points of a tracking program; also give --format, or "
+                "leave this option out"
             )

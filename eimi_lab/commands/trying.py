@@ -1,4 +1,4 @@
-"""Guide a person through the trial of a supply's driver on a real unit: `eimi instruments --try`."""
+"""Test the driver of a supply on a real supply, with questions to the user: `eimi instruments --try`."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ from eimi_lab.process.errors import InputError
 
 
 def try_one_supply(driver: str | None, address: str | None, who: str | None, output: Path | None, yes: bool) -> Result:
-    """Try one supply, and write the report and the transcript beside it.
+    """Test the driver of one supply, and write a report and a transcript of all messages.
 
     Parameters
     ----------
     driver, address : str or None
-        The supply; if None, the only supply that is attached and recognised.
+        Driver and address of the supply. If they are None, the only attached supply with a driver is used.
     who : str or None
-        Name of the person, for the report; if None, the program asks.
+        Name of the user, for the report; if None, the program asks.
     output : Path or None
-        The file of the report; if None, its name consists of the driver and the date.
+        File for the report; if None, the name of the file consists of the driver and the date. The transcript is
+        written to the same folder.
     yes : bool
-        If true, ask no questions.
+        If True, ask no questions.
 
     Returns
     -------
     Result
-        The steps and the files.
+        The steps of the test, and the files.
 
     Raises
     ------
     InputError
-        No supply is given and not exactly one is recognised; questions are needed but there is no terminal; or a file
-        exists.
+        If no supply is given and not exactly one supply with a driver is attached; if questions are necessary, but
+        standard input is not a terminal; or if a file exists already.
     """
     from eimi_lab.acquisition.supply_trial import ON_FOR_S, VOLTAGE_V, try_supply
     from eimi_lab.acquisition.trial_form import trial_form
@@ -43,7 +44,8 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
 
     if not yes and not sys.stdin.isatty():
         raise InputError(
-            "--try asks questions; run it in a terminal, or add --yes if nothing is connected to the output"
+            "--try asks questions, but there is no terminal; run the command in a terminal, or add --yes if nothing is "
+            "connected to the output of the supply"
         )
     if driver is None or address is None:
         driver, address = _only_supply()
@@ -52,25 +54,30 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     refuse_existing(report, force=False)
     refuse_existing(transcript, force=False)
     if not yes:
-        typer.echo(f"The driver {driver} will be tried on the supply at {address}.")
-        typer.confirm("Is everything disconnected from its output?", abort=True)
+        typer.echo(f"The driver {driver} will be tested on the supply at {address}.")
+        typer.confirm("Is everything disconnected from the output of this supply?", abort=True)
         who = who if who is not None else typer.prompt("Who are you (name, laboratory)", default="")
 
     def before_switching_on() -> None:
         if not yes:
             typer.prompt(
-                f"The output will be on at {VOLTAGE_V:g} V for {ON_FOR_S:g} s. Watch the front panel. Enter begins",
+                f"The output will be on at {VOLTAGE_V:g} V for {ON_FOR_S:g} s. Watch the front panel. Press Enter to "
+                "begin",
                 default="",
                 show_default=False,
             )
 
     trial = try_supply(driver, address, transcript, before_switching_on)
     panel = (
-        "not asked" if yes else typer.prompt("What did the front panel show (on, voltage, current, off)", default="")
+        "not asked"
+        if yes
+        else typer.prompt("What did the front panel show (output on, voltage, current, output off)", default="")
     )
     write_file(report, trial_form(trial, who or "", panel, transcript), force=False)
     lines = [f"{'passed' if step.passed else 'FAILED'}: {step.check}: {step.outcome}" for step in trial.steps]
-    lines.append(f"{report} and {transcript}: send both with your result; the transcript contains the serial number")
+    lines.append(
+        f"{report} and {transcript}: send both files to the project; the transcript contains the serial number"
+    )
     if not trial.passed:
         typer.echo("\n".join(lines))
         raise typer.Exit(1)
@@ -78,7 +85,10 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
 
 
 def _only_supply() -> tuple[str, str]:
-    """Return driver and address of the only attached supply that has a driver. Raises InputError."""
+    """Return driver and address of the only attached supply that has a driver.
+
+    Raises InputError if there is no such supply, or more than one.
+    """
     from eimi_drivers.discovery import discover
     from eimi_drivers.supplies.supply_names import SUPPLIES
 
@@ -86,6 +96,7 @@ def _only_supply() -> tuple[str, str]:
     if len(supplies) != 1:
         listed = "; ".join(f"{each.driver} at {each.address}" for each in supplies) or "none"
         raise InputError(
-            f"--try: name driver and address, as in `eimi instruments --try korad /dev/ttyUSB0` (recognised: {listed})"
+            f"--try: give driver and address, as in `eimi instruments --try korad /dev/ttyUSB0` (attached supplies: "
+            f"{listed})"
         )
     return supplies[0].driver, supplies[0].address

@@ -13,45 +13,53 @@ from eimi_lab.process.errors import InputError, tell
 
 def dashboard(
     folder: Annotated[
-        Path, typer.Argument(help="folder with datasets, images and TOML files; the page sees no other")
+        Path, typer.Argument(help="folder with datasets, images and TOML files; the page uses no other folder")
     ] = Path(),
-    port: Annotated[int, typer.Option(help="port to listen on; 0 takes any free port", min=0, max=65535)] = 0,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine to listen on")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(help="port at which the page is served; 0 chooses a free port", min=0, max=65535)
+    ] = 0,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="address of this computer at which the page is served")
+    ] = "127.0.0.1",
     open_to_network: Annotated[
         bool,
         typer.Option(
             "--open-to-network",
-            help="allow a --host that other machines reach: whoever has the token can see the images and drive the "
-            "coil, and the connection is not encrypted",
+            help="allow a --host that other computers can reach: everybody who has the token can see the images and "
+            "control the coil, and the connection is not encrypted",
         ),
     ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="also open the page in the browser")] = False,
 ) -> None:
     """Serve a live page to a browser on this machine, until Ctrl-C.
 
-    The page runs protocols, shows runs and images, and fits laws.
+    With the page you can run protocols, watch runs, look at images and fit laws.
     """
     _serve(folder, host, port, open_to_network, browser)
 
 
 def phone(
-    folder: Annotated[Path, typer.Argument(help="folder with the photographs; it may be empty at first")],
-    port: Annotated[int, typer.Option(help="port to listen on; 0 takes any free port", min=0, max=65535)] = 0,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine to listen on")] = "127.0.0.1",
+    folder: Annotated[Path, typer.Argument(help="folder for the photographs; it may be empty at first")],
+    port: Annotated[
+        int, typer.Option(help="port at which the page is served; 0 chooses a free port", min=0, max=65535)
+    ] = 0,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="address of this computer at which the page is served")
+    ] = "127.0.0.1",
     open_to_network: Annotated[
         bool,
         typer.Option(
             "--open-to-network",
-            help="allow a --host that other machines reach, such as the phone; the connection is not encrypted",
+            help="allow a --host that other devices, such as the phone, can reach; the connection is not encrypted",
         ),
     ] = False,
     browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
 ) -> None:
     """Serve a page for photographs of a beam with weights.
 
-    The command opens the page "Weights and a phone" in the browser, and serves it until Ctrl-C. On the page you click
-    clamp, tip and two ticks of a ruler, and type dimensions and grams. The page writes specimen, calibration and states
-    files and a dataset into the folder, and fits it.
+    The command opens the page "Weights and a phone" in the browser, and serves this page until Ctrl-C. On the page you
+    click the clamp, the tip and two ticks of a ruler, and type the dimensions and the weights in grams. The page writes
+    the files of specimen, calibration and states and a dataset into the folder, and fits the dataset.
     """
     _serve(folder, host, port, open_to_network, browser, "phone")
 
@@ -67,7 +75,10 @@ def _serve(folder: Path, host: str, port: int, open_to_network: bool, browser: b
 
         def say(address: str) -> None:
             print(address, flush=True)
-            tell("open this address in a browser on this machine; Ctrl-C ends the page and any run, with the coil off")
+            tell(
+                "open this address in a browser on this computer; press Ctrl-C to end the page; a run then ends with "
+                "the coil off"
+            )
             if browser:
                 import webbrowser
 

@@ -203,7 +203,7 @@ def test_clamp_and_gravity_from_separate_pictures(run, tmp_path):
     assert calibration.uncertainty["gravity_angle_deg"] < 0.002
     assert calibration.axis_angle_deg == 90.0
     status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
-    assert (status, "--beam: needs --specimen" in said) == (2, True)
+    assert (status, "--beam: also needs --specimen" in said) == (2, True)
 
 
 def test_a_ruler_gives_the_scale_and_its_uncertainty(run, tmp_path):

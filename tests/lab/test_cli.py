@@ -206,7 +206,7 @@ def test_a_number_out_of_range_is_reported_with_its_option_value_and_range(
 def test_instruments_prints_a_line_also_if_nothing_is_attached(tmp_path: Path) -> None:
     done = eimi("instruments", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert re.match(r"(supply|camera): driver = |no supply and no camera found", done.stdout)
+    assert re.match(r"(supply|camera): driver = |no supply and no camera was found", done.stdout)
 
 
 def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Path) -> None:

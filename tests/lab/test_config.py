@@ -84,7 +84,7 @@ def test_a_rig_finds_its_calibration_beside_it(files: Path) -> None:
     (files / "rig.toml").write_text(text)
     assert load_rig(files / "rig.toml").calibration.pixels_per_mm == 8.0
     (files / "calibration.toml").unlink()
-    with pytest.raises(InputError, match=r"rig\.toml: calibration = 'calibration\.toml': no such file"):
+    with pytest.raises(InputError, match=r"rig\.toml: calibration = 'calibration\.toml': there is no such file"):
         load_rig(files / "rig.toml")
 
 

@@ -193,7 +193,7 @@ camera = { driver = "opencv", source = 0 }
     status, said = run(*arguments, "-o", files / "share" / "run.h5")
     assert status == 1  # there is no such supply
     assert said.splitlines()[0] == (
-        f"eimi: warning: {files / 'share' / 'run.h5'} is on a network drive (nfs4): after a crash, stored states may be lost; "
-        "a local disk is safer"
+        f"eimi: warning: {files / 'share' / 'run.h5'} is on a network drive (nfs4): after a crash, stored states may "
+        "be lost; a local disk is safer"
     )
     assert "warning" not in run(*arguments, "-o", files / "run.h5")[1]

@@ -136,8 +136,8 @@ def test_a_file_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) 
         return said
 
     assert import_frames(run, pictures)[0] == 0
-    assert "out.h5: is a dataset already; `eimi segment` and `eimi fit` take it" in message(pictures / "out.h5")
-    assert "states.csv: is the file given as --states; the first argument is the images" in message(
+    assert "out.h5: is a dataset already; continue with `eimi segment` or `eimi fit`" in message(pictures / "out.h5")
+    assert "states.csv: is also given with --states; the first argument should be the images" in message(
         pictures / "states.csv"
     )
     assert "specimen.toml: is a TOML file" in message(pictures / "specimen.toml")

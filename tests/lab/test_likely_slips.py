@@ -51,7 +51,7 @@ def test_a_decimal_comma_in_toml_is_named_with_its_line(files: Path, key: str) -
 def test_a_value_in_another_unit_is_asked_about(files: Path, key: str, value: str, right: str) -> None:
     file = files / "specimen.toml"
     file.write_text(re.sub(rf"(?m)^{key} = \S+", f"{key} = {value}", file.read_text()))
-    with pytest.raises(InputError, match=rf"specimen\.{key} = {value} is .*{right}"):
+    with pytest.raises(InputError, match=rf"specimen\.{key} = {value} should be .*{right}"):
         load_specimen(file)
 
 

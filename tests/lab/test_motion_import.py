@@ -153,13 +153,13 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
     ("options", "message"),
     [
         (("--ring-down", "--creep"), "--ring-down and --creep: give one of them"),
-        (("--released", "0.2"), "--released: is for a motion; give --ring-down or --creep, too"),
+        (("--released", "0.2"), "--released: is only for a motion; also give --ring-down or --creep"),
         (("--ring-down", "--released", "9"), "--released 9: should be a time within"),
         (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),
         (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
         (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),
         (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are for a video"),
-        ((), "--states: is missing; give states.csv, or --ring-down or --creep for a motion"),
+        ((), "--states is missing; give states.csv or, for a motion, --ring-down or --creep"),
     ],
 )
 def test_what_is_wrong_with_an_imported_motion_is_said_in_one_line(

@@ -68,7 +68,7 @@ def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
         ("--beam-colour", "1,2,300", "[picture] beam_colour = [1.0, 2.0, 300.0] should be red, green and blue from 0"),
         ("--polarity", "white", "picture.polarity = 'white' should be 'dark' or 'bright'"),
         ("--channel", "violet", "picture.channel = 'violet' should be 'red', 'green', 'blue' or 'grey'"),
-        ("--along", "64,20", "--along '64,20': should be two to six points such as '120,80 118,160 101,240'"),
+        ("--along", "64,20", "--along '64,20': should be two to six points X,Y, such as '120,80 118,160"),
         ("--along", "64,20 64,400", "point 2, [64, 400], should lie in the pictures of 128 x 96 px"),
         ("--along", "64,70 64,40", "the line turns back before the point [64, 40]; give the points in the order from"),
         ("--along", "64,80 20,40 64,40", "the line turns back before the point [20, 40]"),

@@ -111,9 +111,12 @@ def test_the_only_recognised_supply_is_tried(serve: Serve, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--try", "korad", "/dev/nowhere"), "--try asks questions; run it in a terminal, or add --yes"),
-        (("korad",), "belong to --try"),
-        (("--yes",), "belong to --try"),
+        (
+            ("--try", "korad", "/dev/nowhere"),
+            "--try asks questions, but there is no terminal; run",
+        ),
+        (("korad",), "are only for --try"),
+        (("--yes",), "are only for --try"),
         (("--try", "korat", "/dev/nowhere", "--yes"), "no supply driver 'korat'"),
     ],
 )

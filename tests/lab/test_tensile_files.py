@@ -83,7 +83,7 @@ def test_the_database_itself(measured: Path) -> None:
         ("strain,stress_kPa\n0.1,2\n0.2,3\n", "2 rows can be used, but a fit of the mooney-rivlin law"),
         (DATABASE, "has no header with the columns Engineering Strain and Engineering Stress (MPa)"),
         (DATABASE + COLUMNS, "has a header but no rows"),
-        (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells, but the header has 5 columns"),
+        (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells; the header has 5 columns"),
         (DATABASE + COLUMNS + "1;2;3;0,1,2;4\n", "row 6: Engineering Strain = '0,1,2' should be a number"),
     ],
 )  # fmt: skip

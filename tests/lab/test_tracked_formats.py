@@ -372,8 +372,8 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
         ("--unit", "mm", "--sigma=1", "--rest=0", *BY_CALIBRATION),
         "the positions in this file are not pixels of a picture",
     ),
-    "twice": (("--sigma", "1", "--clamp", "1,2", *BY_CALIBRATION), "--clamp, --axis: the calibration states them"),
-    "of pictures": (("--channel", "red", *BY_CALIBRATION), "are for images, not for tracked points"),
+    "twice": (("--sigma", "1", "--clamp", "1,2", *BY_CALIBRATION), "--clamp and --axis: the calibration gives these"),
+    "of pictures": (("--channel", "red", *BY_CALIBRATION), "are only for images; leave them out for tracked points"),
     "unknown tool": (("--format", "gom", *BY_CALIBRATION), "--format gom: should be one of dice, ncorr, mudic"),
 }
 
@@ -402,4 +402,4 @@ def test_a_file_of_another_format_is_refused_in_one_line(run: Run, files: Path, 
 def test_options_of_tracks_are_refused_without_a_format(run: Run, pictures: Path) -> None:
     arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml", "-o", pictures / "o.h5"]
     status, message = run("import", pictures / "frames", *arguments, "--unit", "mm")
-    assert (status, "--unit: is for points that another program tracked" in message) == (2, True)
+    assert (status, "--unit: is only for points of a tracking program" in message) == (2, True)
