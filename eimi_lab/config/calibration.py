@@ -58,9 +58,9 @@ class Picture(Table):
         if self.beam_colour is not None and not all(0 <= part <= 255 for part in self.beam_colour):
             raise ValueError(f"beam_colour = {list(self.beam_colour)} should be red, green and blue from 0 to 255")
         if self.along_px is not None and not 2 <= len(self.along_px) <= 6:
-            raise ValueError(f"along_px has {len(self.along_px)} points; give two to six")
+            raise ValueError(f"along_px has {len(self.along_px)} points; give two to six points")
         if self.channel is not None and self.beam_colour is not None:
-            raise ValueError("has both channel and beam_colour; give one of them")
+            raise ValueError("has both channel and beam_colour; give only one of these keys")
         return self
 
 
@@ -68,8 +68,8 @@ class Calibration(Document):
     """The contents of calibration.toml.
 
     In the picture, x points to the right and y down, and the centres of the pixels have integer coordinates. Angles are
-    in degrees, clockwise from +x. The uncertainty of clamp_midpoint_px is that of x and that of y. In the table
-    [uncertainty], the key of the focal length is focal_length_px.
+    in degrees, clockwise from +x. In the table [uncertainty], the number for clamp_midpoint_px applies both to x and to
+    y, and the key of the focal length is focal_length_px.
     """
 
     pixels_per_mm: float = Field(gt=0)
@@ -121,13 +121,13 @@ class Calibration(Document):
         across = math.sin(math.radians(self.positive_field_deg - self.axis_angle_deg))
         if abs(across) < 0.5 - _ROUNDING:
             raise ValueError(
-                f"field_angle_deg = {self.positive_field_deg:g} must lie across the beam, at least 30 degrees from "
+                f"field_angle_deg = {self.positive_field_deg:g} should be across the beam, at least 30 degrees from "
                 f"axis_angle_deg = {self.axis_angle_deg:g}"
             )
         if (self.camera_matrix is None) != (self.distortion is None):
             raise ValueError("camera_matrix and distortion belong together: give both keys or none of them")
         if self.distortion is not None and len(self.distortion) not in DISTORTION_LENGTHS:
-            raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 4, 5, 8, 12 or 14")
+            raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV needs 4, 5, 8, 12 or 14 numbers")
         if self.telecentric and self.stand_off_mm is not None:
             raise ValueError(
                 f"stand_off_mm = {self.stand_off_mm:g} and telecentric = true exclude each other: leave one of them out"

@@ -56,9 +56,9 @@ class CoilShapeTable(Table):
         if (self.radius_mm is None) != (self.gap_mm is None):
             raise ValueError("radius_mm and gap_mm belong together: give both keys or none of them")
         if self.radius_mm is not None and self.map is not None:
-            raise ValueError("has both radius_mm and map; give one of them")
+            raise ValueError("has both radius_mm and map; give only one of these keys")
         if self.centre_mm is not None and self.radius_mm is None:
-            raise ValueError("centre_mm is the centre of the loops; give radius_mm and gap_mm, too")
+            raise ValueError("centre_mm is the centre of the loops; also give radius_mm and gap_mm")
         if not self.is_uneven and self.against_current is None:
             raise ValueError("has none of the keys radius_mm and gap_mm, map, and gradient_per_m; give at least one")
         if self.map is not None:
@@ -109,14 +109,16 @@ class CoilShapeTable(Table):
 
 
 def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
-    """Replace the name of a map file in a calibration by the rows of this file; return whether there was such a name.
+    """Replace the name of a map file in a calibration by the rows of the map file, and return True.
+
+    If the calibration has no name of a map file, do nothing and return False.
 
     Parameters
     ----------
     table
         The contents of the calibration file, which are changed in place.
     beside
-        Path of the calibration file, relative to which the name is understood.
+        Path of the calibration file. The name of the map file is relative to the folder of this path.
 
     Raises
     ------

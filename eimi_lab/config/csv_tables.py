@@ -121,7 +121,7 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
             raise InputError(f"{path}: row {line}: {fault}{commas if len(cells) > len(header) else ''}")
         rows.append(Row(path, line, dict(zip(header, cells, strict=True)), decimal_comma=separator != ","))
     if not rows:
-        raise InputError(f"{path}: has a header but no rows")
+        raise InputError(f"{path}: has a header but no rows; add rows below the header")
     return rows
 
 

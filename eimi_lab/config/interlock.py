@@ -62,6 +62,6 @@ def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> 
     for number, interlock in enumerate(interlocks):
         if interlock.reading not in readings:
             raise ValueError(
-                f"interlocks.{number}.reading = {interlock.reading!r} is not a reading; there are "
+                f"interlocks.{number}.reading = {interlock.reading!r} is not a reading; the readings are "
                 f"{', '.join(readings)}{did_you_mean(interlock.reading, list(readings))}"
             )

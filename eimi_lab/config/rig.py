@@ -33,7 +33,7 @@ PLAYER = "opencv"
 
 def _one_of(driver: str, drivers: list[str]) -> str:
     if driver not in drivers:
-        raise ValueError(f"is not a driver; there are {', '.join(drivers)}{did_you_mean(driver, drivers)}")
+        raise ValueError(f"is not a driver; the drivers are {', '.join(drivers)}{did_you_mean(driver, drivers)}")
     return driver
 
 
@@ -152,14 +152,16 @@ class Camera(Table):
     @model_validator(mode="after")
     def _playback_of_a_recording(self) -> Camera:
         if self.playback != NO_PLAYBACK and (self.driver != PLAYER or str(self.source).isdecimal()):
-            raise ValueError(f"playback is for recordings, with driver = {PLAYER!r} and a folder or a file as source")
+            raise ValueError(
+                f"playback is only for driver = {PLAYER!r} with a folder of pictures or a video as source; leave it out"
+            )
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the camera with the frame rate ``rate_Hz`` if the file leaves its rate open, else unchanged.
+        """Return the camera with the frame rate ``rate_Hz``, or unchanged if this rate does not apply.
 
-        The camera is unchanged if ``rate_Hz`` is None, if the file has a frame rate or a trigger, or if pictures or a
-        video replace the camera.
+        The camera is unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if pictures or
+        a video replace the camera.
         """
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:

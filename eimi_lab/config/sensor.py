@@ -28,7 +28,7 @@ UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_te
 
 
 class RigSensor(Table):
-    """A sensor that a run reads with every stored frame, and every 1.5 s. The dataset contains the readings."""
+    """A sensor that a run reads with every stored frame, and also every 1.5 s. The dataset contains the readings."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
     """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
@@ -63,7 +63,7 @@ class RigSensor(Table):
     def _exists(cls, driver: str) -> str:
         names = [*SENSORS, CoilThermometer.name]
         if driver not in names:
-            raise ValueError(f"is not a driver; there are {', '.join(names)}{did_you_mean(driver, names)}")
+            raise ValueError(f"is not a driver; the drivers are {', '.join(names)}{did_you_mean(driver, names)}")
         return driver
 
     @field_validator("address")
@@ -93,7 +93,7 @@ class RigSensor(Table):
 
     @property
     def is_coil(self) -> bool:
-        """Whether the coil serves as thermometer by its resistance."""
+        """Whether the sensor is the coil itself, whose resistance gives the temperature of the coil."""
         return self.driver == CoilThermometer.name
 
 

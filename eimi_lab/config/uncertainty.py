@@ -87,7 +87,7 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys whose uncertainty is unknown because the table [uncertainty] does not have them.
+    """Return the keys of the values whose uncertainty is unknown, because it is not in the table [uncertainty].
 
     Parameters
     ----------

@@ -77,7 +77,10 @@ def _member(path: Path, parent: h5py.Group, name: str) -> Any:
     """Return a member of an HDF5 group. Raises InputError if the member is a soft or external link."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
-        raise InputError(f"{path}: {place} is a link to another place; a dataset must contain all of its data")
+        raise InputError(
+            f"{path}: {place} is a link to another place in this file or in another file; a dataset should contain all "
+            "of its data itself"
+        )
     return parent[name]
 
 
@@ -85,7 +88,9 @@ def _refuse_storage(path: Path, item: Any) -> None:
     if not isinstance(item, h5py.Dataset):
         return
     if item.external or item.is_virtual:
-        raise InputError(f"{path}: {item.name} is kept in another file; a dataset must contain all of its data")
+        raise InputError(
+            f"{path}: {item.name} is kept in another file; a dataset should contain all of its data itself"
+        )
     if item.name == "/entry/start_time" and item.dtype.hasobject:
         return  # `get_start` reads the copy of fixed length
     if item.dtype.hasobject or item.dtype.kind not in "iufS":

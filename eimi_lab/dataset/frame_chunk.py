@@ -37,7 +37,7 @@ def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
 
 
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
-    """Append an image to a stack of frames. Its colours must be in the order of the file (red, green, blue).
+    """Append an image to a stack of frames. The colours of the image must be in the order red, green, blue.
 
     If another program rewrote the stack with other filters than `layout.frame_stack` uses, HDF5 compresses the image.
     """

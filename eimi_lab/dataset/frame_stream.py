@@ -1,4 +1,4 @@
-"""Compress frames in several threads and write them to the file while the camera takes further frames.
+"""Compress frames in several threads, and write the compressed frames while the camera takes further frames.
 
 HDF5's own filters are slower, because HDF5 compresses one chunk after another in the thread that writes. Here several
 threads compress frames (`frame_chunk`), and another thread writes the finished chunks in the order of the frames.
@@ -86,7 +86,7 @@ class FrameStream:
         """
         if image.shape != self._shape or image.dtype != self._dtype:
             raise ValueError(
-                f"frames are {image.shape} {image.dtype}, the frames before are {self._shape} {self._dtype}"
+                f"the new frame is {image.shape} {image.dtype}, but the frames before are {self._shape} {self._dtype}"
             )
         while not self._room.acquire(timeout=0.1):
             if meanwhile:

@@ -164,8 +164,8 @@ def _append_states(
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
     """Return advice to the user about an image that differs from the first image in size or depth."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
-        return "rotate it by 90 degrees, or remove it from states.csv"
-    return "export all pictures in the same way, or remove it from states.csv"
+        return "rotate this picture by 90 degrees, or remove it from states.csv"
+    return "export all pictures in the same way, or remove this picture from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
@@ -216,8 +216,8 @@ def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"
     if (clamp < -0.5).any() or (clamp > [width - 0.5, height - 0.5]).any():
         raise InputError(
-            f"{image}: is {size}; clamp_midpoint_px = {list(calibration.clamp_midpoint_px)} is not in it; "
-            "x counts from the left and y from the top of the picture, also after it was cropped or scaled"
+            f"{image}: is {size}; clamp_midpoint_px = {list(calibration.clamp_midpoint_px)} is outside this picture; "
+            "x is counted from the left edge and y from the top edge, also in a picture that was cropped or scaled"
         )
     long_px, wide_px, diagonal_px = beam.length_mm * scale, beam.width_mm * scale, float(np.hypot(width, height))
     if wide_px > min(width, height) or long_px > MOST_DIAGONALS * diagonal_px:

@@ -136,13 +136,13 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
             raise row.fault("frame", f"the name of one image, but several images fit it: {names}")
         image = candidates[0]
         if earlier := matched.get(followed(image)):
-            raise row.fault("frame", f"listed once; row {earlier.row.line} is the same image")
+            raise row.fault("frame", f"listed once; row {earlier.row.line} lists the same image")
         matched[followed(image)] = ListedFrame(image, row)
     if missing:
         more = f"; the same holds for rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
         more += _near(missing[0], images)
         where = images[0].parent if source.is_dir() else f"{source}, or a path relative to {rows[0].path.name}"
-        raise missing[0].fault("frame", f"an image in {where}; none has that name{more}")
+        raise missing[0].fault("frame", f"an image in {where}; no image has this name{more}")
     frames = sorted(matched.values(), key=lambda frame: (natural_key(frame.path.name), str(frame.path)))
     return Listing(source, tuple(frames), tuple(image for image in images if followed(image) not in matched))
 
@@ -237,6 +237,6 @@ def _in_video(video: Path, column: str, listed: list[tuple[int, float, Row]]) ->
     by_number: dict[int, ListedFrame] = {}
     for number, time_s, row in listed:
         if number in by_number:
-            raise row.fault(column, f"listed once; row {by_number[number].row.line} is the same frame")
+            raise row.fault(column, f"listed once; row {by_number[number].row.line} lists the same frame")
         by_number[number] = ListedFrame(video / str(number), row, time_s)
     return Listing(video, tuple(frame for _, frame in sorted(by_number.items())))

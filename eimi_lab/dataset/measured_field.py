@@ -118,7 +118,7 @@ def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine 
     Returns
     -------
     FieldLine or None
-        The line; None if the run has no gaussmeter, or if it was read at fewer than two different currents.
+        The line; None if the run has no gaussmeter, or if the gaussmeter was read at fewer than two different currents.
     """
     for log in logs:
         if log.sensor.measures == "field":

@@ -116,7 +116,7 @@ def write_points(
     loads, points
         The loads, and the tracked points, of each state.
     gravity
-        Whether the simulation of the beam includes its weight.
+        Whether the simulation of the beam includes the weight of the beam.
     """
     with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
@@ -154,7 +154,7 @@ def write_points(
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
     """Return the tracked points of every state of a dataset.
 
-    Files of early releases do not contain the distance from mid-depth; it is then 0.
+    Files of early releases do not contain the distance from mid-depth; this distance is then 0.
     """
     table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
     depth = table.get("z0", np.zeros(len(table["state"])))

@@ -67,7 +67,7 @@ class Dataset:
     gravity_angle_deg, field_angle_deg
         Directions of gravity, and of the field of a positive current, in the beam frame, from +x toward +y.
     gravity
-        Whether the simulation of the beam includes its weight.
+        Whether the simulation of the beam includes the weight of the beam.
     field_line
         The straight line through the readings of a gaussmeter against the current. The field of each state is then the
         slope of the line times the current of the state. None without a gaussmeter; the fields then follow from the
@@ -123,7 +123,7 @@ class Dataset:
         refuse_links_and_absurd_sizes(path, file)
         states = file.get("entry/states")
         if states is None or FORMAT_ATTRIBUTE not in states.attrs:
-            raise InputError(f"{path}: is an HDF5 file, but not a dataset of this suite; `eimi import` makes one")
+            raise InputError(f"{path}: is an HDF5 file, but not a dataset of eimi-lab; `eimi import` makes a dataset")
         if states.attrs[FORMAT_ATTRIBUTE] != FORMAT:
             raise InputError(
                 f"{path}: is of format {states.attrs[FORMAT_ATTRIBUTE]}; this version reads {FORMAT} only; open the "
@@ -134,7 +134,9 @@ class Dataset:
         self.kind: Kind = "frames" if "frames" in self._entry["data"] else "points"
         specimen = self.text("specimen")
         if specimen is None:
-            raise InputError(f"{path}: holds no specimen, so the beam's dimensions are unknown")
+            raise InputError(
+                f"{path}: holds no specimen, so the dimensions of the beam are unknown; use another copy of the file"
+            )
         self.specimen = parse(SpecimenFile, specimen, f"{path}: specimen")
         calibration = self.text("calibration")
         self.calibration: Calibration | None = None
@@ -144,7 +146,9 @@ class Dataset:
             self.gravity_angle_deg, self.field_angle_deg = frame.gravity_deg, frame.field_deg
             self.gravity = self.calibration.gravity
         elif self.kind == "frames":
-            raise InputError(f"{path}: holds frames but no calibration, so its scale is unknown")
+            raise InputError(
+                f"{path}: holds frames but no calibration, so their scale is unknown; use another copy of the file"
+            )
         else:
             self.gravity_angle_deg = float(states.attrs["gravity_angle_deg"])
             self.field_angle_deg = float(states.attrs["field_angle_deg"])
@@ -263,8 +267,8 @@ class Dataset:
         """
         damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
         return InputError(
-            f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
-            f"is damaged ({error}); `eimi recover` makes a copy without it"
+            f"{self.path}: frame {damaged} of the {len(rows)} frames of state {state_index} (counted from 0) "
+            f"is damaged ({error}); `eimi recover` makes a copy without damaged frames"
         )
 
     def transient(self, state_index: int) -> Recording | None:
@@ -442,7 +446,7 @@ class Dataset:
     def _edges_or_refusal(self) -> tuple[EdgeSet, ...]:
         edges = self.edges()
         if edges is None:
-            raise InputError(f"{self.path}: has no edges yet; `eimi segment` finds them")
+            raise InputError(f"{self.path}: has no edges yet; `eimi segment` finds the edges")
         return edges
 
     def __repr__(self) -> str:

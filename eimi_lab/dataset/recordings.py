@@ -214,7 +214,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the rows of a recording for which a dataset contains the frame and every column.
+    """Return the numbers of the complete rows of a recording: those with a stored frame and a value in every column.
 
     Rows of states that were not stored completely are left out.
 

@@ -125,7 +125,7 @@ def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
     mended = mend_metadata(file) + _mend_all_chunks(file)
     if mended:
         states, lines = _attempt(file, crashed, path)
-        return states, [f"flipped bits corrected: {mended}", *lines]
+        return states, [f"flipped bits that were corrected: {mended}", *lines]
     if first:
         raise first
     return states, lines
@@ -136,7 +136,7 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
         with h5py.File(file, "r") as source:
             return _copy(source, crashed, path)
     except MemoryError as error:
-        raise InputError(f"{crashed}: reading it takes more memory than this process may use") from error
+        raise InputError(f"{crashed}: cannot be read within the memory that the recovery may use") from error
     except HDF5_RAISES as error:
         if not _comes_from_hdf5(error):
             raise
@@ -179,7 +179,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         else:
             _drop_unacknowledged(copy["entry"], states)
             lost_of_recordings = _drop_unreadable(copy["entry"], states)
-    lines = [f"left out, unreadable: {', '.join(lost)}"] if lost else []
+    lines = [f"unreadable and left out: {', '.join(lost)}"] if lost else []
     lines += lost_of_recordings
     with open_dataset(path) as recovered:
         damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
@@ -187,8 +187,8 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         with h5py.File(path, "r+", libver=WRITTEN_AS) as copy:
             of_states = _drop_damaged(copy["entry"], damaged)
         lines.append(
-            f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0), "
-            "which gets the flag DROPPED"
+            f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0); "
+            "these states get the flag DROPPED"
         )
     return states, lines
 
@@ -299,7 +299,7 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
             keep_rows(entry, name, rows[sound])
         except HDF5_RAISES:
             del entry[name]
-            lines.append(f"left out, unreadable: entry/{name}")
+            lines.append(f"unreadable and left out: entry/{name}")
             continue
         if not sound.all():
             lines.append(f"damaged frames left out of {name}: {int((~sound).sum())}")

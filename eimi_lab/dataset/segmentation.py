@@ -1,4 +1,4 @@
-"""Find the edges of the beam in every state of a dataset, store them, and write them as tables and pictures."""
+"""Find and store the edges of the beam in every state of a dataset, and write the edges as tables and pictures."""
 
 from __future__ import annotations
 
@@ -271,8 +271,8 @@ def _frames_of(path: Path) -> Frames:
 def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
     """Return the stored edges of one state; if the dataset has no edges, find the edges of the state.
 
-    New edges are not stored. They are found without an earlier state, which could help to distinguish the beam from
-    other bodies. Raises InputError if the frames cannot be read.
+    New edges are not stored. An earlier state, which could help to distinguish the beam from other bodies, is not used.
+    Raises InputError if the frames cannot be read.
     """
     stored = dataset.edges()
     if stored is not None:

@@ -49,7 +49,7 @@ def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: in
 
 
 def log_of(entry: h5py.Group, name: str) -> dict[str, h5py.Dataset]:
-    """Return the columns of the log of a sensor by name."""
+    """Return the columns of the log of the sensor ``name``, by the names of the columns."""
     return {column: entry[PLACE][name]["value_log"][column] for column in LOG_COLUMNS}
 
 

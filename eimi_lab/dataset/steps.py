@@ -74,7 +74,7 @@ class RingDownStep:
 
 
 def records_steps(protocol: Protocol | None) -> bool:
-    """Return whether a run with this protocol stores its set-points, which creep and ring-downs need."""
+    """Return whether a run stores its set-points, because its protocol asks for creep or ring-downs."""
     return protocol is not None and (protocol.creep or protocol.ring_down is not None)
 
 

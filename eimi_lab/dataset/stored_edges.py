@@ -118,7 +118,7 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Write the fields that the NeXus application definition requires: its name, start and end of the run.
+    """Write what a NeXus application definition requires: name of the definition, start and end of the run.
 
     In HDF5's single-writer-multiple-reader mode, the writer of a run cannot add the end as a date of variable length.
     Until the edges are stored, the end is therefore in the table of sessions. Files of version 0.1.0 have dates of

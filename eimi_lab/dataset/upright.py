@@ -21,8 +21,8 @@ def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Ar
     calibration
         The calibration of the camera, whose picture defines the directions right and up; None without a camera.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y. It is used only without a calibration, and then
-        points downward. If both arguments are None, the identity matrix is returned.
+        Direction of gravity in the beam frame, from +x toward +y. Without a calibration, this direction becomes down.
+        If both arguments are None, the identity matrix is returned.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

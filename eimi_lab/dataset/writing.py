@@ -405,8 +405,8 @@ class DatasetWriter:
         images = np.stack([to_stored(frame.image) for frame in frames])
         if images.shape[1:] != self._frames.shape[1:] or images.dtype != self._frames.dtype:
             raise ValueError(
-                f"frames are {images.shape[1:]} {images.dtype}, "
-                f"the frames before are {self._frames.shape[1:]} {self._frames.dtype}"
+                f"the new frames are {images.shape[1:]} {images.dtype}, "
+                f"but the frames before are {self._frames.shape[1:]} {self._frames.dtype}"
             )
         return images
 

@@ -65,7 +65,7 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         (("segment", "missing.h5"), "missing.h5: no such file"),
         (("segment", "."), ".: is a folder; a dataset is a file"),
         (("segment", "precious.h5"), "precious.h5: is not an HDF5 file"),
-        (("segment", "other.h5"), "other.h5: is an HDF5 file, but not a dataset of this suite"),
+        (("segment", "other.h5"), "other.h5: is an HDF5 file, but not a dataset of eimi-lab"),
         (("segment", "points.h5"), "points.h5: holds tracked points"),
         (("recover", "precious.h5", "-o", "x.h5"), "precious.h5: is not an HDF5 file"),
         (("recover", "points.h5", "-o", "precious.h5"), "precious.h5: exists already"),

@@ -213,7 +213,7 @@ def test_a_bad_protocol_is_refused_in_one_line(old: str, new: str, expected: str
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("field_angle_deg = 90.0", "field_angle_deg = 90 must lie across the beam"),
+        ("field_angle_deg = 90.0", "field_angle_deg = 90 should be across the beam"),
         ("pixels_per_cm = 80.0", "pixels_per_cm is not a known key; did you mean pixels_per_mm?"),
         ("distortion = [0.0, 0.0, 0.0, 0.0]", "camera_matrix and distortion belong together"),
         ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px should have more than 1 values"),
@@ -235,7 +235,11 @@ def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expect
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ('driver = "virtual"', 'driver = "kord"', "supply.driver = 'kord' is not a driver; there are korad, scpi"),
+        (
+            'driver = "virtual"',
+            'driver = "kord"',
+            "supply.driver = 'kord' is not a driver; the drivers are korad, scpi",
+        ),
         ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' should be the address of an emulated"),
         (
             'address = "virtual"',

@@ -295,7 +295,7 @@ def test_files_that_are_not_datasets_are_refused_with_the_reason(files: Path) ->
     for name, reason in (
         ("missing.h5", "no such file"),
         ("text.h5", "is not an HDF5 file"),
-        ("other.h5", "is an HDF5 file, but not a dataset of this suite"),
+        ("other.h5", "is an HDF5 file, but not a dataset of eimi-lab"),
     ):
         with pytest.raises(InputError, match=f"{name}: {reason}"), open_dataset(files / name):
             pass

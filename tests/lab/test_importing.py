@@ -225,7 +225,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "case of a name": (
         rewrite("states.csv", "frame_2.png", "elsewhere/Frame_2.PNG"),
-        "none has that name; did you mean frame_2.png?",
+        "no image has this name; did you mean frame_2.png?",
     ),
     "Latin text": (
         lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
@@ -256,7 +256,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "images missing": (
         lambda files: [(files / "frames" / f"frame_{k}.png").unlink() for k in (2, 10)],
-        "; none has that name; the same holds for rows 4\n",
+        "; no image has this name; the same holds for rows 4\n",
     ),
     "image truncated": (truncate, "frame_10.png: is truncated or damaged"),
     "image empty": (lambda files: (files / "frames" / "frame_10.png").write_bytes(b""), "frame_10.png: is empty"),
@@ -273,7 +273,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "wrong clamp": (
         rewrite("calibration.toml", "[64.0, 8.0]", "[640.0, 8.0]"),
-        "frame_1.png: is 128 x 96 px; clamp_midpoint_px = [640.0, 8.0] is not in it; x counts from the left",
+        "frame_1.png: is 128 x 96 px; clamp_midpoint_px = [640.0, 8.0] is outside this picture; x is",
     ),
     "misspelt key": (
         rewrite("specimen.toml", "length_mm", "lenght_mm"),

@@ -87,7 +87,7 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
     assert dark == pytest.approx([63.5, 63.5 + 8.0], abs=1.0)
     for table, expected in (
         ("time_s,current_A\n0,0\n0.7,1\n", "row 3: time_s = '0.7' should be within run.avi, which ends at 0.600 s"),
-        ("time_s,current_A\n0,0\n0.02,1\n", "row 3: time_s = '0.02' should be listed once; row 2 is the same frame"),
+        ("time_s,current_A\n0,0\n0.02,1\n", "row 3: time_s = '0.02' should be listed once; row 2 lists the same frame"),
         ("time_s,frame,current_A\n0,0,0\n", "needs one of the columns frame and time_s"),
     ):
         (files / "states.csv").write_text(table)
@@ -404,7 +404,7 @@ def test_an_image_of_one_pixel_is_refused(run: Run, files: Path) -> None:
     fill(files, {f"f_{k}.png": np.zeros((1, 1), np.uint8) for k in range(2)}, [0, 1])
     status, said = imported(run, files)
     assert (status, said.count("\n")) == (2, 1)
-    assert "f_0.png: is 1 x 1 px; clamp_midpoint_px = [64.0, 8.0] is not in it" in said
+    assert "f_0.png: is 1 x 1 px; clamp_midpoint_px = [64.0, 8.0] is outside this picture" in said
 
 
 def two_beams(image: np.ndarray) -> np.ndarray:

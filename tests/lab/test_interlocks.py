@@ -92,7 +92,7 @@ def test_a_reading_that_does_not_come_opens_the_interlock() -> None:
     [
         (
             'reading = "coil_volts"\nmaximum = 1.0',
-            "interlocks.0.reading = 'coil_volts' is not a reading; there are coil_current_A, coil_voltage_V",
+            "interlocks.0.reading = 'coil_volts' is not a reading; the readings are coil_current_A, coil_voltage_V",
         ),
         ('reading = "coil_voltage_V"', "on coil_voltage_V needs minimum, maximum or both"),
         ('reading = "coil_voltage_V"\nminimum = 2\nmaximum = 1.0', "minimum = 2 must be less than maximum = 1"),

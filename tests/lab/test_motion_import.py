@@ -152,7 +152,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--ring-down", "--creep"), "--ring-down and --creep: give one of them"),
+        (("--ring-down", "--creep"), "--ring-down and --creep: give only one of them"),
         (("--released", "0.2"), "--released: is only for a motion; also give --ring-down or --creep"),
         (("--ring-down", "--released", "9"), "--released 9: should be a time within"),
         (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),

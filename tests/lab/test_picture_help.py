@@ -74,7 +74,7 @@ def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
         ("--along", "64,80 20,40 64,40", "the line turns back before the point [20, 40]"),
         ("--along", "120,30 20,70", "the line turns back before the point [20, 70]"),
         ("--along", "64,40 64,40", "two points are the same"),
-        ("--axis", "190.5", "field_angle_deg = 0 must lie across the beam"),
+        ("--axis", "190.5", "field_angle_deg = 0 should be across the beam"),
     ],
 )
 def test_what_is_no_help_is_told_in_one_line(run: Run, files: Path, option: str, value: str, told: str) -> None:

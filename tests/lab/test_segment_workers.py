@@ -81,7 +81,7 @@ def test_what_a_worker_cannot_read_is_told_as_by_one_process(
         file.write(bytes(chunk.size))
     said = [run("segment", path, "--workers", workers) for workers in (1, 2)]
     assert said[0][0] == said[1][0] == 2
-    assert "of state 2 (counted from 0) is damaged" in said[0][1]
+    assert "frames of state 2 (counted from 0) is damaged" in said[0][1]
     assert said[0][1].splitlines()[-1] == said[1][1].splitlines()[-1]
 
 

@@ -170,7 +170,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
             "korad",
             'driver = "opencv", source = 0, playback = { loop = true }',
             "",
-            "[camera] playback is for",
+            "[camera] playback is only for",
         ),
     ],
 )

@@ -53,7 +53,9 @@ def clicked_calibration(
     """
     points = np.array(along_px, float)
     if not 2 <= len(points) <= 6:
-        raise InputError(f"{origin}: --along has {len(points)} points; give two to six, from the clamp to the tip")
+        raise InputError(
+            f"{origin}: --along has {len(points)} points; give two to six points, from the clamp to the tip"
+        )
     length_px = float(np.hypot(*np.diff(points, axis=0).T).sum())
     chord_px = float(np.hypot(*(points[-1] - points[0])))
     if not (length_px >= _SHORTEST_PX and chord_px > 0.5 * length_px):  # NaN is refused, too
@@ -102,8 +104,8 @@ def _direction_deg(points: Array) -> float:
     """Return the direction in which a beam leaves its clamp, in degrees clockwise from +x of the picture.
 
     ``points`` (n, 2) are points on the centre line, the first at the clamp. Three or more points are fitted with the
-    shape under a uniform load. For two points the direction is horizontal or vertical if the line through them is
-    nearly so, and else the direction of this line.
+    shape under a uniform load. For two points the result is the direction of the line through the points. If this line
+    is less than 20° from a horizontal or vertical direction, the result is the horizontal or vertical direction.
     """
     from_clamp = points[1:] - points[0]
     chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))

@@ -125,8 +125,8 @@ def read_video_motions(
     facts : MotionFacts
         Facts that the user gives. The rate of the recording, `rate_Hz`, has priority over the rate of the video.
     is_clicked : bool
-        Whether the calibration was made from clicked points. Its axis and clamp are then corrected by the measured
-        shape of the beam at rest.
+        Whether the calibration was made from clicked points. The axis and the clamp in the calibration are then
+        corrected by the measured shape of the beam at rest.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def read_video_motions(
     """
     stored_s, kept = looked_through(path, _EVERY)
     if len(stored_s) < FEWEST_FRAMES:
-        raise InputError(f"{path}: has {len(stored_s)} frames; a motion needs at least {FEWEST_FRAMES}")
+        raise InputError(f"{path}: has {len(stored_s)} frames; a motion needs at least {FEWEST_FRAMES} frames")
     frame_s = recorded_times(path, stored_s, facts.rate_Hz)
     still = _still_frame(kept)
     coloured = is_coloured(still)

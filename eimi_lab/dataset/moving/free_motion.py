@@ -96,7 +96,7 @@ def free_motion(
     frame_s = time_s.min(axis=1)
     steps_s = np.diff(frame_s)
     if len(frame_s) < FEWEST_FRAMES:
-        raise InputError(f"{origin}: has {len(frame_s)} frames; a motion needs at least {FEWEST_FRAMES}")
+        raise InputError(f"{origin}: has {len(frame_s)} frames; a motion needs at least {FEWEST_FRAMES} frames")
     if not (steps_s > 0).all():
         at = int(np.argmin(steps_s > 0))
         raise InputError(

@@ -40,9 +40,9 @@ def write_motion_dataset(
     calibration : Calibration, optional
         Calibration of the pictures, which also gives the direction of gravity; None for tracked points.
     gravity_angle_deg : float, optional
-        Direction of gravity in the beam frame, from +x toward +y. It is used only without a calibration.
+        Direction of gravity in the beam frame, from +x toward +y. This is used only without a calibration.
     gravity : bool
-        Whether the simulation of the beam includes its weight. It is used only without a calibration.
+        Whether the simulation of the beam includes the weight of the beam. This is used only without a calibration.
     force : bool
         Whether an existing file is overwritten.
 

@@ -1,7 +1,8 @@
 """Check whether HDF5 can read a file that was never closed.
 
-If the metadata of an unclosed file are damaged, HDF5 assumes that a writer is changing them. It tries to read them
-again without end (observed with HDF5 2.0). Therefore the check runs in a second process with limited time.
+If the metadata of an unclosed file are damaged, HDF5 assumes that a writer is changing the metadata, and reads the
+metadata again and again without end (observed with HDF5 2.0). Therefore the check runs in a second process with limited
+time.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def read_dice(path: Path) -> Tracks:
     """
     files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
     if not files:
-        raise InputError(f"{path}: contains no file of DICe; their names should be like DICe_solution_0.txt")
+        raise InputError(f"{path}: contains no file of DICe, which has a name such as DICe_solution_0.txt")
     tables = [(file, _read(file)) for file in files]
     of_subsets = ["FRAME" in table for _, table in tables]
     if all(of_subsets):

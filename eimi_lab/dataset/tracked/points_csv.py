@@ -58,7 +58,7 @@ def import_points(
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the simulation of the beam includes its weight.
+        Whether the simulation of the beam includes the weight of the beam.
 
     Returns
     -------

@@ -55,7 +55,7 @@ def import_tracks(
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the simulation of the beam includes its weight.
+        Whether the simulation of the beam includes the weight of the beam.
 
     Returns
     -------
@@ -154,7 +154,9 @@ def _points_of(placed: PlacedTracks, index: int, chosen: NDArray[np.int64], row:
     places, sigma = placed.places_mm[index, chosen], placed.sigma_mm[index, chosen]
     seen = np.isfinite(places).all(axis=1) & np.isfinite(sigma)
     if not seen.any():
-        raise InputError(f"{row.path}: row {row.line}: {source.name} has no point of the beam in that frame")
+        raise InputError(
+            f"{row.path}: row {row.line}: {source.name} has no point of the beam in this frame; list another frame"
+        )
     beam_rest = placed.rest_mm[chosen]
     names = tuple(placed.tracks.names[k].encode()[:NAME_BYTES].decode(errors="ignore") for k in chosen[seen])
     return TrackedPoints(names, beam_rest[seen], places[seen], sigma[seen])
