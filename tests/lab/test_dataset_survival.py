@@ -143,7 +143,7 @@ def test_a_finished_file_open_elsewhere_is_not_written_to(files: Path, frame: Ca
     with DatasetWriter(path, header, first) as writer:
         writer.append_state([first], current_A=0.0, field_mT=0.0)
     before = path.read_bytes()
-    with h5py.File(path, "r"), pytest.raises(InputError, match="open in another program"):
+    with h5py.File(path, "r"), pytest.raises(InputError, match="close every other program that has it open"):
         DatasetWriter.resume(path)
     assert path.read_bytes() == before
 

@@ -234,7 +234,10 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits; frame_1.png is 128 x 96 px of 8 bits"),
     "stack": (stack, "frame_10.tif: is a stack of pictures; save each picture as a separate file"),
     "see-through": (see_through, "frame_10.png: is transparent in places"),
-    "turned": (turned, "frame_10.png: is 96 x 128 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits; pictures of one"),
+    "turned": (
+        turned,
+        "frame_10.png: is 96 x 128 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits; all pictures of",
+    ),
     "not finite": (
         rewrite("states.csv", "0.2", "nan"),
         "states.csv: row 3: current_A = 'nan' should be a finite number",

@@ -86,7 +86,7 @@ def test_ctrl_c_in_a_fit_says_what_is_left(
     status, told = run("fit", dataset, "--model", "neo-hookean", "-o", "fits.json", *options)
     assert status == 130
     assert "stopped by SIGINT: " in told
-    assert ("--resume continues the fit" if options else "with --checkpoint FILE it can be continued") in told
+    assert ("--resume continues the fit" if options else "a fit with --checkpoint FILE can be continued") in told
 
 
 def test_a_dry_run_fits_a_screen_and_ends_with_the_duration(files: Path) -> None:

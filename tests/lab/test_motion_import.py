@@ -158,7 +158,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
         (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),
         (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
         (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),
-        (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are for a video"),
+        (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are only for a video"),
         ((), "--states is missing; give states.csv or, for a motion, --ring-down or --creep"),
     ],
 )

@@ -102,7 +102,7 @@ def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     )
     assert status == 2
     assert "coil_constant_mT_per_A = 9.4, but" in said
-    assert "import it again" in said
+    assert "so repeat the import" in said
     assert dataset.read_bytes() == before
 
 

@@ -181,7 +181,7 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
     if fits:
         check_like(images, lit)
         return
-    with pytest.raises(InputError, match="take it without light"):
+    with pytest.raises(InputError, match="take the dark frame with the light off"):
         check_like(images, lit)
 
 
