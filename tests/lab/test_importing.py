@@ -231,12 +231,12 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
         "states.csv: is not text in UTF-8 (byte 18); save it with the encoding UTF-8",
     ),
-    "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits; frame_1.png is 128 x 96 px of 8 bits"),
+    "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits, but frame_1.png is 128 x 96 px of 8 bits"),
     "stack": (stack, "frame_10.tif: is a stack of pictures; save each picture as a separate file"),
     "see-through": (see_through, "frame_10.png: is transparent in places"),
     "turned": (
         turned,
-        "frame_10.png: is 96 x 128 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits; all pictures of",
+        "frame_10.png: is 96 x 128 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits; all",
     ),
     "not finite": (
         rewrite("states.csv", "0.2", "nan"),
