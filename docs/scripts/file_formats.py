@@ -313,7 +313,7 @@ def _unit(key: str) -> str:
 
 
 def _meanings(table: type) -> dict[str, str]:
-    """Return the text below each field of a class, by the name of the field."""
+    """Return the explanations of the fields of a class, by field name. Each explanation is the text below the field."""
     (node,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
     assert isinstance(node, ast.ClassDef)
     meanings = {}

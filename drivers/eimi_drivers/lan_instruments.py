@@ -56,7 +56,7 @@ class _Announced:
 def list_lan_instruments(
     search_s: float = SEARCH_S, interfaces: Sequence[str] | InterfaceChoice = InterfaceChoice.Default
 ) -> tuple[LanInstrument, ...]:
-    """Return the instruments that announce themselves on the network within `search_s`.
+    """Search the network, and return the instruments that announce themselves during the search.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """The shared emulated camera, whose pictures contain their number. It is started again if it has ended."""
+    """The shared emulated camera, whose pictures contain their number. A camera that has ended is started again."""
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()

@@ -174,9 +174,9 @@ class FaultyInstrument:
         self._silent_until_s = self._clock.now() + seconds
 
     def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Cut the line at a message, and let another instrument answer after the line is reopened.
+        """Cut the line at the next message for which `concerns` returns True.
 
-        The line is cut at the first message for which `concerns` returns True. `other` is the other instrument.
+        After the line is reopened, the instrument `other` answers.
         """
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 

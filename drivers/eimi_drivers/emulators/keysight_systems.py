@@ -76,10 +76,10 @@ class KeysightN6700Dialect(_KeysightWatchdog, KeysightE36312ADialect):
 
 
 class KeysightN6900Dialect(_KeysightWatchdog):
-    """Emulated Keysight N6900 with one output, which regulates the voltage after power-up (voltage priority).
+    """Emulated Keysight N6900, which has one output.
 
-    A change of the priority switches the output off and resets the set-points. In voltage priority ``CURR`` does not
-    change the current in the coil.
+    After power-up the supply regulates the voltage (voltage priority). In voltage priority ``CURR`` does not change the
+    current in the coil. A change of the priority switches the output off and resets the set-points.
     """
 
     identification = "Keysight Technologies,N6971A,EMULATED,B.01.01"

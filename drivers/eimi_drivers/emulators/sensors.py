@@ -182,7 +182,7 @@ class FWBellDialect(SensorDialect):
 
 
 class TextLineDialect(SensorDialect):
-    """Emulated microcontroller board that runs the program of docs/howto/measure_the_field.md."""
+    """Emulated microcontroller board with the program that docs/howto/measure_the_field.md contains."""
 
     identification = "eimi-lab,hall-board,1,1.0"
 

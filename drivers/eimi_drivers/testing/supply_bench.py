@@ -67,7 +67,7 @@ class SupplyBench:
         self.clock.sleep(SETTLED_AFTER_S)
 
     def energised(self) -> bool:
-        """Return whether the output of the emulated supply is on and its current set-point is not zero.
+        """Return whether the emulated supply has its output on and a current set-point other than zero.
 
         Some drivers switch off by setting the current to zero while the output stays on.
         """
