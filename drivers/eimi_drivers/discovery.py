@@ -37,8 +37,8 @@ BOARD_USB_VENDORS = {
 }
 """Makers of microcontroller boards by USB vendor number. A board may be a sensor that answers in lines of text."""
 
-SERIAL_DRIVERS = "korad, genesys, aim-tti, one of the SCPI drivers, or of a sensor"
-SCPI_DRIVERS = "scpi or the family's own"
+SERIAL_DRIVERS = "korad, genesys, aim-tti, a SCPI driver or the driver of a sensor"
+SCPI_DRIVERS = "scpi or the driver of the family"
 
 
 @dataclass(frozen=True)
@@ -115,12 +115,12 @@ def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[F
     try:
         return search(), ()
     except Exception as error:  # these libraries belong to others and can raise anything
-        return (), (f"{kind}: cannot be searched: {raised(error)}",)
+        return (), (f"{kind}: the search failed: {raised(error)}",)
 
 
 NO_SUPPLY = (
     "supplies: none found. Is the supply on and its cable plugged in? A supply on the LAN that does not announce "
-    "itself cannot be listed: write its address into the rig file, TCPIP::host::5025::SOCKET"
+    "itself cannot be listed: write its address into the rig file, such as TCPIP::host::5025::SOCKET"
 )
 NO_CAMERA = (
     "cameras: none found. Is the camera's cable plugged in? Industrial cameras need the library Aravis (`apt install "
@@ -203,7 +203,7 @@ def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
         try:
             names = pyvisa.ResourceManager(visa_library()).list_resources("?*::INSTR")
         except Exception as error:  # a VISA library can raise anything
-            return (), (f"VISA: cannot be searched: {raised(error)}",)
+            return (), (f"VISA: the search failed: {raised(error)}",)
     notes = [f"VISA: {warning.message}" for warning in caught if warning.category is UserWarning]
     resources = tuple(
         Found(kind="supply", driver=SCPI_DRIVERS, address=name, text="VISA resource")

@@ -106,7 +106,7 @@ def test_a_bus_that_cannot_be_searched_is_a_note(monkeypatch):
         raise OSError("network is unreachable")
 
     monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", fail)
-    assert discovery.list_visa_resources() == ((), ("VISA: cannot be searched: OSError: network is unreachable",))
+    assert discovery.list_visa_resources() == ((), ("VISA: the search failed: OSError: network is unreachable",))
 
 
 def test_cameras_are_listed_in_order_without_metadata_nodes(tmp_path):

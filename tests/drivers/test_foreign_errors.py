@@ -194,7 +194,7 @@ def test_a_search_whose_library_fails_is_a_note(monkeypatch: pytest.MonkeyPatch)
     discovered = discovery.discover()
     assert discovered.found == ()
     for kind in ("serial ports", "VISA", "cameras", "Basler cameras"):
-        assert f"{kind}: cannot be searched: VendorError: no driver" in discovered.notes
+        assert f"{kind}: the search failed: VendorError: no driver" in discovered.notes
 
 
 def test_an_error_below_pyserial_is_an_instrument_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,7 +101,7 @@ class SensorBase(ABC):
         """Send a query, and return its answer as text without the line end."""
         if self._cut:
             if not self._link.reopen():
-                raise InstrumentDisconnected(f"{self._link.address}: the line was cut")
+                raise InstrumentDisconnected(f"{self._link.address}: the connection was lost; check the sensor's cable")
             self._cut, self._unconfirmed = False, self._bound is not None
         if self._unconfirmed and question != IDENTITY:
             self.identify()

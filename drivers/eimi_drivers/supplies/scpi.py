@@ -138,7 +138,7 @@ class ScpiSupply(SupplyBase):
     def _trip(self) -> str:
         tripped = [question for question in self.profile.trip if self._ask_whether(question)]
         if tripped:
-            return f"a protection tripped ({', '.join(tripped)})"
+            return f"a protection tripped, as the answer to {' and '.join(tripped)} shows"
         causes = []
         for register in self.profile.registers:
             bits = int(self._ask_value(register.question))

@@ -211,7 +211,7 @@ class SerialTransport:
         try:
             yield
         except serial.SerialTimeoutException as error:
-            raise InstrumentTimeout(f"{self.address}: the port takes no more bytes") from error
+            raise InstrumentTimeout(f"{self.address}: the port takes no more bytes; is the instrument on?") from error
         except (OSError, TerminalError) as error:  # SerialException is an OSError; TerminalError is not
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
         except (TypeError, AttributeError) as error:  # pyserial raises them on a port that it could not reopen
@@ -380,7 +380,7 @@ class VisaTransport:
     def write(self, message: bytes) -> None:
         """Discard the unread bytes of a socket or a serial line, then send the whole message."""
         if self._failed:
-            raise InstrumentDisconnected(f"{self.address}: the line was lost")
+            raise InstrumentDisconnected(f"{self.address}: the connection was lost; check the cable of the instrument")
         self._discard_unread()
         with self._errors_named():
             self._resource.timeout = round(WRITE_TIMEOUT_S * 1000)
