@@ -238,7 +238,7 @@ class Protocol(Document):
         for key, current_A in self.extremes_A:
             if abs(current_A) > self.limits.current_A:
                 raise ValueError(
-                    f"{key} leads to {current_A:g} A, which exceeds limits.current_A = {self.limits.current_A:g}"
+                    f"{key} goes to {current_A:g} A, which exceeds limits.current_A = {self.limits.current_A:g}"
                 )
         return self
 

@@ -267,7 +267,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda files: (files / "frames" / "frame_10.png").write_text("hello"),
         "frame_10.png: is not an image",
     ),
-    "other size": (shrink, "frame_10.png: is 100 x 96 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits"),
+    "other size": (shrink, "frame_10.png: is 100 x 96 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits"),
     "image a pipe": (pipe, "frame_10.png: is a device or a pipe, not a file"),
     "empty folder": (empty, "frames: holds no images"),
     "wrong scale": (
@@ -382,7 +382,7 @@ def test_options_of_the_other_kind_of_data_are_refused(run: Run, pictures: Path)
     assert (status, "images need --calibration" in said) == (2, True)
     shutil.copy(pictures / "states.csv", pictures / "points.csv")
     status, said = run("import", pictures / "points.csv", *common)
-    assert (status, "tracked points need --gravity-angle" in said) == (2, True)
+    assert (status, "tracked points needs --gravity-angle" in said) == (2, True)
     status, said = run("import", pictures / "nowhere", *common)
     assert (status, "nowhere: no such file or folder" in said) == (2, True)
 

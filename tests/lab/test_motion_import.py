@@ -135,7 +135,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
     )
     code, said = imported(run, files, files / "capture.c3d", "--ring-down", *placing, "--states", files / "states.csv")
     assert code == 0, said
-    assert "1 of 3 points left out" in said
+    assert "1 of 3 points were left out" in said
     motion = ring_down(files)
     np.testing.assert_allclose(np.diff(motion.time_s[:, 0]), 1 / RATE_HZ, rtol=1e-4)
     # Frame 1, in which the beam is straight, is that of the held beam.

@@ -66,7 +66,7 @@ def test_a_file_that_is_no_mp4_states_no_rate(tmp_path: Path) -> None:
 
 
 def test_times_that_do_not_rise_need_a_rate(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="give --rate"):
+    with pytest.raises(InputError, match="with --rate"):
         recorded_times(tmp_path / "x.avi", np.zeros(20), None)
     np.testing.assert_allclose(recorded_times(tmp_path / "x.avi", np.zeros(20), 100.0), np.arange(20) / 100.0)
 

@@ -75,7 +75,7 @@ def write_dice(folder: Path, places: np.ndarray) -> Path:
 def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
     source = write_dice(files / "results", in_pixels(files))
     status, message = imported(run, files, source, "dice", *BY_CALIBRATION, states=STATES.format(0, 1))
-    assert (status, "1 of 4 points left out" in message) == (0, True)
+    assert (status, "1 of 4 points were left out" in message) == (0, True)
     check(files, 0.04 / 8.0, 1e-3)
 
 
@@ -303,7 +303,7 @@ def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> 
     (files / "video.csv").write_text("\n".join(map(",".join, lines)) + "\n")
     options = ("--sigma", "0.5", "--rest", "0", *BY_CALIBRATION)
     status, message = imported(run, files, files / "video.csv", "deeplabcut", *options, states=STATES.format(0, 1))
-    assert (status, "1 of 4 points left out" in message) == (0, True)
+    assert (status, "1 of 4 points were left out" in message) == (0, True)
     check(files, 0.5 / 8.0)
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[0].names[2] == ("beam tip" if animals else "tip")
