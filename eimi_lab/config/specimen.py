@@ -59,8 +59,7 @@ def _in_kg_m3(density_kg_m3: float) -> float:
     least, most = IN_G_CM3
     if least <= density_kg_m3 <= most:
         raise ValueError(
-            f"is too small for the density of a soft solid in kg/m3; if the number is in g/cm3, write "
-            f"{1e3 * density_kg_m3:g}"
+            f"should be above {most:g} kg/m3 for a soft solid; if the number is in g/cm3, write {1e3 * density_kg_m3:g}"
         )
     return density_kg_m3
 
