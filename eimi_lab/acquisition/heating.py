@@ -44,7 +44,7 @@ class Heating:
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
     """Return the largest heat of the coil in a run in which every stage takes its longest time.
 
-    During a ramp, I² is replaced by its mean over the ramp. Ring-downs and pauses are left out.
+    During a ramp, I² is replaced by its mean over the ramp. Pauses are left out.
     """
     heat_A2, before_A, worst = 0.0, 0.0, Heating("the beginning", 0.0)
     for stage, current_A, held_s in _stages(protocol):
@@ -81,6 +81,12 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
     taken_s = protocol.frames_per_state * FRAME_WITHIN_S + protocol.transients.frames_per_state * STORED_WITHIN_S
     for state, current_A in enumerate(protocol.currents_A):
         yield f"state {state} ({current_A:g} A)", current_A, at_rest_s + taken_s
+    if protocol.ring_down:
+        from_A = protocol.ring_down_from_A
+        for number in range(protocol.ring_down.repeats):
+            stage = f"ring-down {number} (from {from_A:g} A)"
+            yield stage, from_A, at_rest_s
+            yield stage, 0.0, protocol.ring_down.seconds
 
 
 class Warming:

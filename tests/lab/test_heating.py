@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eimi_lab.acquisition.coil import REACHED_WITHIN_S
 from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, hottest, refuse_overheating
-from eimi_lab.config.protocol import Conditioning, Currents, Protocol, Ramp, Settle, SupplyLimits
+from eimi_lab.config.protocol import Conditioning, Currents, Protocol, Ramp, RingDown, Settle, SupplyLimits
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.process.errors import InputError
 
@@ -44,6 +44,19 @@ def test_frames_are_taken_in_the_first_and_in_the_last_conditioning_cycle(cycles
     recorded_s, other_s = 30.0 + REACHED_WITHIN_S + FRAME_WITHIN_S, REACHED_WITHIN_S
     held_s = min(cycles, 2) * recorded_s + max(0, cycles - 2) * other_s
     assert found.share == pytest.approx(4.0 * held_s / 1e7, rel=1e-3)
+
+
+def test_the_current_before_each_ring_down_warms_the_coil() -> None:
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
+    rule = RingDown(seconds=20.0, repeats=3, from_A=2.0)
+    worst = hottest(protocol([0.0, 0.0]).model_copy(update={"ring_down": rule}), rating)
+    assert worst.stage == "ring-down 2 (from 2 A)"
+    assert worst.share == pytest.approx(4.0 * 3 * (30.0 + REACHED_WITHIN_S) / 1e7, rel=1e-3)
+    with pytest.raises(InputError, match=r"at ring-down 0 \(from 2 A\)"):
+        refuse_overheating(
+            protocol([0.0, 0.0]).model_copy(update={"ring_down": RingDown(seconds=20.0, repeats=1, from_A=2.0)}),
+            CoilRating(continuous_current_A=1.0, thermal_time_constant_s=60.0),
+        )
 
 
 def test_the_heat_of_a_ramp_is_the_integral_of_the_squared_current() -> None:
