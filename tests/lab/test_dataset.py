@@ -172,7 +172,7 @@ def test_a_damaged_frame_is_reported_and_recovery_leaves_it_out(files: Path, fra
         raw.write(bytes(byte ^ 0x5A for byte in chunk))
     with open_dataset(path) as dataset:
         dataset.images(0)
-        with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
+        with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 frames of state 1 .* is damaged"):
             dataset.images(1)
     said: list[str] = []
     assert recover(path, files / "whole.h5", say=said.append) == 2
