@@ -21,6 +21,7 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.repair import probing
 from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
 from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.process.errors import InputError
@@ -102,6 +103,16 @@ def test_a_file_in_use_cannot_be_replaced_recovered_or_segmented(
     assert_whole(path, 4)
     assert_whole(files / "so_far.h5", 4)
     assert not lock_file(path).exists()
+
+
+def test_a_file_in_use_is_not_called_damaged_by_a_slow_computer(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The process that checks the file waits for longer than its limit of processor time before it begins.
+    monkeypatch.setattr(probing, "WITHIN_S", 8.0)
+    (files / "sitecustomize.py").write_text("import time\ntime.sleep(9.0)\n")
+    with writing(files / "run.h5", 2):
+        monkeypatch.setenv("PYTHONPATH", str(files))
+        with open_dataset(files / "run.h5") as dataset:
+            assert len(dataset.states) == 2
 
 
 def test_a_killed_run_does_not_keep_its_lock(files: Path, run: Callable[..., tuple[int, str]]) -> None:
@@ -299,7 +310,7 @@ def test_a_planted_lock_file_harms_no_other_file(tmp_path: Path, plant: Callable
 def test_a_lock_file_that_is_a_link_or_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     lock_file(path).symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InputError, match=r"\.run\.h5\.lock: is a link .*; remove it"):
+    with pytest.raises(InputError, match=r"\.run\.h5\.lock: is a link .*; remove the link"):
         WriterLock(path)
     assert not (tmp_path / "elsewhere").exists()
     lock_file(path).unlink()

