@@ -310,7 +310,7 @@ def test_a_planted_lock_file_harms_no_other_file(tmp_path: Path, plant: Callable
 def test_a_lock_file_that_is_a_link_or_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     lock_file(path).symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InputError, match=r"\.run\.h5\.lock: is a link .*; remove the link"):
+    with pytest.raises(InputError, match=r"\.run\.h5\.lock: is a link, but .*; remove the link"):
         WriterLock(path)
     assert not (tmp_path / "elsewhere").exists()
     lock_file(path).unlink()
