@@ -152,7 +152,7 @@ def print_hidden(seed: int) -> bool:
     holds = modulus.interval_95[0] <= truth <= modulus.interval_95[1]
     fitted = Prony(np.array([t.g for t in found.prony]), np.array([t.tau_s for t in found.prony]))
     curve = found.instantaneous_shear_modulus.value * fitted.ratio(TIMES_S) / (instantaneous * series.ratio(TIMES_S))
-    # The error that all moduli share comes from the dimensions; the law of time is the rest.
+    # The error that all moduli share comes from the dimensions. The remaining error is that of the Prony series.
     shape = curve / curve[0]
     interval = 50 * (modulus.interval_95[1] - modulus.interval_95[0]) / modulus.value
     print(

@@ -70,14 +70,17 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the beam and the noise of an experiment; the width of an interval depends only on this kind."""
+    """Return the kind of an experiment: the size of its beam, and its noise in mm.
+
+    The intervals of all quick fits of one kind have the same ratio of upper end to lower end.
+    """
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean interval of the full fits of each kind of experiment, relative to the fitted modulus.
+    """Return the mean interval of the full fits for each kind of experiment, relative to the identified modulus.
 
-    The two numbers of a kind are the means of ln(lower end / modulus) and of ln(upper end / modulus).
+    An interval is given by two numbers: the means of ln(lower end / modulus) and of ln(upper end / modulus).
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
@@ -87,19 +90,22 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment quickly, and return the outcome with the mean interval of the full fits of its kind."""
+    """Fit one experiment quickly, and return the outcome.
+
+    The outcome has the mean interval of the full fits of the same kind of experiment.
+    """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
     return Outcome(case, float(np.exp(value)), interval, interval, 0.0, 0.0)
 
 
 def holds(o: Outcome) -> bool:
-    """Return whether the interval of an experiment contains the true modulus."""
+    """Return whether the 95 % interval of the modulus in one experiment contains the true modulus."""
     return o.interval[0] <= 1 <= o.interval[1]
 
 
 def width(o: Outcome) -> float:
-    """Return ln(upper end / lower end) of the interval of an experiment."""
+    """Return the width ln(upper end / lower end) of the 95 % interval of the modulus in one experiment."""
     return float(np.log(o.interval[1] / o.interval[0]))
 
 

@@ -216,9 +216,10 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the values with which uncertainties are compared, by their key in the table [uncertainty].
+        """Return the values with which uncertainties are compared, by the key of the uncertainty.
 
-        Each entry is the key of the value in the file, and the value; None if the file does not have it.
+        Each entry is the key of the value in the file, and the value. The value is None if the file does not contain
+        the quantity.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")

@@ -24,7 +24,7 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the keys that the table [uncertainty] of a kind of file may have, with their sources of uncertainty."""
+    """Return the permitted keys of the table [uncertainty] of a kind of file, each with its source of uncertainty."""
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
 
@@ -52,25 +52,24 @@ OfRig = Annotated[Table, AfterValidator(_validator("rig"))]
 
 
 def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], largest: float = LARGEST_SHARE) -> None:
-    """Raise ValueError if an uncertainty is implausibly large compared with its value.
-
-    Only quantities for which a relative uncertainty is meaningful, such as lengths, are in ``values``.
+    """Raise ValueError if the standard uncertainty of a quantity is implausibly large for the value of the quantity.
 
     Parameters
     ----------
     table
-        The table [uncertainty].
+        The table [uncertainty]: standard uncertainties by key.
     values
-        For each key of an uncertainty, the key of the value in the file, and the value; None if the file does not have
-        this value.
+        The quantities to check, by the key of their uncertainty: the key of the quantity in the file, and its value.
+        The value is None if the file does not contain the quantity. Quantities for which a relative uncertainty is not
+        meaningful, such as angles, are absent.
     largest
         Largest permitted relative uncertainty.
 
     Raises
     ------
     ValueError
-        If the file does not have the value of an uncertainty, or if an uncertainty is larger than ``largest`` times
-        the value.
+        If an uncertainty is larger than ``largest`` times the value of the quantity, or if the file contains the
+        uncertainty of a quantity but not the quantity.
     """
     for key, uncertainty in table.items():
         if key not in values:
@@ -87,7 +86,7 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys of the values whose uncertainty is unknown, because it is not in the table [uncertainty].
+    """Return the keys of the values that have no uncertainty in the table [uncertainty].
 
     Parameters
     ----------

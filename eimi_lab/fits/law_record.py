@@ -94,18 +94,19 @@ class LawRecord:
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return the n parameters of the law in at most `most` draws, shape (D, n).
+        """Return the n parameters of the law in D draws, shape (D, n); at most `most` draws.
 
-        The D draws are evenly spread over the modulus. D is 0 if the fit has no draws.
+        The draws are evenly spread over the modulus. D is 0 if the fit has no draws.
         """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return the deviations of a source of uncertainty from its stated value, shape (D,).
+        """Return the deviations of an uncertain input from its stated value in D draws of the fit, shape (D,).
 
-        The D draws are those of `drawn`. None is returned if the draws do not contain the source.
+        The deviations have the unit of the input. The method `drawn` returns the parameters of the law in the same
+        draws. The result is None if the draws do not contain an input with this name.
         """
         if self.draws is None or name not in self.draws.names:
             return None
@@ -118,7 +119,7 @@ class LawRecord:
         return np.asarray(draws[((np.arange(most) + 0.5) * len(draws) / most).astype(int)])
 
     def modulus_in_words(self) -> str:
-        """Return the initial shear modulus with its interval."""
+        """Return the initial shear modulus with its 95 % interval and its unit, as text."""
         modulus = self.initial_shear_modulus
         return in_words(modulus.value, modulus.interval_95)
 

@@ -113,9 +113,10 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances.
+    """Return the uncertain inputs of a dataset, without the inputs that the fit identified as nuisances.
 
-    Each input is a pair: the stated source, and the index of the part of this source.
+    Each input is one part of a source of uncertainty, for example one of two coordinates. It is returned as a pair: the
+    source with its standard uncertainty, and the index of the part.
     """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
@@ -146,9 +147,9 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of a source in the D draws of a fit, in standard uncertainties, shape (D,).
+    """Return the deviations of one part of a source in D draws of a fit, in standard uncertainties, shape (D,).
 
-    None is returned if the data of the fit do not share this source with the dataset.
+    None is returned if no dataset of the fit shares this source with the dataset whose error is predicted.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

@@ -358,8 +358,8 @@ def _check_versions(client: object, address: str) -> None:
     for worker, threads in client.run(os.environ.get, THREADS[0]).items():  # type: ignore[attr-defined]
         if threads != "1":
             raise InputError(
-                f"--scheduler {address}: worker {worker} has {THREADS[0]}={threads or ''}; start the worker with "
-                f"{THREADS[0]}=1, which `dask worker` sets unless it has the option --no-nanny"
+                f"--scheduler {address}: worker {worker} has {THREADS[0]}={threads or ''}, but should have "
+                f"{THREADS[0]}=1; set this variable before you start `dask worker`"
             )
     for worker, its_python in client.run(platform.python_version).items():  # type: ignore[attr-defined]
         if its_python.split(".")[:2] != [str(part) for part in sys.version_info[:2]]:

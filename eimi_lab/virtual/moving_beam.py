@@ -181,7 +181,7 @@ class _Rod:
         derivatives : ndarray, shape (2, p, n)
             Derivatives of the places of the points with respect to the coordinates.
         remaining : ndarray, shape (2, p)
-            Accelerations of the points if the rates are constant, m/s².
+            Accelerations of the points if the rates of the coordinates are constant, m/s².
         """
         angle, stretch = self._angles @ z, 1 + self.stretch @ z
         turning, stretching = self._angles @ speed, self.stretch @ speed
@@ -207,10 +207,18 @@ class _Rod:
         return np.asarray(flat.T @ (self._twice * flat) + self._rotary)
 
     def loads(self, z: Array, derivatives: Array, remaining: Array, field_T: Array, gravity: Array) -> Array:
-        """Return the generalised forces (n,) on the rod.
+        """Return the generalised forces on the n coordinates of the rod in N m, shape (n,), without elastic forces.
 
-        They are the forces of gravity (2,) and of the field (2,), and the inertia forces of the accelerations
-        ``remaining`` that `moved` returns.
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            Coordinates of the rod.
+        derivatives, remaining : ndarray
+            The results of `moved` for these coordinates. The accelerations ``remaining`` cause inertia forces.
+        field_T : ndarray, shape (2,)
+            The magnetic field, T.
+        gravity : ndarray, shape (2,)
+            The acceleration of gravity, m/s².
         """
         pull = self._masses * (gravity[:, None] - remaining)
         force = pull.reshape(-1) @ derivatives.reshape(-1, self.size)
@@ -277,7 +285,7 @@ def _body(specimen: Specimen) -> tuple[float, float, float]:
 
 
 class MovingBeam:
-    """The virtual beam in motion. It starts at rest in the field at its first time.
+    """The virtual beam in motion. At the first time the beam is at rest, in equilibrium with the field at this time.
 
     Parameters
     ----------
@@ -368,13 +376,13 @@ class MovingBeam:
         field_mT : callable
             Returns the field of the coil (mT) at any time (s) since the last call.
         seen_s : ndarray, shape (m,), optional
-            Increasing times (s) at which the coordinates are returned. The beam then moves to the last of these times;
-            without them it moves to ``time_s``.
+            Increasing times (s) at which the coordinates are returned. The beam then moves to the last of these times.
+            By default the beam moves to ``time_s``, and only the coordinates at this time are returned.
 
         Returns
         -------
         ndarray, shape (m, n)
-            The n coordinates of the rod at each time; m is 1 without ``seen_s``.
+            The n coordinates of the rod at each of the m times.
 
         Raises
         ------
@@ -393,7 +401,7 @@ class MovingBeam:
         return np.array(places).reshape(-1, n)
 
     def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
-        """Make one step in time, to ``end_s`` or to an earlier time at which the error of the step is still small."""
+        """Make one step in time, at most to ``end_s``; the step is shorter if its error would otherwise be large."""
         n, before, rate = self.rod.size, self._state, self._rate
         assert self.time_s is not None
         while True:
@@ -425,8 +433,9 @@ class MovingBeam:
     def _solved(self, known: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
         """Return the vector y that solves y = known + part dy/dt(y), by Newton's method.
 
-        y contains the coordinates of the rod, their rates, and the internal stresses of the Prony series. None is
-        returned if the method does not converge. ``loads`` are the field (2,) and gravity (2,) at the new time.
+        y contains the coordinates of the rod, the rates of the coordinates, and the internal stresses of the Prony
+        series. None is returned if the method does not converge. loads: the field (2,) in T and gravity (2,) in m/s² at
+        the new time.
         """
         n, terms = self.rod.size, len(self._rates)
         known_z, known_speed, known_stress = known[:n], known[n : 2 * n], known[2 * n :].reshape(terms, n)

@@ -1,4 +1,4 @@
-"""Ring-downs and creep of the virtual rig: one fit finds the hidden law of time, which no file of the run states."""
+"""Ring-downs and creep of the virtual rig: one fit identifies the viscoelastic (Prony) law of the hidden material."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Return a folder on Python's path that contains another package, which announces no driver."""
+    """Return a folder on Python's path that contains the package `mine_lab`, which announces no driver."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """Return the module of the other package."""
+    """Return the module `mine_lab`, which contains drivers that are not part of this project."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Add the drivers of the other package as a program does."""
+    """Add the drivers of `mine_lab` as a program does."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -71,7 +71,7 @@ def added(lab: Any) -> Iterator[None]:
 
 @pytest.fixture
 def rig(files: Path) -> Callable[..., Path]:
-    """Return a function that writes a rig file with the supply and the camera driver of the other package."""
+    """Return a function that writes a rig file with the supply driver and the camera driver of `mine_lab`."""
 
     def write(address: str, supply: str = "mine", camera: str = "eye") -> Path:
         (files / "rig.toml").write_text(f"""
@@ -240,7 +240,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove a method from a driver of the other package."""
+    """Remove a method from a driver of `mine_lab`."""
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body

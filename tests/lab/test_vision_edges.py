@@ -83,7 +83,7 @@ def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
 
 
 def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
-    """A hundred points on one side of a beam of aspect ratio thirty are more than a tenth of its width apart."""
+    """A hundred points on one edge of a beam of aspect ratio thirty are more than a tenth of the beam's width apart."""
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)
@@ -102,7 +102,10 @@ def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """The edge of the magnet lies within every profile; the outer edge is still located, with the right deviation."""
+    """Every profile across the outer edge also crosses the edge of the magnet.
+
+    The outer edge is still located without bias, and its standard deviation is not too small.
+    """
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
     beam = off_middle(beam, share * silicone_px / CALIBRATION.pixels_per_mm)
@@ -120,7 +123,7 @@ def test_thin_silicone_beside_the_magnet(silicone_px, share):
 
 @pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
 def test_the_stated_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
-    """The error is no larger than stated where two steps are close together, and where the light is uneven."""
+    """The standard deviation describes the error where two steps are close together, and where the light is uneven."""
     optics, silicone_px, _ = BESIDE[row]
     magnet_mm = SPECIMEN.magnet.length_mm
     rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)
@@ -143,7 +146,7 @@ def test_the_stated_deviation_covers_uneven_light_beside_the_magnet():
 
 
 def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
-    """A rod lies 19 px from the left edge: beyond every profile, but where the slope of the light is measured."""
+    """A rod lies 19 px from the left edge. No profile reaches the rod, but the slope of the light is measured there."""
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -159,7 +162,7 @@ def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
 def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
-    """Only six pixels of the tip are clear of its corners."""
+    """Only six pixels of the tip are not disturbed by the corners of the tip."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     beam = bend(SPECIMEN, angle_deg)
     scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
@@ -172,7 +175,10 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """The profiles must not reach across the beam; they end within twice the blur, where clipping is measured."""
+    """The profiles are short, because they must not reach the other edge of the beam.
+
+    They end within twice the blur from the edge. Clipping is measured in this range.
+    """
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
     scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))
@@ -217,7 +223,7 @@ def test_dirt_on_every_point_of_a_wide_spacing_leaves_other_points():
 
 
 def test_a_drawn_picture_without_noise_has_a_positive_deviation():
-    """Its points do not scatter; a standard deviation of 0 would be an infinite weight in a fit."""
+    """The points of a drawn edge do not scatter, but a standard deviation of 0 would be an infinite weight in a fit."""
     x, y = np.meshgrid(np.arange(1280.0), np.arange(1024.0))
     dark = ((np.abs(x - 640.0) < 38.0) & (y < 850.0)) | ((np.abs(x - 640.0) < 150.0) & (y < 100.0))
     drawn = cv2.GaussianBlur(np.where(dark, 20.0, 200.0), (0, 0), 1.2).astype(np.uint8)

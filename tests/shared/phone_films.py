@@ -1,4 +1,4 @@
-"""Videos of a level strip after a flick, as a phone records them, of a solid whose law of time is known.
+"""Videos that a phone records of a level strip after a flick. The viscoelastic (Prony) law of the strip is known.
 
 The strip is a neo-Hookean solid with a Prony series. It vibrates in the first two modes of its own mesh, which is finer
 than that of a fit, about its sag at rest. A finger pushes the tip down and releases it. The camera is that of
@@ -50,7 +50,7 @@ _PUSH_S, _STAY_S = 0.20, 0.25  # time in which the finger deflects the tip, and 
 
 @dataclass(frozen=True)
 class HiddenStrip:
-    """A strip, its law of time, and its small motion about its rest.
+    """A strip with its viscoelastic (Prony) law, and its small motion about the shape at rest.
 
     Attributes
     ----------

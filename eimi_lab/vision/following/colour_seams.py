@@ -1,4 +1,4 @@
-"""Find both edges in the picture sampled along the beam, each in a colour projection of its own."""
+"""Find both edges of the beam in its unrolled picture, each edge in a colour projection of its own."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """Both edges (left, right) in the picture sampled along the beam, at n stations.
+    """The left and the right edge of the beam at n stations along the beam.
 
-    The unit of length is the nominal width of the beam.
+    The places are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
+    nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Places of the edges across the beam.
+        Positions of the two edges across the beam.
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam; 0 where there is no such border.
+        Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """
 
     edge: Array
@@ -44,14 +45,14 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both edges in the picture sampled along the beam, in several passes.
+    """Find both edges of the beam in its unrolled picture, in several passes.
 
     Each pass computes the colour projections from the colours inside and outside the edges of the previous pass.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture sampled along the beam.
+        The picture, sampled along and across the beam.
     edge : ndarray, shape (2, n)
         Initial edges, in nominal widths of the beam.
     noise : float

@@ -30,7 +30,7 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge in the picture sampled along the beam, at n stations and m places across.
+    """The colour projection of one edge in the unrolled picture, at n stations along the beam and m places across.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def project(
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture sampled along the beam.
+        The picture, sampled along and across the beam.
     edge : ndarray, shape (n,)
         Place of the edge across the beam, in nominal widths.
     outward : float

@@ -33,7 +33,7 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     left, right : StripEdges
         The located edges.
     sides : Sides
-        Both edges in the picture sampled along the beam.
+        Both edges of the beam in the unrolled picture.
     width_px : float
         Nominal width of the beam.
 

@@ -75,9 +75,9 @@ def locate_edge(
     image : ndarray, shape (H, W, channels)
         Grey values on a scale from 0 to 255.
     unrolled : UnrolledPicture
-        The picture sampled along the beam.
+        The picture, sampled along and across the beam.
     sides : Sides
-        Both edges in the picture sampled along the beam.
+        Both edges of the beam in the unrolled picture.
     side : int
         0 for the left edge, 1 for the right edge.
     spacing_px : float

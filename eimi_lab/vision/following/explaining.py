@@ -61,7 +61,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the picture sampled along the beam, and on its two colour projections."""
+    """Draw both edges on the unrolled picture of the beam, and on the two colour projections of this picture."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]

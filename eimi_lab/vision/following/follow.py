@@ -43,9 +43,9 @@ class FollowedBeam:
     strip : Strip, optional
         The strip of the picture that shows the beam.
     unrolled : UnrolledPicture, optional
-        The picture sampled along the beam.
+        The picture, sampled along and across the beam.
     sides : Sides, optional
-        Both edges in the picture sampled along the beam.
+        Both edges of the beam in the unrolled picture.
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str

@@ -41,7 +41,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture sampled along the beam. For a grey picture the edges are returned unchanged.
+        The picture, sampled along and across the beam. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
         Edges located by all colours.
     noise : float

@@ -1,4 +1,4 @@
-"""Decide at which places along the beam each edge is sure, and where the beam ends."""
+"""Decide at which places along the beam each edge is reliable ("sure"), and where the beam ends."""
 
 from __future__ import annotations
 
@@ -34,24 +34,26 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """Both edges (left, right) in the picture sampled along the beam, at n stations.
+    """The left and the right edge of the beam at n stations along the beam.
 
-    The unit of length is the nominal width of the beam.
+    The places are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
+    nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Places of the edges across the beam.
+        Positions of the two edges across the beam.
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is sure at each station.
+        Whether each edge is sure at each station. True only if the step is clear, the edge is smooth, and the two sides
+        of the edge differ in colour.
     end : int
         Number of stations before the end of the beam.
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam; 0 where there is no such border.
+        Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """
 
     edge: Array
@@ -68,12 +70,12 @@ class Sides:
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
-    """Find both edges in the picture sampled along the beam, and the stations at which each edge is sure.
+    """Find both edges of the beam in its unrolled picture, and the stations at which each edge is sure.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture sampled along the beam.
+        The picture, sampled along and across the beam.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     length : float
@@ -101,7 +103,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed path on which the less sure edge is sure, with the key of the table of flags.
+    """Return the share of the followed path on which the worse edge is sure, with the key of the table of flags.
 
     Parameters
     ----------
@@ -159,11 +161,12 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return where (n,) one edge is sure, reduced to the longest chain of runs that continue each other.
+    """Return a mask (n,) of the stations in the longest chain of runs of one edge.
 
-    A run is a sequence of stations at which the edge is sure. A run after a gap continues an earlier run on two
-    conditions. First, it lies near the straight continuation of the earlier run. Second, the beam is about as wide as
-    before. Both tolerances grow with the length of the gap.
+    A run is a sequence of stations at which the edge is sure. A chain consists of runs that continue each other. A run
+    after a gap continues an earlier run on two conditions. First, the later run lies near the straight continuation of
+    the earlier run. Second, the beam has about the same width in both runs. The tolerances of both conditions grow with
+    the length of the gap.
 
     The conditions exclude the head of a hammer, the border of a shadow and a body beyond the tip. A reflection near the
     clamp, which interrupts a long edge, is also excluded.
@@ -203,7 +206,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 
 def _as_wide(before: Array, after: Array, gap: float) -> bool:
-    """Return whether the body after a gap is about as wide as before the gap.
+    """Return whether the widths before and after a gap are about equal.
 
     Widths and the length of the gap are in nominal widths. The result is True if fewer than three widths are known
     before or after the gap.

@@ -48,7 +48,7 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """The picture sampled along the beam, at n stations along the beam and m places across it.
+    """A picture of the beam, sampled at n stations along the beam and m places across the beam.
 
     The nominal width of the beam is the unit of length, unless px are given.
 

@@ -30,7 +30,7 @@ def bandwidth(dofs: Indices) -> int:
 def _most(run: Indices) -> int:
     """Return the largest number of elements that contribute to one matrix entry.
 
-    run: for every contribution, how many contributions to the same entry precede it.
+    run: for every contribution, the number of earlier contributions to the same entry.
     """
     return int(run.max(initial=0)) + 1
 
@@ -45,7 +45,7 @@ class BandAssembly:
     n : int
         Number of unknowns of the whole matrix.
     at_once : int or None
-        Number of elements whose matrices are added together; None: all elements.
+        Number of elements in a group. The matrices of one group are added together. None: all elements are one group.
     """
 
     def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
@@ -101,14 +101,17 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return element matrices (E, B, d, d), divided into the parts that `matrix` expects."""
+        """Return the element matrices of consecutive groups of elements, one array for each group, as `matrix` expects.
+
+        element_matrices: matrices of E elements with d unknowns each, for B candidates, shape (E, B, d, d).
+        """
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
         """Return the lower band of the assembled matrix of each of B candidates, shape (B, n, bandwidth + 1).
 
-        parts: one array of element matrices (e, B, d, d) for each slice of e elements in ``self.parts``, in the same
-        order.
+        The assembled matrix has n rows. parts: the element matrices of consecutive groups of elements, as `divided`
+        returns them. The array of a group of e elements with d unknowns each has the shape (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -124,7 +127,10 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the assembled vectors (B, n) from element vectors (E, B, d), for E elements and B candidates."""
+        """Return the assembled vectors of B candidates, shape (B, n).
+
+        element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
+        """
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)

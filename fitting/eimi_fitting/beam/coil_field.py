@@ -229,7 +229,7 @@ class DipoleInField:
     Parameters
     ----------
     shape : CoilShape
-        How the field changes from place to place.
+        The ratio of the field at any place to the field at the magnet's place at rest.
     dipole : ndarray, shape (2,)
         Magnetic moment at rest in N mm/T.
     arm_mm : ndarray, shape (2,)
@@ -292,7 +292,7 @@ class SiliconeInField:
     Parameters
     ----------
     shape : CoilShape
-        How the field changes from place to place.
+        The ratio of the field at any place to the field at the magnet's place at rest.
     rest_mm : ndarray, shape (2,)
         The place at rest to which the field strength refers.
     nodes_mm : ndarray, shape (E, n, 2)

@@ -134,10 +134,10 @@ class DepthEffect:
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect without a base, as a table at the places of the base.
+        """The same depth effect without a base, interpolated through its values d(s) at the places s of the base.
 
-        If ``by_turn``, the places are scaled so that the first of them equals the first solved place of this depth
-        effect.
+        If ``by_turn``, the places are scaled so that the first place equals the first solved place of this depth
+        effect. If this depth effect has no solved places, the property is the base.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -152,17 +152,18 @@ class DepthEffect:
     def reaches(self, places: Array) -> NDArray[np.bool_]:
         """Return whether the polynomial is valid at each of K places, shape (K,).
 
-        The polynomial is valid between the solved places, and beyond them by a tenth of their range.
+        The polynomial is valid between the solved places. At both ends it is also valid beyond the solved places, by a
+        tenth of the range of these places.
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect with at most ``most`` solved states, which are chosen far apart from each other.
+        """Return this depth effect, interpolated through at most ``most`` of its solved states.
 
-        A polynomial through many places at equal distances is inaccurate between the places. The depth effect must have
-        no base.
+        The kept states have places s that are far apart from each other. A polynomial through many places s at equal
+        distances would be inaccurate between the places. ``base`` must be None.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)

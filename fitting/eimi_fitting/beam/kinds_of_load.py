@@ -27,7 +27,7 @@ class UniformField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Magnetic flux density in T, in K states.
+        Components of the magnetic flux density in T, in K states.
     """
 
     numbers: Array
@@ -37,9 +37,10 @@ class UniformField:
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the load of the field: B m' on the magnet's tensor, and dead forces on the nodes of magnetised silicone.
+        """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone.
 
-        B is the field in T multiplied by ``field_factor``, and m is the magnet's dipole at rest.
+        The torque is added to ``SolidLoads.tensor`` as the product B m'. B is the field in T times ``field_factor``,
+        and m is the magnet's dipole at rest.
         """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
@@ -49,14 +50,14 @@ class UniformField:
 
 @dataclass(frozen=True)
 class CoilField:
-    """The field of a coil that is not uniform, on the magnet and on magnetised silicone.
+    """A non-uniform magnetic field of a coil on the magnet and on magnetised silicone.
 
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        The field in T at the magnet's place at rest, in K states.
+        Components of the magnetic flux density in T at the magnet's place at rest, in K states.
     shape : CoilShape
-        How the field changes from place to place.
+        The ratio of the field at any place to the field at the magnet's place at rest.
     """
 
     numbers: Array
@@ -67,7 +68,10 @@ class CoilField:
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Put the magnet and the magnetised silicone into the field of the coil; the load depends on their position."""
+        """Put the magnet and the magnetised silicone into the field of the coil.
+
+        The loads depend on the positions of magnet and silicone in the deformed beam.
+        """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -83,7 +87,7 @@ class Gravity:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Acceleration in m/s², in K states.
+        Components of the acceleration in m/s², in K states.
     """
 
     numbers: Array
@@ -102,12 +106,12 @@ class Gravity:
 
 @dataclass(frozen=True)
 class TipForce:
-    """A force on the whole specimen at the point ``Specimen.tip_load_mm``, or at the middle of the tip if this is None.
+    """A force on the specimen at the point ``Specimen.tip_load_mm``; at the middle of the tip if the point is None.
 
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Force in N, in K states.
+        Components of the force in N, in K states.
     """
 
     numbers: Array
@@ -117,7 +121,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes around its point, or to the rigid body if the point is on the magnet."""
+        """Add the force to the nodes around the loaded point, or to the rigid body if the point is on the magnet."""
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 
@@ -139,7 +143,7 @@ class Pressure:
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the pressure to the pressure on the face.
+        """Add the pressure to the other pressures on the face.
 
         Raises
         ------

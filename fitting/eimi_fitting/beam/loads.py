@@ -45,8 +45,8 @@ class Loads:
     others : tuple of Actuation
         Further kinds of load, see `plus`.
     coil : CoilShape or None
-        How the field changes from place to place. ``field_T`` is then the field at the magnet's place at rest. None:
-        the field is uniform.
+        The ratio of the field at any place to the field ``field_T`` at the magnet's place at rest. None: the field is
+        uniform.
 
     Examples
     --------

@@ -43,16 +43,18 @@ _TOLERANCE_MM = 1e-5
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of B candidates, reduced to r shapes; symbols as in the module `beam.vibration`.
+    """The matrices of small motions of B candidates, reduced to m shapes.
+
+    The symbols K_m, K_g and M are those of the module `beam.vibration`.
 
     Attributes
     ----------
-    material, rest, mass : ndarray, shape (B, r, r)
+    material, rest, mass : ndarray, shape (B, m, m)
         The matrices K_m and K_g in N/mm, and M in N s²/mm, for the fraction of the specimen that the mesh represents.
-    nodal : ndarray, shape (r, B, N, d)
-        Displacements of the N nodes in the shapes, in mm.
-    rigid : ndarray, shape (r, B, 3)
-        Translation of the magnet in the shapes in mm, and its rotation in rad.
+    nodal : ndarray, shape (m, B, N, d)
+        Displacements of the N nodes with d coordinates in each shape, in mm.
+    rigid : ndarray, shape (m, B, 3)
+        Translation of the magnet in mm, and rotation of the magnet in rad, in each shape.
     sound : ndarray of bool, shape (B,)
         Which candidates have a stable equilibrium.
     """
@@ -90,8 +92,8 @@ def complex_roots(
 
     Parameters
     ----------
-    material, rest, mass : ndarray, shape (B, r, r)
-        K_m, K_g and M of B candidates, reduced to r shapes; see the module `beam.vibration`.
+    material, rest, mass : ndarray, shape (B, m, m)
+        K_m, K_g and M of B candidates, reduced to m shapes; see the module `beam.vibration`.
     ratio : callable
         The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
         equilibrium, (B, count).
@@ -158,15 +160,15 @@ def fixed_point(
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
     """Return the lowest eigenvalues (B, q, count) of the stiffness r K_m + K_g and the mass M, in 1/s².
 
-    material, rest, mass: K_m, K_g and M of B candidates, (B, r, r); see the module `beam.vibration`. stiffening: q real
-    values of the ratio r.
+    material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m); see the module
+    `beam.vibration`. stiffening: q real values of the ratio r.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the stiffnesses K_m and K_g in coordinates in which the mass is the unit matrix, (B, r, r) each.
+    """Return the stiffnesses K_m and K_g in coordinates in which the mass is the unit matrix, (B, m, m) each.
 
     A shape that is nearly a sum of other shapes adds no motion. It gets a stiffness that is larger than that of all
     other shapes. The stiffnesses of a candidate with values that are not finite are replaced by 0.
@@ -230,14 +232,20 @@ class Vibration:
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads of each candidate.
         basis : tuple of ndarray, or None
-            Displacements of the nodes (r, N, d) and of the magnet (r, 3) in the r shapes to which the motion is
-            reduced. None: the lowest undamped modes of each candidate.
+            The m shapes to which the motion is reduced: displacements of the N nodes with d coordinates, (m, N, d), and
+            motion of the magnet, (m, 3). None: the shapes are the lowest undamped modes of each candidate, which
+            ``shapes`` and ``stiffenings`` specify.
         shapes : int
-            Number of modes for each of ``stiffenings``, if ``basis`` is None.
+            Number of modes that are computed for each ratio in ``stiffenings``, if ``basis`` is None.
         stiffenings : sequence of float
-            Ratios r of the modulus in a vibration to the modulus of the equilibrium. The undamped modes for all these
-            ratios together are the shapes. A material is stiffer in a vibration than at rest, and under large loads its
-            modes then have other shapes.
+            Ratios of the modulus in the vibration to the modulus of the equilibrium, if ``basis`` is None. The shapes
+            are the modes for all ratios together. A material is stiffer in a vibration than at rest. Under large loads
+            the modes of a stiffer beam differ, and several ratios are then useful.
+
+        Returns
+        -------
+        motion : ReducedMotion
+        equilibria : Configuration
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
@@ -255,9 +263,10 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion about configurations that are already in equilibrium; see `about`.
+        """Return the reduced motion of B candidates about given configurations in equilibrium.
 
-        chosen: B candidates. now: their configurations. loads: the loads in one state.
+        chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. The other
+        parameters are those of `about`.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -294,8 +303,8 @@ class Vibration:
     ) -> tuple[Array, Array]:
         """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
 
-        The m modes have unit mass. They are given by the n unknowns of the nodes, (m, B, n), and by the motion of the
-        body, (m, B, 3), for B candidates.
+        The m modes have unit mass. Returns the n unknowns of the nodes, (m, B, n), and the motion of the rigid body,
+        (m, B, 3), in the modes of B candidates.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1

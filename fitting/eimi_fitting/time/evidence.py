@@ -45,10 +45,10 @@ class Evidence(Protocol):
         """Return the k residuals of P candidates, divided by their standard uncertainties, (P, k)."""
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the k residuals if a source of uncertainty changes by its standard uncertainty.
+        """Return the changes of the k residuals if a source of uncertainty changes by its standard uncertainty.
 
-        sources: standard uncertainties by the keys of `SOURCES`. Each result has a row for each part of the source,
-        (parts, k).
+        sources: standard uncertainties by the keys of `SOURCES`. The result has the same keys. Each value has one row
+        for each part of the source, shape (parts, k).
         """
 
 

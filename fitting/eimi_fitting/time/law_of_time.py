@@ -83,12 +83,12 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The means of the prior of all m unknowns, (m,)."""
+        """The prior means of all m unknowns, shape (m,)."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """The standard deviations of the prior of all m unknowns, (m,)."""
+        """The prior standard deviations of all m unknowns, shape (m,)."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
@@ -109,9 +109,10 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidates, (P,); infinity if one is not finite.
+        """Return the root of the sum of the squared residuals for P candidates, (P,).
 
-        unknowns: the m unknowns of each candidate, (P, m).
+        The result is infinity for a candidate with a residual that is not finite. unknowns: the m unknowns of each
+        candidate, (P, m).
         """
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
@@ -162,10 +163,10 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the m unknowns at the optimum if a source changes by its standard uncertainty, by key.
+        """Return the changes of the m unknowns at the optimum if a source changes by its standard uncertainty.
 
-        sources: standard uncertainties by the keys of `SOURCES`. Each result has a row for each part of the source,
-        (parts, m).
+        sources: standard uncertainties by the keys of `SOURCES`. The result has the same keys. Each value has one row
+        for each part of the source, shape (parts, m).
         """
         gain = -self.covariance @ self.jacobian.T
         m = len(self.unknowns)
@@ -177,16 +178,17 @@ class TimeOptimum:
         return moves
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum if the prior of the load factor changes, (m,).
+        """Return the change of the m unknowns at the optimum if the prior mean of the load factor changes, (m,).
 
-        sigma: the change of the prior's mean, in the logarithm of the factor.
+        sigma: the change of the prior mean of the logarithm of the load factor.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum if the magnetic moment is unknown: the prior of the load factor has the width `FREE_LOAD`.
+        """Return the optimum of the fit if the magnetic moment is unknown.
 
-        The least-squares fit starts at this optimum.
+        The logarithm of the load factor then has the prior standard deviation `FREE_LOAD`. The least-squares fit starts
+        at the present optimum.
         """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
@@ -197,10 +199,11 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of a problem: the best result of least-squares fits from several starts.
+    """Return the optimum of a viscoelastic fit: the best result of least-squares fits from several starts.
 
-    The starts are the best candidate of CMA-ES, the mean of the prior, and the optimum with one term fewer (``fewer``).
-    To this optimum a term is added, with each of the mean relaxation times of the prior in turn.
+    The fits start from the three best of these candidates: the best candidate of CMA-ES, the mean of the prior, and
+    extensions of ``fewer``. ``fewer`` is the optimum for a Prony series with one term fewer. An extension of this
+    optimum has one more term. The relaxation time of this term is one of the mean relaxation times of the prior.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -282,8 +285,8 @@ _STRETCH = 2.0
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
     """Return f quantities of P candidates in which the residuals are almost linear, (P, f).
 
-    They are logarithms of moduli, loss factors at the angular frequencies ``omegas``, and the logarithm of the load
-    factor.
+    The quantities are logarithms of moduli, loss factors at the angular frequencies ``omegas`` (rad/s), and the
+    logarithm of the load factor.
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))

@@ -1,4 +1,7 @@
-"""The prior of the factor on the magnetic loads, which joins the law of time to the stated magnetic moment."""
+"""The prior of the factor on the magnetic loads.
+
+The prior contains the stated uncertainty of the magnetic moment. It affects the moduli of the viscoelastic (Prony) law.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""The signature of each possible cause: the change of the residuals at an optimum for an amplitude of one.
+"""Compute the signatures of the possible errors of a bench (causes): changes of the residuals at an optimum in mm.
 
-Signatures are finite differences of the planar model on the coarse mesh, as the changes by stated sources are
-(`inference.interval.considered`). A cause that changes the picture alone needs no new solution of the model.
+A cause has one or several amplitudes. The signature is the change of the residuals divided by the amplitude. It is
+computed by a finite difference, with the planar model on the coarse mesh. The effects of stated uncertainties are
+computed in the same way (`inference.interval.considered`). The model is not solved again for a cause that changes only
+the picture. Only the signature of a wrong section is computed with a solid.
 """
 
 from __future__ import annotations
@@ -73,8 +75,9 @@ class Solved:
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
         """Return the assumptions with the simulated shapes of the beam and the residuals.
 
-        The solver starts from the shapes of ``before``. If only the picture differs, these shapes are used again. The
-        result is None if there is no equilibrium, or if the deviations make the specimen invalid.
+        The solver starts from the shapes of ``before``. If ``assumed`` and ``before`` differ only in the picture, the
+        shapes of ``before`` are returned without a new solution. The result is None if no equilibrium is found, or if
+        the deviations make the specimen invalid.
         """
         try:
             return Solved._of(assumed, before)
@@ -126,8 +129,8 @@ class About:
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     kept : ndarray of int, shape (l,)
-        Indices of the l coordinates that every hypothesis varies: those of the law, and the freed inputs that are no
-        possible cause.
+        Indices of the l coordinates that every hypothesis varies: the coordinates of the law, and the freed inputs that
+        are not among the possible causes.
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of these coordinates.
     slopes : tuple of ndarray, shape (l, K, G, m)
@@ -180,7 +183,10 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude of a cause in the fit: the freed or measured deviation from the stated value, else 0."""
+        """Return the amplitude of one part of a cause in the fit of one dataset.
+
+        The amplitude is the deviation of the input from its stated value, if the input was freed or measured, else 0.
+        """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         start = float(measured[part]) if part < len(measured) else 0.0
         for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched):

@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A refinement: a finer mesh or a solid that replaces the model of an experiment.
+    """A refinement: a finer planar mesh, or a three-dimensional solid, that replaces the model of an experiment.
 
     Parameters
     ----------
@@ -86,7 +86,10 @@ FINER_MESH = Refinement(
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the solid of a specimen beside its planar model, with 20 elements along the beam and 2 to 4 across."""
+    """Return the solid of a specimen together with its planar model.
+
+    The solid has 20 elements along the beam and 2 to 4 elements across.
+    """
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -97,9 +100,10 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the model that Gauss-Newton uses.
+    """Return the experiment with the beam model that the Gauss-Newton method uses.
 
-    If the section is solid, this is the planar model on the mesh of the solid, else the model of the experiment.
+    If the section is "solid", this model is planar and has the mesh of the solid. Otherwise the experiment keeps its
+    model.
     """
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
@@ -123,7 +127,11 @@ SOLID = Refinement(
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the refinements for experiments: the solid for solid sections, the finer mesh for other sections."""
+    """Return the refinements that the experiments need.
+
+    An experiment with the section "solid" needs the three-dimensional model of the beam, and any other experiment needs
+    a planar model with a finer mesh.
+    """
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 
@@ -169,7 +177,7 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments with changes that turn the residuals of a candidate into those of a better model.
+    """Return the experiments with changes that turn the residuals of a candidate into residuals of a better model.
 
     Parameters
     ----------

@@ -111,21 +111,28 @@ class Linearisation:
     states : tuple of LinearStates
         The linearised states of each experiment.
     points : int
-        Number of points.
+        Number of measured points of all experiments.
     independent_points : float
-        Number N of independent points, estimated from the residuals.
+        Number of independent points, estimated from the residuals.
     likelihood_points : float
-        Number of independent points in the likelihood, which determines the weights w_k.
-    noise_points, noise_mm : float
-        Number of independent points, and mean error in mm, of the noise alone (`inference.interval.noise`).
+        Number of independent points in the likelihood: the number N in the weights w_k of the states. The weights are
+        defined in the module `inference.interval.covariance`.
+    noise_points : float
+        Number of independent points, estimated from the noise alone (`inference.interval.noise`).
+    noise_mm : float
+        Mean error of the states in mm, computed from the noise alone.
     residual_mm : float
         Root mean square of all residuals, in mm.
-    curves, curve_slopes : ndarray, shape (m,) and (n, m)
-        Standardised residuals of the m rows of the tensile curves, and their derivatives.
+    curves : ndarray, shape (m,)
+        Standardised residuals of the m rows of the tensile curves.
+    curve_slopes : ndarray, shape (n, m)
+        Derivatives of ``curves`` in the n unknowns.
     priors : ndarray, shape (f,)
-        Deviations of the f freed nuisances over their prior standard deviations.
-    law_priors, law_prior_slopes : ndarray, shape (q,) and (n, q)
-        Standardised residuals of the q priors on the law's parameters, and their derivatives.
+        Deviations of the f freed nuisances, divided by their prior standard deviations.
+    law_priors : ndarray, shape (q,)
+        Standardised residuals of the q priors on the law's parameters.
+    law_prior_slopes : ndarray, shape (n, q)
+        Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
         The matrices A, B and P of the module. ``prior`` does not contain the priors on the law's parameters.
     """
@@ -206,7 +213,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance C of the optimum, shape (n, n), for noise with ``widened`` times its level."""
+        """Return the covariance C of the optimum, shape (n, n); the level of the noise is multiplied by ``widened``."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -259,7 +266,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     optimum : Optimum
         The optimum of the problem, with the evaluations for the differences.
     likelihood_points : float, optional
-        Number of independent points in the likelihood; estimated from the residuals by default.
+        Number N of independent points in the likelihood; estimated from the residuals by default.
 
     Returns
     -------

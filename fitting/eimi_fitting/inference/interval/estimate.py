@@ -209,18 +209,23 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effects on the modulus of important sources that no file states, for their usual uncertainty."""
+    """Return the effects on the modulus of important sources without a stated uncertainty, for a usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the remaining errors of C beam models: of all unknowns (C, n), and of the modulus (C,).
+    """Return 95 % bounds of the errors that remain after C corrections, in unit coordinates.
 
-    The first bound is the share of the optimum's change by a correction that remains uncertain. Part of the error of a
-    beam model may change the other unknowns instead of the modulus. The squares of the two bounds of the modulus
-    therefore add to the square of its change for fixed other unknowns, which is at least ``Effect.least_percent``.
+    Returns
+    -------
+    model_errors : ndarray, shape (C, n)
+        Bounds for the n unknowns: the change of the optimum by each correction, times the share that remains uncertain.
+    modulus_errors : ndarray, shape (C,)
+        Additional bounds for the modulus: sqrt(b² - a²), or 0 if a > b. Here a is the bound of the modulus in
+        ``model_errors``. b is the same bound for fixed other unknowns, or ``Effect.least_percent`` if this is larger.
+        The additional bounds are needed because the other unknowns may absorb a part of the error of a beam model.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -236,7 +241,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return the range of the logarithm of the modulus between its bounds, which is that of the first coordinate."""
+    """Return ln(upper bound / lower bound) of the modulus, which is the first of the unknowns."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -350,7 +355,10 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return the values of each unknown by its name, shape (P,), for P candidates in unit coordinates (P, n)."""
+    """Return the values of the unknowns of P candidates in their physical units: an array (P,) for each name.
+
+    units: the n unit coordinates of each candidate, shape (P, n).
+    """
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
