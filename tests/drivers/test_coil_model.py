@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ from eimi_drivers.interfaces import InstrumentError
 STEADY_S = 50.0
 
 
-def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: float) -> CoilSupply:
+def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: Any) -> CoilSupply:
     """Return a supply whose current has been constant for a long time; the coil has 4 ohm and 0.5 s."""
     clock = SimulatedClock()
     coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)
@@ -57,7 +58,7 @@ def test_a_new_supply_is_off_with_zero_set_points_and_no_fault() -> None:
 @pytest.mark.parametrize("value", [0.0, -1.0])
 def test_a_coil_without_resistance_or_time_is_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match="must be greater than 0"):
-        CoilSupply(SimulatedClock(), **{name: value})
+        CoilSupply(SimulatedClock(), **{name: value})  # type: ignore[arg-type]
 
 
 def test_set_points_are_accepted_up_to_and_including_the_bounds() -> None:
@@ -225,7 +226,10 @@ def test_reset_and_restart_switch_off_and_clear(restart: bool) -> None:
     coil.arm(True)
     coil.set_trip_levels(current_A=1.0, voltage_V=13.0)
     coil.trip()
-    assert coil.restart() is None if restart else coil.reset(1.5)
+    if restart:
+        coil.restart()
+    else:
+        assert coil.reset(1.5)
     state = coil.state
     assert (state.output, state.tripped, state.set_voltage_V) == (False, False, 0.0)
     assert state.set_current_A == (0.0 if restart else 1.5)

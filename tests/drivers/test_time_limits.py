@@ -223,7 +223,7 @@ class Producer:
         camera._label, camera.settings, camera._closed = "camera 1", settings, False
         camera._triggered = settings.trigger == "software"
         camera._timeout, camera._errors = TimeoutError, KeyError
-        camera._api, camera._out_of_range = SimpleNamespace(GenericException=KeyError), (OverflowError,)
+        camera._api, camera._out_of_range = SimpleNamespace(GenericException=KeyError), (OverflowError, ValueError)
         camera._to_skip, camera._counting, camera._last_number = 0, False, None
         camera.lost_frames = Counter()
         camera._acquirer = self
