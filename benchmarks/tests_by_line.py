@@ -45,7 +45,9 @@ def record(tests: Sequence[str], add: bool = False) -> int:
         seconds = json.loads(SECONDS.read_text(encoding="utf-8")) if add else {}
         seconds |= seconds_in(report)
         whole = CoverageData(str(MAP))
-        if not add:
+        if add:
+            whole.read()  # coverage erases a file that it has not read
+        else:
             whole.erase()
         read = CoverageData(str(new))
         read.read()

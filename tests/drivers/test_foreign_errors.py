@@ -190,6 +190,8 @@ def test_a_search_whose_library_fails_is_a_note(monkeypatch: pytest.MonkeyPatch)
 
     for search in ("list_serial_ports", "list_cameras", "list_basler_cameras"):
         monkeypatch.setattr(discovery, search, fail)
+    for search in ("list_network", "list_genicam_cameras", "list_gentl_cameras"):  # these may find real instruments
+        monkeypatch.setattr(discovery, search, tuple)
     monkeypatch.setattr(discovery.pyvisa, "ResourceManager", fail)
     discovered = discovery.discover()
     assert discovered.found == ()

@@ -1,0 +1,55 @@
+"""The map from lines to tests keeps what it contains when tests are added."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from coverage import CoverageData
+
+from benchmarks import tests_by_line
+from benchmarks.tests_by_line import TestsByLine, record
+
+
+@pytest.fixture
+def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A project with one file of code, in which recorded tests execute the lines that their names contain."""
+    file = tmp_path / "eimi_lab" / "code.py"
+    file.parent.mkdir()
+    file.write_text("def act():\n    first = 1\n    second = 2\n    return first + second\n")
+
+    def run(command: list[str], cwd: Path, env: dict[str, str], check: bool) -> Any:
+        test = command[-1]
+        data = CoverageData(env["COVERAGE_FILE"])
+        data.set_context(f"{test}::test_it|run")
+        data.add_lines({str(file): {int(line) for line in test.removesuffix(".py").split("_")[1:]}})
+        data.write()
+        report = next(option for option in command if option.startswith("--junitxml=")).removeprefix("--junitxml=")
+        Path(report).write_text(f'<testsuite><testcase file="{test}" name="test_it" time="0.5"/></testsuite>')
+        return SimpleNamespace(returncode=0)
+
+    (tmp_path / "tests").mkdir()
+    monkeypatch.setattr(tests_by_line, "PROJECT", tmp_path)
+    monkeypatch.setattr(tests_by_line, "MAP", tmp_path / ".map")
+    monkeypatch.setattr(tests_by_line, "SECONDS", tmp_path / ".map.json")
+    monkeypatch.setattr(tests_by_line, "subprocess", SimpleNamespace(run=run))
+    return file
+
+
+def test_added_tests_join_those_of_the_map(code: Path) -> None:
+    assert record(["test_2.py"]) == 0
+    assert record(["test_2_3.py"], add=True) == 0
+    found = TestsByLine()
+    assert set(found.of("eimi_lab/code.py", 2)) == {"test_2.py::test_it", "test_2_3.py::test_it"}
+    assert set(found.of("eimi_lab/code.py", 3)) == {"test_2_3.py::test_it"}
+    assert found.seconds(["test_2.py::test_it", "test_2_3.py::test_it", "another"]) == 0.5 + 0.5 + 1.0
+
+
+def test_a_new_map_replaces_the_old_one(code: Path) -> None:
+    record(["test_2.py"])
+    record(["test_3.py"])
+    found = TestsByLine()
+    assert set(found.of("eimi_lab/code.py", 3)) == {"test_3.py::test_it"}
+    assert found.of("eimi_lab/code.py", 2) == ()
