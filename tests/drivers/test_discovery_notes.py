@@ -89,7 +89,7 @@ def test_a_missing_camera_has_the_remedy_of_the_system(search: Any, lists_camera
 def test_a_search_that_fails_is_a_note_and_the_others_go_on(search: Any, kind: str) -> None:
     found = {"serial_ports": (PORT,), "network": (LAN,), "cameras": (CAMERA,)} | {kind: RuntimeError("no\nservice")}
     result = search(**found)
-    assert [note for note in result.notes if note.endswith(": cannot be searched: RuntimeError: no service")]
+    assert [note for note in result.notes if "RuntimeError: no service" in note]
     assert len(result.found) == 2 + (kind not in found or kind in ("basler_cameras", "genicam_cameras"))
 
 

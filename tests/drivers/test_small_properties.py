@@ -46,6 +46,9 @@ from eimi_drivers.testing import check_sensor
 from eimi_drivers.testing.sensor_checks import SENSOR_CHECKS
 
 
+TextLine: Any = SENSORS["text-line"]
+
+
 class Status:
     """Korad that reports a given status byte."""
 
@@ -173,7 +176,7 @@ def test_a_bit4886_sets_a_current_in_current_mode_only() -> None:
     assert card.receive(b"FUNC:MODE BOTH;SYST:ERR?\n") == b'-104,"Data type error"\n'
 
 
-class ReopensWhenRead(SENSORS["text-line"]):  # type: ignore[misc]
+class ReopensWhenRead(TextLine):
     """Faulty driver that cannot be closed twice without a `read` between."""
 
     is_closed = False
