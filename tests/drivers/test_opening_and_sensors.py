@@ -16,7 +16,6 @@ from eimi_drivers.sensors.sensor_names import open_with as open_sensor_with
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.supply_names import open_with as open_supply_with
 
-
 Scpi: Any = SUPPLIES["scpi"]
 
 

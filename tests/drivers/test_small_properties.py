@@ -45,7 +45,6 @@ from eimi_drivers.supplies.values import line_in, number_in, set_point_text
 from eimi_drivers.testing import check_sensor
 from eimi_drivers.testing.sensor_checks import SENSOR_CHECKS
 
-
 TextLine: Any = SENSORS["text-line"]
 
 
