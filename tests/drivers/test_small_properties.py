@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from eimi_drivers.cameras.image_series import ImageSeries, list_images, recordin
 from eimi_drivers.cameras.pixel_formats import PIXEL_FORMATS, PixelFormat, decode
 from eimi_drivers.cameras.rolling_shutter import row_time_s
 from eimi_drivers.cameras.settings import CameraSettings
+from eimi_drivers.cameras.timed import TimedCamera
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import coil_line
 from eimi_drivers.emulators import session as supply_session
@@ -40,10 +42,12 @@ from eimi_drivers.interfaces import (
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies.identity import in_words, serial_number_in
 from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.transcript import ReplayedTransport, TranscriptMismatch
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_drivers.supplies.values import line_in, number_in, set_point_text
 from eimi_drivers.testing import check_sensor
 from eimi_drivers.testing.sensor_checks import SENSOR_CHECKS
+from tests.patience import PATIENCE_S
 
 TextLine: Any = SENSORS["text-line"]
 
@@ -363,3 +367,38 @@ def test_encoded_pictures_are_decoded_again_and_have_the_size_of_their_format(
         ReplyNotUnderstood, match=rf"8 x 3 pixels in {pixel_format.name} has only {len(data) - 1} bytes"
     ):
         decode(code, data[:-1], 8, 3)
+
+
+def test_a_read_where_the_transcript_has_a_message_is_a_mismatch(tmp_path: Path) -> None:
+    file = tmp_path / "wire.txt"
+    file.write_text("0.0 open here\n0.1 > A?\\n\n0.2 < 1\\n\n0.3 > B?\\n\n0.4 >! InstrumentTimeout stuck\n")
+    line = ReplayedTransport(file)
+    assert (line.address, line.reopen()) == ("here", False)
+    with pytest.raises(TranscriptMismatch, match=r"read 9 bytes, but line 2 of the transcript is: > A\?"):
+        line.read(9, 1.0, b"\n")
+    line.write(b"A?\n")
+    with pytest.raises(TranscriptMismatch, match=r"sent B\?.*, but line 3 of the transcript is: < 1"):
+        line.write(b"B?\n")
+    assert line.read(9, 1.0, b"\n") == b"1\n"
+    with pytest.raises(TranscriptMismatch, match="2 events never happened, the first in line 4: > B"):
+        line.assert_complete()
+    with pytest.raises(InstrumentTimeout, match="stuck"):
+        line.write(b"B?\n")
+    line.assert_complete()
+    with pytest.raises(TranscriptMismatch, match="read 9 bytes after the end of the transcript"):
+        line.read(9, 1.0)
+    file.write_text("0.0 open here\nnonsense\n")
+    with pytest.raises(ValueError, match="wire.txt: line 2: 'nonsense' is no event"):
+        ReplayedTransport(file)
+
+
+def test_a_camera_that_cannot_be_opened_leaves_no_thread_behind() -> None:
+    def fail() -> Any:
+        raise InstrumentDisconnected("not there")
+
+    with pytest.raises(InstrumentDisconnected, match="not there"):
+        TimedCamera("the absent camera", fail)
+    callers = [thread for thread in threading.enumerate() if thread.name == "calls of the absent camera"]
+    for caller in callers:
+        caller.join(PATIENCE_S)
+        assert not caller.is_alive()

@@ -78,7 +78,7 @@ def test_the_suite_knows_neither_its_tests_nor_its_benchmarks(imports):
 
 
 def test_tests_import_no_benchmark_that_they_do_not_test():
-    names = ("mutants", "numbers", "benchmarks", "docs", "generated_mistakes", "phone_photographs")
+    names = ("mutants", "numbers", "benchmarks", "docs", "generated_mistakes", "tests_by_line", "phone_photographs")
     tested_there = {f"test_{name}.py" for name in names}
     importing = {
         path.name
