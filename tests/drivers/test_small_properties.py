@@ -388,7 +388,7 @@ def test_a_read_where_the_transcript_has_a_message_is_a_mismatch(tmp_path: Path)
     with pytest.raises(TranscriptMismatch, match="read 9 bytes after the end of the transcript"):
         line.read(9, 1.0)
     file.write_text("0.0 open here\nnonsense\n")
-    with pytest.raises(ValueError, match="wire.txt: line 2: 'nonsense' is no event"):
+    with pytest.raises(ValueError, match=r"wire\.txt: line 2: 'nonsense' is no event"):
         ReplayedTransport(file)
 
 
