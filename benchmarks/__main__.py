@@ -19,7 +19,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A benchmark script.
+    """A benchmark script, and its section of the page docs/benchmarks.md.
 
     Attributes
     ----------
@@ -31,8 +31,10 @@ class Benchmark:
         The content of the table that the script prints.
     page : str
         The page that explains the figures.
-    arguments, short : tuple of str
-        The arguments of a full run, and those of a short run.
+    arguments : tuple of str
+        The arguments of a full run.
+    short : tuple of str
+        The arguments of a run with reduced sizes.
     """
 
     name: str
@@ -111,7 +113,7 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """Run a benchmark; return its section of the page as Markdown, and whether the benchmark succeeded."""
+    """Run a benchmark; return its section of the page in Markdown, and whether the benchmark succeeded."""
     arguments = benchmark.short if short else benchmark.arguments
     command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
@@ -125,7 +127,7 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of an earlier version of the page as Markdown, by name."""
+    """Return the sections of an earlier version of the page in Markdown, by the names of the benchmarks."""
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")
@@ -146,7 +148,7 @@ def heading() -> str:
 
 
 def environment() -> str:
-    """Return the date and the versions of Python and the packages."""
+    """Return a line with the date and with the versions of Python and of the packages."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
     return f"{date.today().isoformat()}, Python {platform.python_version()}, {packages}."
 

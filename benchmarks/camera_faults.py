@@ -1,8 +1,8 @@
-"""Count the wrong and lost frames of a GigE camera with faults, and measure the time until a fault is reported.
+"""Count the wrong and lost frames of a GigE camera with faults, and measure the time until the driver reports a fault.
 
     python -m benchmarks.camera_faults
 
-Every returned frame is compared with the picture of the exposure that has its number.
+Each frame from the driver is compared with the picture that the emulated camera exposed under the number of the frame.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ FRAMES = 200
 GRAB_S = 5.0
 SIZES_PX = ((128, 96), (512, 512))
 PAYLOAD_BYTES = 1400 - 36
-"""Data of a packet: the packet size of the emulated camera without the headers of IP, UDP and GVSP."""
+"""Bytes of picture data in a packet: the packet size of the emulated camera without the headers of IP, UDP and GVSP."""
 
 
 def picture(number: int, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the picture of the exposure with this number, counted from 0: noise with the number as its seed."""
+    """Return the picture (height, width) of one exposure: noise whose seed is the number of the exposure, from 0."""
     return np.random.default_rng(number).integers(0, 256, size_px[::-1], dtype=np.uint8)
 
 
@@ -46,7 +46,7 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a row of the table for lost packets: numbers of correct, wrong and lost frames, and time of a frame."""
+    """Return a table row for one share of lost packets: correct, wrong and lost frames, and the time for each frame."""
     with gige_process(partial(pictures, size_px), size_px) as process:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
@@ -71,10 +71,10 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Return a row of the table for a camera that is killed.
+    """Return a row of the table for a camera whose process is killed.
 
-    Another camera with `serial_number` then replaces the killed camera; no camera replaces it if `serial_number` is
-    None.
+    A camera with the serial number `serial_number` then takes the address of the killed camera. With None, no camera
+    takes the address.
     """
     size_px = SIZES_PX[0]
 
@@ -100,7 +100,7 @@ def vanished(what: str, serial_number: str | None) -> str:
 
 
 def rounded_region() -> str:
-    """Return a row of the table for a camera that rounds the region of the sensor."""
+    """Return a table row for a camera that rounds the requested region of the sensor."""
     with gige_process(partial(pictures, SIZES_PX[0]), SIZES_PX[0], rows_step=16):
         try:
             open_camera("aravis", LOOPBACK, CameraSettings(region=(0, 0, 128, 90))).close()

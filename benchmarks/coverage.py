@@ -38,9 +38,9 @@ from tests.shared.virtual_measurements import Case, Outcome, Row, outcome, row
 
 
 def rows(outcomes: Iterable[Outcome]) -> Iterator[Row]:
-    """Yield the rows of the table, each for a group of experiments.
+    """Yield the rows of the table; each row has the statistics of one group of experiments.
 
-    The groups are planar beams by law and noise, solids by law, all planar beams, all solids, and all experiments.
+    The groups are: planar beams by law and noise, solids by law, all planar beams, all solids, and all experiments.
     """
     groups: dict[str, list[Outcome]] = {}
     for o in outcomes:
@@ -71,7 +71,7 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the coverage of each group; the exit status is 1 if a row is not right."""
+    """Print the coverage of the intervals in each group of experiments; exit with 1 if a row is not right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

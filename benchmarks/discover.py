@@ -45,16 +45,16 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """One hidden law.
+    """One hidden law, and the settings of its evidence.
 
     Attributes
     ----------
     noise : float
-        Noise of the tensile test, as a share of the largest stress.
+        Standard deviation of the noise of the tensile test, as a share of the largest stress.
     off : float
-        Largest factor on Jm, b and alpha.
+        Largest factor by which Jm, b and alpha of the hidden law differ from the values in the library.
     evidence
-        The kinds of evidence, each of which is used separately.
+        The kinds of evidence. One discovery is made from each kind.
     """
 
     seed: int
@@ -67,7 +67,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A hidden law, and its discovery from each kind of evidence; None if the discovery found no equilibrium."""
+    """A hidden law, and one discovery from each kind of evidence; a discovery without an equilibrium is None."""
 
     number: int
     hidden: Hidden
@@ -75,7 +75,7 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """Hide one law, discover its terms, and return the result; None if the hidden beam has no equilibrium."""
+    """Hide one law, simulate its evidence, and discover its terms; return None if the hidden beam has no solution."""
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
     curve = hidden.curve(case.noise, rng)
@@ -95,7 +95,7 @@ def outcome(case: Case) -> Outcome | None:
 
 
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
-    """Return "right", "open" or "wrong" for the result of a discovery."""
+    """Return "right", "open" or "wrong": the terms that a discovery names, compared with the hidden law."""
     if discovery is None or not discovery.identified:
         return "open"
     return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
@@ -106,13 +106,13 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 
 
 def row(name: str, words: Sequence[str]) -> str:
-    """Return a row of the table in Markdown, from the results of all laws."""
+    """Return a row of the table in Markdown: the numbers of hidden laws with each result in ``words``."""
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"
 
 
 def main() -> int:
-    """Print the table; return 1 if fewer than 90 % are right, or if more than 5 % are wrong from bending alone."""
+    """Print the table; return 1 if under 90 % of the results are right, or over 5 % of those from bending are wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")
     parser.add_argument("--first", type=int, default=0, help="number of the first law")

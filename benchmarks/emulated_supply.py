@@ -1,10 +1,10 @@
-"""Serve an emulated supply from a separate process, which reports its coil and can be given faults.
+"""Serve an emulated supply from a separate process, which reports the current of the coil and simulates faults.
 
     python -m benchmarks.emulated_supply korad pty
 
-The script prints its address. It then prints a line for every change of output, set-point or true current. The line
-contains the time in seconds of the monotonic clock, which all processes of a machine share; 1 or 0 for the output; and
-set-point and true current in amperes.
+The script prints the address of the supply. It then prints a line for every change of output, set-point or true
+current. The line contains the time in seconds of the monotonic clock, which all processes of a machine share; 1 or 0
+for the output; and set-point and true current in amperes.
 
 The name of a fault on the standard input, such as `shorted`, begins this fault; see ``eimi emulate --faults``. The
 fault `slow` delays answers by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends all faults. The transport `port` is
@@ -36,12 +36,12 @@ LEAST_CHANGE_A = 0.02
 
 
 class CoilOnLeads(CoilSupply):
-    """A coil whose supply also measures the voltage of the leads. `contact_ohm` is the resistance of a bad contact."""
+    """A coil on a supply whose meter includes the voltage across a bad contact of resistance `contact_ohm` (ohm)."""
 
     contact_ohm = 0.0
 
     def read(self) -> Reading:
-        """Return the readings of the supply's meters."""
+        """Return the values that the meters of the supply show."""
         measured = super().read()
         return replace(measured, voltage_V=measured.voltage_V + self.contact_ohm * measured.current_A)
 

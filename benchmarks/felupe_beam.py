@@ -29,15 +29,15 @@ _MOST_ITERATIONS, _MOST_HALVINGS = 30, 4
 
 @dataclass(frozen=True)
 class Elements:
-    """The elements of a mesh.
+    """The finite elements of a mesh in FElupe.
 
     Attributes
     ----------
     kind : {"bilinear", "serendipity"}
         "bilinear" has mean dilatation (`SolidBodyNearlyIncompressible`, which FElupe's documentation recommends).
-        "serendipity" has eight points and 2 x 2 Gauss points.
+        "serendipity" has eight nodes and 2 x 2 Gauss points.
     along, across : int
-        Numbers of elements.
+        Numbers of elements along and across the beam.
     graded : bool
         Whether the mesh is graded as in `eimi_fitting`.
     """
@@ -55,7 +55,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class Curve:
-    """The places of the tip in the K states (mm), shape (K, 2), and the number of all Newton iterations."""
+    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the total of the Newton iterations."""
 
     tip: Array
     iterations: int
@@ -66,7 +66,7 @@ class NoEquilibrium(Exception):
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
-    """Return the points and the cells of the mesh in FElupe's order."""
+    """Return the nodes and the cells of a beam's mesh in the order of FElupe."""
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
     x = graded(length, elements.along, 0.5 * width, *finer)
     mesh = grid_mesh(x, np.linspace(-0.5 * width, 0.5 * width, elements.across + 1))
@@ -87,7 +87,7 @@ def _material(law: str, parameters: Array) -> tuple[Any, float]:
 
 
 class Beam:
-    """A beam with a magnet at its tip, of one material.
+    """A beam of one material with a magnet at the tip, modelled in FElupe.
 
     Gravity acts along the beam, and the field (mT) across the beam.
     """
@@ -133,7 +133,7 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements of all points from the unknowns of the flexible part and the magnet."""
+        """Return the displacements of all nodes from ``x``, the unknowns of the flexible part and of the magnet."""
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
         c, s = np.cos(x[-1]), np.sin(x[-1])
@@ -141,7 +141,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the Newton step from the unknowns ``x``, and store ``x`` in the field container."""
+        """Return the Newton step from the displacements ``x`` of the unknowns; also store ``x`` in the field container."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()
@@ -167,7 +167,7 @@ class Beam:
         return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
 
     def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
-        """Return the solution of Newton's method (None without convergence), and the number of iterations."""
+        """Return the unknowns at the solution (None without convergence), and the number of Newton iterations."""
         for iteration in range(_MOST_ITERATIONS):
             step = self._step(x, field_mT)
             largest = np.abs(step).max()
@@ -179,7 +179,7 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Return the tip places in all states, which are solved in order.
+        """Return the positions of the tip in all states. The states are solved in the given order.
 
         `tolerance_mm` limits the last Newton step. Raises NoEquilibrium if a state cannot be solved.
         """

@@ -27,7 +27,7 @@ SPECIMEN = with_modes(Specimen(30.0, 3.0, 5.0, 0.0, "plane-strain"), (3.0, 0.5),
 
 
 def ours(along: int, across: int) -> Array:
-    """Return the displacement (2,) of the tip in mm, computed by `eimi_fitting` with quadratic elements."""
+    """Return the displacement (x, y) of the tip in mm, shape (2,), by `eimi_fitting` with quadratic elements."""
     model = BeamModel(SPECIMEN, along, across)
     force_N = FORCE_N * np.arange(1, 5) / 4
     loads = Loads.along(np.zeros(4), 90.0, None, tip_force_N=force_N, tip_force_angle_deg=90.0)
@@ -36,7 +36,7 @@ def ours(along: int, across: int) -> Array:
 
 
 def felupes(along: int, across: int) -> Array:
-    """Return the displacement (2,) of the tip in mm, computed by FElupe with bilinear elements."""
+    """Return the displacement (x, y) of the tip in mm, shape (2,), computed by FElupe with bilinear elements."""
     half = 0.5 * SPECIMEN.width_mm
     straight = felupe.Rectangle(a=(0, -half), b=(SPECIMEN.length_mm, half), n=(along + 1, across + 1))
     tip = int(np.argmin(np.linalg.norm(straight.points - [SPECIMEN.length_mm, 0], axis=1)))

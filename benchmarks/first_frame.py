@@ -24,7 +24,7 @@ with open_bench(rig, specimen, protocol.limits) as bench:
 
 
 def seconds_to_first_frame() -> float:
-    """Return the seconds from the start of one program to its first frame."""
+    """Start the program once, and return the time (s) from the start to the first frame."""
     began = time.perf_counter()
     with subprocess.Popen([sys.executable, "-c", FIRST_FRAME], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -34,7 +34,7 @@ def seconds_to_first_frame() -> float:
 
 
 def main() -> None:
-    """Print the seconds to the first frame of several starts."""
+    """Start the program several times, and print the time (s) from each start to the first frame."""
     seconds = [seconds_to_first_frame() for _ in range(REPEATS)]
     print(f"start to first frame: {min(seconds):.2f} to {max(seconds):.2f} s in {REPEATS} starts")
 

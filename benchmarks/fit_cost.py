@@ -1,8 +1,8 @@
 """Measure time and memory of `eimi fit`, and how they grow with the number of states.
 
-The size of the data that a worker process receives is measured, too. The specimen and the calibration of the virtual
-rig are shipped files. The edges are simulated as those of a Neo-Hookean solid with normal noise of 2 µm. Each fit runs
-in a separate process; the operating system reports its processor time and its largest memory.
+The script also measures the size of the data that a worker process receives. The specimen and the calibration of the
+virtual rig are shipped files. The edges are simulated from a Neo-Hookean solid, with normal noise of 2 µm. Each fit
+runs in a separate process. The operating system reports the processor time and the largest memory of this process.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ POINTS, POINT_STATES = 60, (16, 64, 256)
 
 
 def dataset(path: Path, states: int) -> Path:
-    """Write a dataset with this number of states, with edges and placeholder frames, and return its path."""
+    """Write a dataset with `states` states, with edges and with placeholder frames; return the path of the dataset."""
     specimen, calibration = load_specimen("type1"), load_rig("virtual").calibration
     frame = BeamFrame(calibration)
     current_A = np.linspace(0.0, LARGEST_A, states)
@@ -74,7 +74,7 @@ def dataset(path: Path, states: int) -> Path:
 
 
 def spent(*arguments: str) -> tuple[float, float]:
-    """Run `eimi` in a separate process; return its processor time (s) and its largest memory (MB)."""
+    """Run `eimi` with `arguments` in a separate process; return the processor time (s) and the largest memory (MB)."""
     command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", *arguments]
     alone = os.environ | dict.fromkeys(THREADS, "1")
     run = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
@@ -98,7 +98,7 @@ def task_kB(path: Path, section: str) -> float:
 
 
 def points_ms(states: int) -> float:
-    """Return the time (ms) for the misfit of eight candidates to points that were tracked in all states."""
+    """Return the time (ms) for the distances of eight candidates from points that are tracked in `states` states."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])

@@ -1,7 +1,7 @@
 """Draw a rendered picture for every flag: ``python -m benchmarks.flag_pictures FILE.jpg``.
 
-The script prints the table of flags of docs/why/edges.md. The flags NOT_SETTLED, DROPPED and DUPLICATE concern several
-frames of a state. Their pictures show the mean of the frames, as a run stores it.
+The script also prints the table of flags in docs/why/edges.md. The flags NOT_SETTLED, DROPPED and DUPLICATE concern
+several frames of a state. For these flags the picture is the mean of the frames, as a run stores it.
 """
 
 from __future__ import annotations

@@ -37,7 +37,10 @@ LARGEST_ERROR_PERCENT = 5.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """The fit of one video: hidden and fitted values, flicks and frames, processor times (s), and messages."""
+    """The fit of one video.
+
+    It contains the hidden and the fitted values, the flicks, the frames, the processor times (s) and the messages.
+    """
 
     hidden_Pa: float
     fitted_Pa: float
@@ -74,7 +77,10 @@ HEAD = "hidden kPa  fitted kPa  error %  half-width %  holds  f error %    loss 
 
 
 def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outcome:
-    """Render one video into a folder, and identify the strip in it."""
+    """Render one video into a folder, and fit the strip in this video.
+
+    `rate` is the frame rate (Hz) that is given at the import; None: the rate in the file.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([film.seed, 5])
     beam = Beam(name="strip", material="silicone", **typed_sizes(film, rng))
@@ -114,9 +120,10 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
 
 
 def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None]]:
-    """Yield different recordings of one scene, such as a recording by hand.
+    """Yield several recordings of one scene; each has one difficulty, such as a phone that is held by hand.
 
-    Each element is a name, the recording, and the frame rate to give at the import (None: the rate in the file).
+    Each element is a name, the recording, and the frame rate (Hz) that is given at the import (None: the rate in the
+    file).
     """
     base = replace(film, rate_Hz=240.0, row_time_s=0.6 / 240.0 / film.scene.size[1])
     size = film.flicks_mm[0]
@@ -140,7 +147,7 @@ def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None
 
 
 def main() -> None:
-    """Print a table of the scenes, and whether the goal is met."""
+    """Print a table with one row for each scene, and whether the goal is met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

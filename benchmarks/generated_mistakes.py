@@ -1,8 +1,9 @@
-"""Generate mistakes in randomly drawn lines, so that no person who knows the tests chooses the mistakes.
+"""Generate mistakes in randomly drawn lines of the code.
 
-A mistake changes one place of the syntax tree: an operator, a comparison, a condition, a number, two arguments, a name,
-or a whole statement. The lines are drawn with equal probability from all lines that can be changed. For each drawn line
-one of its possible changes is drawn. Texts, annotations and imports are never changed.
+No person who knows the tests chooses the mistakes. A mistake changes one place of the syntax tree: an operator, a
+comparison, a condition, a number, two arguments, a name, or a whole statement. All lines that can be changed are drawn
+with equal probability. For each drawn line, one of its possible changes is drawn. Texts, annotations and imports are
+never changed.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one place in a file: lines from 1, columns in bytes from 0, the new text, and a description."""
+    """A change of one place in a source file: lines (from 1), columns (bytes, from 0), new text and description."""
 
     line: int
     column: int
@@ -51,7 +52,7 @@ class Change:
 
 
 def room_of(file: str) -> str:
-    """Return the name of the package of a file, such as "acquisition", "supplies" or "inference"."""
+    """Return the name of the package that contains a file, such as "acquisition", "supplies" or "inference"."""
     parts = Path(file).parts
     start = 1 if parts[0] == "eimi_lab" else 2
     return parts[start] if len(parts) > start + 1 else parts[start - 1]
@@ -68,7 +69,11 @@ def changes(text: str) -> list[Change]:
 
 
 def _skipped(tree: ast.AST) -> set[int]:
-    """Return the nodes that are never changed: annotations, decorators, texts, imports, blocks for type checkers."""
+    """Return the identities of the nodes that are never changed.
+
+    They are annotations, decorators, f-strings, imports, assertions, some calls such as `TypeVar`, and blocks for type
+    checkers.
+    """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.AnnAssign):
@@ -87,7 +92,10 @@ def _skipped(tree: ast.AST) -> set[int]:
 
 
 def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
-    """Yield each node with the parameters and local names of its function, and the line that sets each name."""
+    """Yield each node below `node`, together with the names that the surrounding function defines.
+
+    The names are the parameters and local names of the function, each with the line that first sets the name.
+    """
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
         for inner in ast.walk(node):
@@ -157,7 +165,10 @@ def _replaced(node: ast.expr | ast.stmt, new: str, says: str) -> Change:
 
 
 def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> Iterator[Change]:
-    """Yield the change of the operator between two operands; nothing if the place of the operator is ambiguous."""
+    """Yield the replacement of the operator `old` between two operands.
+
+    Yield nothing if `old` occurs more than once between the operands, or if the operands are on different lines.
+    """
     (line, column), (end_line, end_column) = _end(left), _start(right)
     if line != end_line:
         return
@@ -169,7 +180,7 @@ def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> 
 
 
 def changed(text: str, change: Change) -> str:
-    """Return the text of a file with a change applied. The columns of a syntax tree count bytes."""
+    """Return the text of a source file after a change."""
     lines = text.encode().splitlines(keepends=True)
     first, last = lines[change.line - 1], lines[change.end_line - 1]
     middle = first[: change.column] + change.new.encode() + last[change.end_column :]

@@ -44,7 +44,7 @@ SPECIMENS = {
 
 
 def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
-    """Return the measured outline of a hidden solid in every state, with noise."""
+    """Simulate a hidden solid, and return its outline in every state with noise of `sigma_mm`."""
     model = SolidBeside(specimen, *MESH)
     shapes = model.solve(LAWS[law], np.array([HIDDEN[law]]), LOADS, tolerance_mm=1e-3)
     curves = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
@@ -55,9 +55,10 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Return a text with the result of a fit.
+    """Fit a law to the edges of a hidden solid, and return a text with the result.
 
-    The text gives bias and interval of the modulus in per cent, the mean error in µm, and the change by the solid.
+    The text gives the bias of the modulus and its interval (%), the error of the edges (µm, root mean square in each
+    state, mean over the states), and the change of the modulus by the solid section (%).
     """
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])

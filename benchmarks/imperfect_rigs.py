@@ -1,14 +1,15 @@
-"""The error of the modulus on an imperfect bench: fits of virtual solids with one error that no file mentions.
+"""Measure the error of the modulus on an imperfect bench: fits of virtual solids with one error that no file mentions.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
 
-Each row is one imperfection, with the name of its cause in `fits.json`. The beam is that of the bench example, a hidden
-Neo-Hookean solid on a finer mesh than that of a fit, in eight fields up to 7.05 mT. The edges have white noise.
+Each row is one imperfection, with the name of its cause in `fits.json`. The beam is the beam of the bench example. It
+is a hidden Neo-Hookean solid on a finer mesh than that of a fit, in eight fields up to 7.05 mT. The edges have white
+noise.
 
-The columns are the error of the modulus with the straight shape of the specimen's file and with the measured rest
-shape. Each error has its 95 % interval from noise and mesh, and a word whether the interval from all stated
-uncertainties contains the true modulus. The second line gives the rank of the true cause among the compared causes.
-The last lines count the ranks.
+The columns give the error of the modulus, first with the straight shape of the specimen file and then with the measured
+rest shape. Each error has a 95 % interval from noise and mesh, and a word that says whether the interval from all
+stated uncertainties contains the true modulus. The second line gives the rank of the true cause among the compared
+causes. The last lines count the ranks.
 
 --both      The fields have both polarities, and increase and then decrease.
 --rendered  A picture of each state is rendered, and the edges are found in the picture.
@@ -53,7 +54,7 @@ STATED = load_specimen("bench_example")
 
 @dataclass(frozen=True)
 class Imperfection:
-    """One property of a bench that is not as the files state.
+    """One property of a bench that differs from the files of the bench.
 
     Attributes
     ----------
@@ -62,13 +63,13 @@ class Imperfection:
     words : str
         The size of the imperfection.
     specimen : callable
-        Returns the true specimen for the stated specimen.
+        Returns the true specimen, from the specimen in the file.
     loads : callable
-        Returns the true loads for the stated loads.
+        Returns the true loads, from the loads in the files.
     picture : callable
-        Returns where the camera shows places (..., 2) in mm.
+        Maps true positions (..., 2) in mm to the positions in mm at which the camera shows them.
     is_clamp_seen : bool
-        Whether the picture of the clamp is changed like the picture of the beam.
+        Whether `picture` also changes the clamp in the picture.
     """
 
     cause: str
@@ -85,13 +86,13 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of a current loop, which is 2 % lower 15 mm from the middle of the loop."""
+    """Return the loads in the field of a current loop. 15 mm from the centre of the loop, the field is 2 % lower."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that bend the beam as if its stiffness were multiplied by ``stiffness`` (K,) in the K states."""
+    """Return loads under which the beam bends as if its stiffness had the factor ``stiffness``, one for each state."""
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
 
@@ -178,22 +179,22 @@ PAIRS = tuple(
 
 
 def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> tuple[Array, Array]:
-    """Return the edges of the true beam and the corners of its magnet, as the camera shows them.
+    """Return the edges of the true beam and the corners of its magnet at the positions that the camera shows.
 
     Parameters
     ----------
     imperfection : Imperfection
     field_mT : ndarray, shape (K,)
-        Fields of the K states.
+        Field in each of the K states.
     planar : bool
         Whether the beam is in plane stress instead of a solid.
 
     Returns
     -------
     edges : ndarray, shape (K, 2, m, 2)
-        Points of the left and the right edge in mm.
+        Coordinates (x, y) in mm of m points on the left and on the right edge.
     corners : ndarray, shape (K, 4, 2)
-        Corners of the magnet in mm.
+        Coordinates (x, y) in mm of the four corners of the magnet.
     """
     specimen = imperfection.specimen(stated_specimen(planar))
     model = BeamModel(specimen, *MESH[:2]) if planar else SolidBeside(specimen, *MESH)
@@ -205,18 +206,24 @@ def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> t
 
 
 def stated_specimen(planar: bool) -> Specimen:
-    """Return the specimen as its file states it; in plane stress if `planar` is true, else as a solid."""
+    """Return the specimen with the values of its file, in plane stress if `planar` is true, else as a solid."""
     specimen = STATED.mechanics()
     return replace(specimen, section="plane-stress") if planar else specimen
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges (K, 2, m, 2) of the true solid in K states, in mm as the camera shows them, without the ends."""
+    """Return the edges of the true solid in K states at the positions that the camera shows, without clamp and tip.
+
+    The shape is (K, 2, m, 2): left and right edge, m points, and x and y in mm.
+    """
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 
 
 def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> Experiment:
-    """Return the data of the bench: edges with noise, and the stated specimen with its stated uncertainties."""
+    """Return the experiment of a fit: edges (K, 2, m, 2) with noise, and the specimen and uncertainties of the files.
+
+    The edges are x and y in mm of m points on the left and right edge in K states.
+    """
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
@@ -226,7 +233,10 @@ def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> 
 def filmed(
     imperfection: Imperfection, seen: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
 ) -> Experiment:
-    """Return the data of the bench from rendered pictures: the edges found in the states that a fit uses."""
+    """Return the experiment of a fit from rendered pictures, with the edges that are found in the usable states.
+
+    `seen` contains the edges and the magnet's corners that `bent` returns.
+    """
     clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
     observed, used = rendered(*seen, clamp, STATED, seed)
     return _experiment(observed, field_mT[used], planar)
@@ -240,14 +250,14 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 @dataclass(frozen=True)
 class Place:
-    """The rank of the true cause among the compared causes of one fit. A pair of imperfections has two true causes.
+    """The rank of the true cause among the compared causes of one fit. Two imperfections have two true causes.
 
     Attributes
     ----------
     first : bool
         Whether the true cause has rank 1, or the two true causes have ranks 1 and 2.
     second : bool
-        Whether the true cause is among the first two, or the two true causes are among the first three.
+        Whether the true cause is among the first two causes, or the two true causes are among the first three.
     declared : bool
         Whether the true cause is the first cause, or is listed as similar to the first cause.
     wrong : float
@@ -261,7 +271,7 @@ class Place:
 
 
 def placed(fit: Fit, cause: str) -> Place:
-    """Return the rank of the true cause in a fit; `cause` joins two true causes by `+`."""
+    """Return the rank of the true cause in a fit. In `cause`, a `+` joins the names of two true causes."""
     true = set(cause.split("+"))
     names = [entry.name for entry in fit.causes]
     count, alike = len(true), {names[0], *fit.causes[0].like}
@@ -271,7 +281,7 @@ def placed(fit: Fit, cause: str) -> Place:
 
 
 def ranked(fit: Fit, cause: str) -> str:
-    """Return a text with the rank of the true cause, and with the first three causes."""
+    """Return a text with the rank of the true cause, and with the three most probable causes."""
     names = [entry.name for entry in fit.causes]
     place = " and ".join(str(names.index(one) + 1) if one in names else "-" for one in cause.split("+"))
     first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
@@ -280,7 +290,7 @@ def ranked(fit: Fit, cause: str) -> str:
 
 
 def summary(places: Sequence[Place]) -> str:
-    """Return lines with the numbers of fits in which the true cause has each rank."""
+    """Return lines of text that say in how many fits the true cause was first, second, declared or missed."""
     counts = {
         "first": sum(place.first for place in places),
         "first or second": sum(place.second for place in places),
@@ -291,10 +301,10 @@ def summary(places: Sequence[Place]) -> str:
 
 
 def in_words(fit: Fit) -> str:
-    """Return a text with the result of a fit.
+    """Return a text with the error of the modulus in one fit.
 
-    The text gives the error of the modulus with its interval from noise and mesh (%), and the half-width of the
-    interval from all uncertainties, with a word whether this interval contains the true modulus.
+    The text gives the error with the interval from noise and mesh (%). It then gives the half-width (%) of the interval
+    from all uncertainties, and whether this interval contains the true modulus.
     """
     modulus = fit.initial_shear_modulus
     low, high = modulus.interval_95
@@ -307,7 +317,7 @@ def in_words(fit: Fit) -> str:
 
 
 def main() -> None:
-    """Fit every imperfection at every seed, with the stated and with the measured rest shape."""
+    """Fit every imperfection with every seed, with the rest shape of the specimen file and with the measured one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5)

@@ -1,8 +1,8 @@
-"""Print the size of an installation on the disk: of eimi-lab and of each package that eimi-lab needs.
+"""Print the sizes on the disk of eimi-lab and of each package that eimi-lab needs.
 
     python -m benchmarks.installation
 
-Run the script with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes such an
+Run the script with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes this
 environment). The sizes are those of the files that pip recorded, with their compiled modules. Packages of extras are
 left out.
 """

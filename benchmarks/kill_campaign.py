@@ -2,8 +2,8 @@
 
     python -m benchmarks.kill_campaign --runs 500
 
-Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal, with a recording as its camera.
-The emulator is in this process, so that it outlives the run and its coil can be observed. TERM, HUP, INT or KILL is
+Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal. The camera plays a recording. The
+emulator is in the process of this script, which outlives the run and can observe the coil. TERM, HUP, INT or KILL is
 sent at a random moment between the first message of the run to the supply and the end of the run. The exit status is 0
 if there was no fault.
 """
@@ -73,21 +73,21 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class Heard:
-    """An emulated instrument that sets the event `first` when it receives its first message."""
+    """An emulated instrument that sets the event `first` when the first message arrives."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
         self.first = threading.Event()
 
     def receive(self, data: bytes) -> bytes:
-        """Set the event `first`, and return the answer of the instrument to the message."""
+        """Set the event `first`, and return the instrument's answer to the message `data`."""
         self.first.set()
         return self._instrument.receive(data)
 
 
 @dataclass
 class RunEnd:
-    """The end of a run.
+    """The result of a run that has ended.
 
     Attributes
     ----------
@@ -96,8 +96,9 @@ class RunEnd:
     lines : list of str
         Messages of the run.
     lasted_s : float
+        Duration of the run (s).
     on_for_s : float
-        Time after the signal for which the output was still on; 0 if the output was off.
+        Time (s) after the signal for which the output was still on; 0 if the output was off.
     """
 
     status: int
@@ -129,7 +130,7 @@ def make_bench(folder: Path) -> None:
 def run(
     folder: Path, address: str, heard: Heard, coil: CoilSupply, driver: str, kill: tuple[int, float] | None, *more: str
 ) -> RunEnd:
-    """Run `eimi acquire`, and return its end.
+    """Run `eimi acquire`, kill the run if `kill` is given, and return the result.
 
     `kill` is a signal, and the time in seconds after the first message at which the signal is sent; None for no signal.
     """
@@ -171,7 +172,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def stored(path: Path) -> list[float | None]:
-    """Return the currents of the states of a dataset, after every frame and its checksum were read."""
+    """Read every frame of a dataset with its checksum; return the current (A) of each state."""
     with open_dataset(path) as dataset:
         for state in dataset.states:
             assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)
@@ -179,7 +180,10 @@ def stored(path: Path) -> list[float | None]:
 
 
 def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
-    """Return the faults after a killed run: coil left on or off too late, or acknowledged states without a file."""
+    """Return the faults after a killed run.
+
+    A fault is an output that stays on or is switched off too late, or a reported state that is not in the file.
+    """
     faults = []
     if coil.state.output or coil.state.set_current_A:
         faults.append("the coil was left on")

@@ -1,14 +1,14 @@
 """Measure edges in rendered photographs with one difficulty each: ``python -m benchmarks.lab_photographs``.
 
 The beams have a known shape, a random colour and a random bend. Each picture has one difficulty of real photographs:
-glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``--pictures N`` (6) sets the number of
-each kind, ``--seed`` the seed. ``--kind NAME`` selects one or more kinds. ``--draw FOLDER`` writes an overlay of each
-picture.
+glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``--pictures N`` sets the number of
+pictures of each kind (by default 6), ``--seed`` the seed. ``--kind NAME`` selects one or more kinds. ``--draw FOLDER``
+writes each picture with the detected edges.
 
-A picture is *good* if the error is within 0.07 of the beam's width (root mean square), as for `photographs`. It is
-*doubted* if the error is larger and a doubtful flag is set, and *refused* if no edges are returned. It is *silent* if
-the result is wrong without a flag. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this
-kind is silent if it gives points without a doubt.
+A picture is *good* if the error of the edges is at most 0.07 of the beam's width (root mean square). It is *doubted* if
+the error is larger and a doubtful flag is set. It is *refused* if no edges are returned. It is *silent* if the error is
+larger and no flag is set. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this kind is
+silent if edges are returned without a doubtful flag.
 """
 
 from __future__ import annotations

@@ -67,17 +67,19 @@ class Mutant:
     number : int
         Index among all mistakes, from 1.
     room : str
-        Name of the list, or of the package of a generated mistake.
+        Name of the list that contains the mistake. For a generated mistake: name of the package.
     says : str
         Description of the mistake.
     file : str
         Path in the project.
-    right, wrong : str
-        A fragment that occurs once in the file, and its replacement.
+    right : str
+        The fragment of the right code, which occurs once in the file.
+    wrong : str
+        The fragment that replaces `right`.
     tests : tuple of str
         Files or pytest node identifiers.
     limit_s : float
-        Time limit of all tests together.
+        Time limit (s) of all tests together.
     is_generated : bool
         Whether a generator made the mistake.
     """
@@ -94,19 +96,22 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier that does not depend on the index. For a listed mistake it depends on the tests."""
+        """Return an identifier of the mistake that stays the same if mistakes are added to the lists.
+
+        For a listed mistake the identifier depends on the tests.
+        """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """Return the text of the file with the mistake. Raises ValueError unless the fragment occurs exactly once."""
+        """Return the source text with the mistake. Raises ValueError unless the right fragment occurs exactly once."""
         if text.count(self.right) != 1:
             raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
         return text.replace(self.right, self.wrong)
 
 
 def every_mutant() -> list[Mutant]:
-    """Return the mistakes of all lists, file by file."""
+    """Return the mistakes of all files in ``benchmarks/mistakes``."""
     mutants: list[Mutant] = []
     for path in sorted(LISTS.glob("*.toml")):
         for row in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]:
@@ -116,7 +121,7 @@ def every_mutant() -> list[Mutant]:
 
 
 def copied(project: Path, folder: Path) -> Path:
-    """Return a compiled copy of the project."""
+    """Copy the project into a folder, compile the copy, and return the path of the copy."""
     left_out = shutil.ignore_patterns(
         ".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site", ".coverage*", ".tests_by_line*"
     )
@@ -127,7 +132,7 @@ def copied(project: Path, folder: Path) -> Path:
 
 
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Put a mistake into this copy of the project, run its tests, and restore the copy.
+    """Put a mistake into a copy of the project, run the tests of the mistake, and restore the copy.
 
     Return the outcome ("caught", "survived" or "broken") and the last line of pytest's output.
     """
@@ -145,7 +150,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) -> tuple[str, str]:
-    """Run tests in a copy until a test fails; return the outcome and the last line of pytest's output."""
+    """Run tests in a copy of the project until one fails; return the outcome and the last line of pytest's output."""
     transcript = copy.with_suffix(".txt")
     child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests), min(TEST_LIMIT_S, limit_s / 2)))
     child.start()
@@ -163,7 +168,7 @@ def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) ->
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on the copy in a new process, in which only third-party packages are already loaded."""
+    """Run pytest on a copy of the project in a new process, in which only third-party packages are already loaded."""
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
@@ -196,7 +201,7 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
 
 
 def wilson_95(hits: int, number: int) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of the share hits / number; both ends are between 0 and 1."""
+    """Return the lower and the upper end of Wilson's 95 % interval of the share hits / number."""
     z, share = 1.959964, hits / number
     middle = (share + z * z / (2 * number)) / (1 + z * z / number)
     half = z / (1 + z * z / number) * math.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
@@ -204,13 +209,13 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the reason of each generated mistake that changes no behaviour, by the key of the mistake."""
+    """Return the mistakes that change no behaviour: the reason for each mistake, by the key of the mistake."""
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 
 
 def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown with the share of caught mistakes in each room, and the interval of this share."""
+    """Return lines of Markdown: for each room, the share of caught mistakes and the 95 % interval of the share."""
     excused = equivalent_keys()
     counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
     lines = ["| room | mistakes | caught | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
@@ -225,7 +230,7 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown with the number of mistakes in each list, and the number of caught mistakes."""
+    """Return lines of Markdown: for each list, the number of all mistakes and the number of caught mistakes."""
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:

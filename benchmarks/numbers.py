@@ -38,7 +38,7 @@ Json = Any
 
 
 def eimi(folder: Path, *arguments: str | Path) -> None:
-    """Run a command of the suite in a folder; end the script if the command fails."""
+    """Run a command of `eimi` in a folder; end the script if the command fails."""
     command = [sys.executable, "-m", "eimi_lab", *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -46,13 +46,13 @@ def eimi(folder: Path, *arguments: str | Path) -> None:
 
 
 def demonstration(folder: Path, *more: str) -> dict[str, Json]:
-    """Return the results of `eimi demo`."""
+    """Run `eimi demo` in a folder, and return its results as JSON values."""
     eimi(folder, "demo", "-o", "demo", *more)
     return results(folder, Path("demo") / "dataset.h5", Path("demo") / "fits.json")
 
 
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
-    """Acquire a protocol with a hidden material, fit it, and return the results."""
+    """Acquire a dataset of a hidden material, fit the dataset, and return the results as JSON values."""
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):
         (folder / file.name).write_bytes(file.read_bytes())
@@ -84,7 +84,7 @@ def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
 
 
 def measure(quick: bool) -> dict[str, Json]:
-    """Return the results of every case by its name."""
+    """Return the results of every case, by the name of the case."""
     every: dict[str, Json] = {}
     for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
         if options or not quick:
@@ -99,7 +99,7 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield every number or word with the keys that lead to it. A list of numbers counts as one element."""
+    """Yield every number or word below a JSON node, with the keys that lead there; a list of numbers is one element."""
     if isinstance(node, dict):
         for key, value in node.items():
             if key not in OF_THE_RUN:
@@ -112,7 +112,10 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """Return the largest difference relative to the largest number of a list; infinity for words or unequal shapes."""
+    """Return the largest difference of two lists of numbers, relative to the largest number.
+
+    Return infinity if the shapes differ, or for words that differ.
+    """
     if before == after:
         return 0.0
     one, other = (value if isinstance(value, list) else [value] for value in (before, after))
@@ -123,14 +126,17 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the keys of a number as a text, without the keys of case, law and state."""
+    """Return the keys of a number joined to one text, without the keys of case, law and state."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences; return True if no quantity is missing and no difference is larger than rtol."""
+    """Print the differences between two sets of results.
+
+    Return True if no quantity is missing and no relative difference is larger than `rtol`.
+    """
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():

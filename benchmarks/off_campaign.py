@@ -1,4 +1,4 @@
-"""Measure how quickly the coil is switched off at full current, for every fault that can prevent the switching.
+"""Measure how quickly the coil is switched off from full current, for every fault that can prevent the switching.
 
     python -m benchmarks.off_campaign --trials 5
 
@@ -6,9 +6,9 @@ Each trial is a complete `eimi acquire` with the ramp, settling and limits of a 
 supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a random moment
 after the current is set.
 
-The table shows for how long the output stayed on after the fault, or after the supply answered again. It also shows the
-number of states that were acknowledged but are not in the file, and whether the run reported the fault. The exit status
-is 0 if no trial had a fault. `--fault NAME` runs one fault only, `--list` prints the names of the faults.
+The table shows how long the output stayed on after the fault, or after the supply answered again. It also shows how
+many states were reported as stored but are not in the file, and whether the run reported the fault. The exit status is
+0 if every trial met all requirements. `--fault NAME` runs one fault only, `--list` prints the names of the faults.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ from tests.shared.processes import WAIT_AT_MOST_S
 
 @dataclass
 class Outcome:
-    """The result of a trial: seconds with the output on, numbers of acknowledged and lost states, and faults."""
+    """The result of one trial.
+
+    It contains the time (s) with the output on, the numbers of states that were reported and lost, and the failures.
+    """
 
     on_for_s: float
     acknowledged: int
@@ -47,7 +50,7 @@ class Outcome:
 
 
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial, in which the fault is caused `after_s` seconds after the full current is set."""
+    """Run one trial. The fault is caused `after_s` seconds after the full current is set."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)
@@ -100,10 +103,10 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that reported the coil as off while a current above the limit flowed.
+    """Return the messages that reported the coil as off while the current was above the limit.
 
-    The limit is the limit in this message or in the last message before it. Without such a message it is the smallest
-    limit of all families of supplies.
+    The limit is the current in the message itself, or else in the last earlier message that contains a limit. Without
+    such a message it is the smallest limit of all families of supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
@@ -127,7 +130,7 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Try each fault several times, print the figures, and return the number of trials with a fault."""
+    """Run several trials of each fault, print the figures, and return the number of trials that failed."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
         signal.signal(number, signal.SIG_DFL)  # a child would inherit ignored signals
     random = np.random.default_rng(seed)

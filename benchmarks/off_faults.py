@@ -1,4 +1,4 @@
-"""The faults of `off_campaign`: every fault that can keep a coil on, and the reaction that a run must show."""
+"""The faults that can keep a coil on, for `off_campaign`, and the reaction that a run must show to each fault."""
 
 from __future__ import annotations
 
@@ -18,16 +18,20 @@ class Fault:
 
     Attributes
     ----------
-    name, driver, transport : str
-        Name of the fault, driver of the supply, and kind of line to the supply.
+    name : str
+        Name of the fault.
+    driver : str
+        Driver of the supply.
+    transport : str
+        Kind of line to the supply.
     act : callable
-        Causes the fault, and returns the moment from which the time is counted.
+        Causes the fault, and returns the time (s) from which the delay is counted.
     said : str
         Pattern that the messages of the run must contain.
     off_within_s : float
-        Promised time in which the coil is switched off.
+        Time (s) within which the coil must be switched off.
     unread : bool
-        See `Trial`.
+        Whether nobody reads the standard error of the run, see `Trial`.
     flows_on : bool
         Whether the current continues after the output is off.
     out_of_reach : bool
@@ -132,20 +136,20 @@ STOPPED = "stopped by SIG"
 MAY_BE_ON = r"MAY STILL BE ON: 0\.80 A measured"
 OFF_TARGET = r"A measured at a set-point of 1\.5 A"
 LINES = (("korad", "pty"), ("scpi", "tcp"), ("scpi", "hislip"))
-"""A serial line, a socket and HiSLIP."""
+"""Driver and transport of three lines: a serial line, a socket and HiSLIP."""
 
 ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
-"""Also a supply with a watchdog, and one with a serial number and an address on its line."""
+"""`LINES`, a line to a supply with a watchdog, and a line to a supply with a serial number and an address."""
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the name of a line to a supply. The driver is added if the line is not in `LINES`."""
+    """Return the name of a line to a supply. The name contains the driver if the line is not in `LINES`."""
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 
 
 ON = "MAY STILL BE ON"
 CUT = (("korad", "port"), ("genesys", "port"), ("scpi", "tcp"), ("keysight-n6700", "tcp"), ("scpi", "hislip"))
-"""Lines that can be cut; the second and the fourth supply have a serial number."""
+"""Lines that can be cut. The supplies on the second and on the fourth line have a serial number."""
 
 TOOK_OVER = "stood still for more than 5 s.*switched off"
 DIED = "the run died; .*: the coil was switched off"

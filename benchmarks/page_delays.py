@@ -47,7 +47,7 @@ field_angle_deg = 0.0
 
 
 def draw(number: int) -> np.ndarray:
-    """Return a picture of a dark beam below a clamp on a bright noisy background; the bend grows with the number."""
+    """Return a picture of a dark beam below a clamp on a bright noisy background. The bend grows with `number`."""
     rng = np.random.default_rng(number)
     wide, high = SIZE_PX
     y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
@@ -84,7 +84,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """Start processes that keep one processor core busy each, and end them with the context."""
+    """Keep one processor core busy with each of `processes` processes while the context lasts."""
     workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
     for worker in workers:
         worker.start()
@@ -123,7 +123,7 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
 
 
 def start(page: Any, dataset: str) -> None:
-    """Start a run on the page, and wait until the coil has a current."""
+    """Start a run on the page, and wait until a current flows through the coil."""
     page.locator("#protocol option").first.wait_for(state="attached")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
@@ -131,13 +131,16 @@ def start(page: Any, dataset: str) -> None:
 
 
 def frame_to_screen_s(page: Any) -> list[float]:
-    """Return the delays (s) from a frame to the screen for the last frames, as the server measured them."""
+    """Return the delays (s) from the arrival of a frame to its display, for the last frames, as the server measured."""
     headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Return two lists of delays (s): from the key press to the output off, and from a frame to the screen."""
+    """Stop several runs, and return two lists of delays (s).
+
+    The first list has the delays from the key press to the output off, the second those from a frame to the screen.
+    """
     coil, off = CoilSupply(WallClock()), list[float]()
     switch: Callable[[bool], bool] = coil.switch
 
@@ -170,7 +173,7 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
 
 
 def memory_MB(server: int) -> dict[str, float]:
-    """Return the resident memory of the server and of each process that it started, in MB."""
+    """Return the resident memory (MB) of the server and of each process that the server started, by name."""
     memory = {}
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
@@ -209,7 +212,7 @@ def stream(minutes: float) -> None:
 
 
 def main() -> None:
-    """Print the delays, or the memory while the page streams."""
+    """Print the delays, or the memory during a run whose pictures are shown."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
     parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, instead of the delays")

@@ -1,4 +1,4 @@
-"""Compute the same curve with FElupe and with `eimi_fitting`, and compare times and errors.
+"""Compute the same curve of tip positions with FElupe and with `eimi_fitting`, and compare times and errors.
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
@@ -31,14 +31,17 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Return the error of the tip in the last state and the largest in all states, in % of the last deflection."""
+    """Return the error of the tip's position in the last state, and the largest error of all states.
+
+    Both errors are in per cent of the deflection in the last state.
+    """
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
     return 100 * off[-1] / deflection, 100 * off.max() / deflection
 
 
 def main() -> None:
-    """Print all times and errors.
+    """Print the times and errors of both programs on all meshes.
 
     With --short the reference is coarse, FElupe has one mesh, and each time is measured only once.
     """

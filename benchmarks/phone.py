@@ -2,10 +2,10 @@
 
     python -m benchmarks.phone [--scenes 20] [--share 0.5] [-o FOLDER]
 
-Each scene is rendered and described with errors (`tests.shared.phone_photographs`). It is processed by the functions of
-the page "Weights and a phone", and fitted as on this page. The table gives the error of the modulus, the half-width of
-its 95 % interval, and whether the interval contains the hidden modulus. The goals are that every error is below 5 %,
-and that 19 of 20 intervals contain the hidden modulus.
+Each scene is rendered and described with errors (`tests.shared.phone_photographs`). It is processed and fitted by the
+functions of the page "Weights and a phone". The table gives the error of the modulus, the half-width of its 95 %
+interval, and whether the interval contains the hidden modulus. The goals are that every error is below 5 %, and that 19
+of 20 intervals contain the hidden modulus.
 """
 
 from __future__ import annotations
@@ -28,7 +28,11 @@ LARGEST_ERROR_PERCENT = 5.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """The fit of one scene: hidden and fitted modulus in Pa, its interval, CPU time in s by step, and flags."""
+    """The fit of one scene.
+
+    It contains the hidden and the fitted modulus (Pa), the interval (Pa), the processor time (s) of each step, and
+    flags.
+    """
 
     hidden_Pa: float
     fitted_Pa: float
@@ -93,7 +97,7 @@ def outcome(seed: int, share: float, folder: Path) -> Outcome:
 
 
 def main() -> None:
-    """Print a table of the scenes, and whether the goals are met."""
+    """Print a table with one row for each scene, and whether the goals are met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

@@ -1,8 +1,8 @@
 """Measure edges in rendered photographs of coloured beams with a known outline: ``python -m benchmarks.photographs``.
 
-Each picture shows a beam of random colour and bend before a cluttered background. The light comes unevenly from the
-front, and a shadow lies beside or under the beam. The picture is a JPEG of quality 80. ``--pictures N`` (200) sets the
-number of pictures. The ``--kind``s (all five) alternate.
+Each picture shows a beam of random colour and bend in front of a cluttered background. The light comes from the front
+and is uneven. A shadow lies beside or under the beam. The picture is a JPEG of quality 80. ``--pictures N`` sets the
+number of pictures (by default 200). ``--kind`` selects the kinds of pictures, which alternate (by default all five).
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """Draw traced edges (grey, as wide as their uncertainty), detected edges and stated clamp of a picture."""
+    """Draw the traced edges (grey, as wide as their uncertainty), the detected edges and the stated clamp."""
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)

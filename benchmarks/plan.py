@@ -26,7 +26,7 @@ from tests.shared.virtual_measurements import stated
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
 ) -> None:
-    """Plan and measure several runs, and print a row with the means over the runs."""
+    """Plan and measure several runs, and print one row of the table with the half-widths, averaged over the runs."""
     every: list[tuple[float, float, float, float]] = []
     chosen = ""
     for number in range(runs):

@@ -3,13 +3,13 @@
 The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout. They may not be
 distributed.
 
---draws 5         Give wrong values of clamp, axis, width and length, drawn at random five times: by up to 4 px, 4
-                  degrees, 8 % and 10 %.
---clicks 3        Draw three clicks within 10 px of the centre line, three times. The group `refusal` is left out,
-                  because it has no centre line.
+--draws 5         Search five times with wrong values, drawn at random: clamp off by up to 4 px, axis by up to 4
+degrees, width by up to 8 % and length by up to 10 %.
+--clicks 3        Search three times with three clicks, drawn within 10 px of the centre line. The group `refusal` is
+left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges.
 --chance DRAWS    Draw scatter of the same correlation at random. For each edge, print the 95 % range of the ratio of
-                  stated to observed deviation, and the median of the ratio of stated to true deviation.
+stated to observed deviation, and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -37,9 +37,10 @@ _DEGREE = 7  # of the polynomial about which the scatter of an edge is computed
 
 
 def stated_over_seen(edge: EdgePoints) -> float:
-    """Return the stated standard deviation of an edge over the observed standard deviation.
+    """Return the ratio of the stated to the observed standard deviation of the points of an edge.
 
-    The observed deviation is that of the points about a polynomial of the arc length. NaN for too few points.
+    The observed deviation is the scatter of the points about a polynomial in the arc length. Return NaN for too few
+    points.
     """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
@@ -48,7 +49,7 @@ def stated_over_seen(edge: EdgePoints) -> float:
 
 @dataclass(frozen=True)
 class _SeenScatter:
-    """The observed scatter of the points (n, 2) of an edge about a polynomial of their arc length."""
+    """The scatter of n points of an edge about a polynomial in the arc length; `points` has shape (n, 2), (x, y)."""
 
     points: Array
 
@@ -76,21 +77,23 @@ class _SeenScatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Draw random scatter about an edge, and return ratios of the stated standard deviation.
+    """Draw random scatter about an edge many times; return statistics of the ratio of stated to observed deviation.
 
-    The scatter has an exponential correlation along the edge. Neighbouring points have the observed correlation.
+    The scatter has an exponential correlation along the edge. The correlation of neighbouring points is that of the
+    observed points.
 
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        The edge. Its places and its smooth line are kept.
+        Coordinates (x, y) in px of the n points of the edge. The scatter is drawn about their smooth line.
     draws : int
+        Number of random draws.
     rng : numpy Generator
 
     Returns
     -------
     low, high : float
-        95 % range of stated deviation over observed deviation.
+        Ends of the 95 % range of stated deviation over observed deviation.
     median : float
         Median of stated deviation over true deviation.
     """
@@ -110,7 +113,7 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
 
 
 def main() -> None:
-    """Print the table of edge errors."""
+    """Print the table with the errors of the detected edges in each photograph."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--clicks", type=int, default=0, metavar="DRAWS")

@@ -1,8 +1,9 @@
 """Measure the recording of a ring-down from a fast camera: `python -m benchmarks.recording`.
 
-Another process sends pre-rendered noisy frames through the interface of a camera: 1.3 megapixels at 120 Hz, and
-640 x 480 pixels at 500 Hz. A whole run records the frames for ten seconds and writes them to disk. Every frame is then
-read back and compared. The load of the machine is printed, because other programs can cause lost frames.
+Another process sends pre-rendered noisy frames through the interface of a camera: 1.3 megapixels at 120 Hz, and 640 x
+480 pixels at 500 Hz. A run records the frames for ten seconds and writes them to disk. Every frame is then read back
+and compared with the frame that was sent. The load of the machine is printed, because other programs can cause lost
+frames.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ CASES = ((1280, 1024, 120.0), (640, 480, 500.0))
 
 
 def main() -> None:
-    """Print the recorded and the lost frames of each camera."""
+    """Print how many frames of each camera were recorded, and how many were lost."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--folder", type=Path, help="folder on the disk to measure; default: a temporary one")

@@ -23,18 +23,19 @@ _CLAMP_MM = np.array([[0.0, -6.0], [0.0, 6.0], [-15.0, 6.0], [-15.0, -6.0]])
 def rendered(
     sides: Array, magnets: Array, clamp: Callable[[Array], Array], specimen: SpecimenFile, seed: int
 ) -> tuple[EdgeObservation, NDArray[np.intp]]:
-    """Return the edges that are found in one rendered picture of each state, and the states that a fit uses.
+    """Render one picture of each of K states; return the edges in the usable pictures, and the indices of these states.
 
     Parameters
     ----------
     sides : ndarray, shape (K, 2, m, 2)
-        Left and right edge in the picture in K states, in mm of the beam frame.
+        Coordinates (x, y) in mm of the beam frame of m points on the left and on the right edge, at the positions in
+        the picture.
     magnets : ndarray, shape (K, 4, 2)
-        Corners of the magnet in the picture, in mm of the beam frame.
+        Coordinates (x, y) in mm of the beam frame of the corners of the magnet, at the positions in the picture.
     clamp : callable
-        Returns where the camera shows places of the clamp.
+        Maps true positions of the clamp to the positions at which the camera shows them.
     specimen : SpecimenFile
-        The stated specimen.
+        The specimen that the search for the edges assumes.
     seed : int
         Seed of the noise of the pictures.
     """

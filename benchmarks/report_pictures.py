@@ -31,7 +31,7 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Run Chromium once on a page, with these options and a new profile."""
+    """Run Chromium once on a page, with the options `how` and a new browser profile."""
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]
@@ -39,7 +39,7 @@ def chromium(page: Path, *how: str) -> None:
 
 
 def screen(page: Path, folder: Path, width: int) -> Path:
-    """Draw the whole page in a window of this width, cut the empty part at the bottom, and return the file."""
+    """Draw the whole page in a window of `width` px, cut the empty bottom off, and return the picture's path."""
     path = folder / f"{page.stem}_{width}.png"
     chromium(page, f"--window-size={width},{_TALL_PX}", f"--screenshot={path}")
     with Image.open(path) as whole:

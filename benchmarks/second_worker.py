@@ -1,9 +1,8 @@
-"""Measure the gain in time by a second worker process.
+"""Measure how much time a second worker process saves in a grid of fits.
 
     python -m benchmarks.second_worker DATASET.h5 [--fits 48]
 
-A grid of fits is computed alternately in one process and in two processes. The time with two processes includes their
-start.
+The grid is computed alternately in one process and in two processes. The time with two processes includes their start.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ ROUNDS = 3
 
 
 def main() -> None:
-    """Print the seconds of each round and the ratio of the medians."""
+    """Print the times (s) with one and with two processes in each round, and the ratio of the medians."""
     parser = argparse.ArgumentParser(description="fits by one process and by two")
     parser.add_argument("dataset")
     parser.add_argument("--fits", type=int, default=48)

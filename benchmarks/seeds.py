@@ -2,8 +2,8 @@
 
     python -m benchmarks.seeds
 
-The same seed is used for the noise and the search. The edges are those of a 30 x 3 mm beam with a magnet in 16 field
-states, simulated on 80 x 10 elements, with 100 points on an edge and normal noise of 1 µm on each coordinate.
+The noise and the search use the same seed. The edges belong to a 30 x 3 mm beam with a magnet in 16 field states,
+simulated on 80 x 10 elements. Each edge has 100 points with normal noise of 1 µm on each coordinate.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TRUTH = {
 
 
 def measured(model: str, seed: int) -> Experiment:
-    """Return the noisy edges of a beam with this law and its example parameters."""
+    """Return the noisy edges of a beam of the law `model` with its example parameters."""
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)

@@ -1,4 +1,4 @@
-"""Compare the solid element and the solid model with exact solutions, plane strain and FElupe.
+"""Compare the solid element and the beam model with a solid section with exact solutions, plane strain and FElupe.
 
 python -m benchmarks.solid [--short]
 """

@@ -1,6 +1,8 @@
-"""Measure the error of the modulus due to the mesh of the solid, with and without the correction by the planar mesh.
+"""Measure the error of the modulus due to the mesh of a beam model with a solid section.
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
+
+The error is given without and with the correction from the planar meshes.
 """
 
 from __future__ import annotations
@@ -25,19 +27,22 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 
 
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
-    """Return the rotations of the tip in plane stress in the K states (degrees), shape (K,)."""
+    """Return the rotation of the tip (degrees) in plane stress in each of K states, shape (K,).
+
+    The mesh has `along` x `across` elements. `factor` multiplies the modulus.
+    """
     model = BeamModel(replace(specimen, section="plane-stress"), along, across)
     return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotations of the tip of the solid in the K states (degrees), shape (K,)."""
+    """Return the rotation of the tip (degrees) in each of K states, shape (K,), of the beam model with a solid section."""
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """Print the error of the modulus in per cent, in the state with the largest rotation.
+    """Print the error of the modulus (%) in the state with the highest field, for each specimen and mesh.
 
     With --short only one case is computed.
     """

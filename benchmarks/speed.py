@@ -1,10 +1,10 @@
-"""Measure the cost of one simulated curve and of one fit, and how these costs grow.
+"""Measure the cost of one simulated curve of tip positions and of one fit, and how these costs grow.
 
     python -m benchmarks.speed [FIGURE.png]
 
 The figures are processor times of one thread. The curve consists of 16 field states of a 30 x 3 mm beam with a 4 mm
-magnet. Its cost is measured for a batch of candidates, for one candidate, and for growing numbers of candidates, states
-and elements. Whole fits follow (`benchmarks.fit_cost`).
+magnet. The cost of the curve is measured for a batch of candidates, for one candidate, and for growing numbers of
+candidates, states and elements. Whole fits follow (`benchmarks.fit_cost`).
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ TOLERANCE_MM = 1e-2  # as in the identification
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return `size` candidates of a law around an example, with moduli spread by a third."""
+    """Return the parameters of `size` candidates of a law: example parameters with moduli spread by a third."""
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the processor time (s) of one batch. A first batch computes the tables and is not counted."""
+    """Return the shortest processor time (s) of solving one batch of candidates.
+
+    A first batch computes the tables and is not counted.
+    """
 
     def solve() -> Shapes:
         return model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM)
@@ -51,7 +54,7 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Return the time (ms) per candidate in a batch of this size."""
+    """Return the processor time (ms) for each candidate in a batch of `size` candidates."""
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 
@@ -86,12 +89,12 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Return the slope of the logarithm of the cost against the logarithm of the number, over the last three points."""
+    """Return the slope of log(cost) against log(number of candidates, states or elements), over the last 3 pairs."""
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
-    """Draw the cost against the numbers of candidates, states and elements, each with a line of slope 1."""
+    """Draw the measured costs against the numbers of candidates, states and elements, each with a line of slope 1."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.1), layout="constrained")
@@ -107,7 +110,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Return the time (ms) of a batch of Neo-Hookean candidates in this number of states."""
+    """Return the processor time (ms) of a batch of `size` Neo-Hookean candidates in `states` states."""
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

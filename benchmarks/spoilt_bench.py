@@ -20,7 +20,7 @@ from eimi_lab.config.protocol import load_protocol
 from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
 UNIDENTIFIED = "it may not be the supply of the coil"
-"""Words of a guardian that switched a supply off but did not confirm its identity."""
+"""Words of a guardian that switched a supply off but could not confirm the identity of the supply."""
 TRIES_FOR_S = 15.0
 
 SHIPPED = "dragon_skin_10"
@@ -30,7 +30,7 @@ NAMES = 6000
 
 
 class Supply:
-    """An emulated supply in a separate process, with all changes of its coil that the process reported."""
+    """An emulated supply in a separate process, with all changes of the coil that the process has reported."""
 
     def __init__(self, driver: str, transport: str) -> None:
         self._process = subprocess.Popen(
@@ -69,7 +69,7 @@ class Supply:
         return self.on() and self.told[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
-        """Return the time (s) at which the output was last switched off."""
+        """Return the time (s, monotonic clock) at which the output was last switched off."""
         off_s = self.told[-1][0]
         for at, on, _, _ in reversed(self.told):
             if on:
@@ -78,7 +78,7 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at a time, within the smallest reported change of the current."""
+        """Return the true current (A) at the time `at_s`, within the smallest change of the current that is printed."""
         return next((true_A for told_s, _, _, true_A in reversed(self.told) if told_s <= at_s), 0.0)
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ class Supply:
 
 @dataclass
 class Trial:
-    """A run on its bench, with the messages of the run and of its guardian.
+    """One run on an emulated supply, with the messages of the run and of its guardian.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Trial:
     lines : list of str
         The messages.
     heard_s : list of float
-        The time at which each message came.
+        The time (s, monotonic clock) at which each message arrived.
     """
 
     folder: Path
@@ -121,7 +121,7 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
-        """Start a run on the supply, and return its process."""
+        """Start a run on the emulated supply that writes the dataset `output`; return the process of the run."""
         at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
         (self.folder / "rig.toml").write_text(f"""
 name = "emulated"
@@ -162,28 +162,28 @@ maximum = 12.0
             self.hear(line)
 
     def hear(self, line: str) -> None:
-        """Record a message of the run or of its guardian, and the time at which the message came."""
+        """Record a message of the run or of its guardian, and the time at which the message arrived."""
         self.heard_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
     def wait_for_words(self, pattern: str, after_s: float) -> float:
-        """Wait until a message contains the pattern; return the time of this message, at least `after_s`."""
+        """Wait until a message contains the pattern; return the time (s) of the message, but at least `after_s`."""
         wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
         first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
         return max(after_s, self.heard_s[first])
 
     def end_guardian(self) -> None:
-        """End a guardian that tries to reach a supply that does not come back."""
+        """End a guardian that still tries to reach a supply, although the supply will not answer again."""
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported at least `TRIES_FOR_S` ago that it cannot identify the supply."""
+        """Return whether `TRIES_FOR_S` have passed since the guardian reported that it cannot identify the supply."""
         reported_s = [at_s for line, at_s in zip(self.lines, self.heard_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
-        """Send signals to the run, with a pause between them; return the time of the first signal."""
+        """Send signals to the run, `pause_s` seconds apart; return the time (s) of the first signal."""
         began = time.monotonic()
         for number in numbers:
             self.process.send_signal(number)
@@ -191,7 +191,7 @@ maximum = 12.0
         return began
 
     def spoil(self, name: str) -> float:
-        """Cause a fault of the camera or of the clock; return the time of the fault."""
+        """Cause a fault of the camera or of the clock; return the time (s) of the fault."""
         (self.folder / name).touch()
         began = time.monotonic()
         if name not in {"clock", "close"}:
@@ -209,8 +209,8 @@ maximum = 12.0
     def end(self) -> int:
         """Wait for the end of the run and of its guardian, and return the exit status of the run.
 
-        The run is killed if it does not end. A guardian that switched off a supply without confirming its identity
-        tries to do so for an hour. Such a guardian is ended after `TRIES_FOR_S`.
+        The run is killed if it does not end. A guardian keeps trying for an hour if it switched off a supply but could
+        not confirm the identity of the supply. This guardian is ended after `TRIES_FOR_S` seconds.
         """
         try:
             status = self.process.wait(20)

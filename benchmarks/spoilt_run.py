@@ -1,10 +1,10 @@
-"""Run `eimi` with a camera of 30 frames per second that gets faults from files beside the recording.
+"""Run `eimi` with a camera of 30 frames per second. Files beside the camera's recording cause faults.
 
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
-If a file `grab`, `flush` or `close` exists, the call of this name never returns. With a file
-`grab-locked`, the call `grab` also keeps Python's lock, so that no other part of the program runs. With a file `clock`
-the wall clock steps back by two minutes.
+If a file `grab`, `flush` or `close` exists, the camera's method of this name never returns. With a file `grab-locked`,
+the method `grab` also keeps Python's lock, so that no other part of the program runs. With a file `clock` the wall
+clock steps back by two minutes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Add the faults of the files in a folder to the camera class and to the wall clock."""
+    """Change the camera class and the wall clock, so that files in the folder `beside` cause faults."""
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

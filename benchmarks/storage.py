@@ -1,4 +1,4 @@
-"""Measure the number of frames stored per second, and the cause of its limit: `python -m benchmarks.storage`.
+"""Measure how many frames are stored per second, and what limits this rate: `python -m benchmarks.storage`.
 
 The frames have the size and the noise of the virtual camera. The noise limits their compression.
 """
@@ -35,7 +35,7 @@ def frames(count: int) -> list[Frame]:
 
 
 def main() -> None:
-    """Print the rates of storage."""
+    """Print how many frames per second are stored, and how fast each step of storing is."""
     images = frames(FRAMES_PER_STATE)
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"))
     with tempfile.TemporaryDirectory() as folder:

@@ -1,9 +1,9 @@
-"""The map from each line of the code to the tests that execute the line. It selects the tests of a mistake.
+"""The map from each line of the code to the tests that execute the line, which selects the tests of a mistake.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
-writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to the map of the same code.
-Coverage does not follow a process that a test starts. Tests that start a module in a process are found by the name of
-the module.
+writes the map. A run under coverage takes about twice as long as the tests alone. ``--add`` adds tests to the map of
+the same code. Coverage does not follow a process that a test starts. If a test starts a module in a process, the test
+is found by the name of the module.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def record(tests: Sequence[str], add: bool = False) -> int:
 
 
 def seconds_in(report: Path) -> dict[str, float]:
-    """Return the duration (s) of each test in a report of pytest (JUnit's XML, family xunit1), by test identifier."""
+    """Return the duration (s) of each test in pytest's JUnit XML report (family xunit1), by test identifier."""
     cases = ElementTree.parse(report).iter("testcase")
     return {f"{case.get('file')}::{case.get('name')}": float(case.get("time", "0")) for case in cases}
 
@@ -79,10 +79,10 @@ class TestsByLine:
     def of(self, file: str, line: int) -> tuple[str, ...]:
         """Return the tests for a mistake in a line, within `MOST_TESTS` and `MOST_S`, in the order of trial.
 
-        These are the tests that execute the line. If a fixture executes the line, the other tests of the fixture's file
-        follow, because they may use the fixture. A line outside all functions is executed only by the first import. For
-        such a line, the tests that import the module come first, then the tests that execute any line of the module. If
-        no test executes the line, the tests in the files that contain the module's name are returned.
+        The function returns the tests that execute the line. If a fixture executes the line, the other tests of the
+        fixture's file follow, because they may use the fixture. A line outside all functions is executed only by the
+        first import. For such a line, the tests that import the module come first, then the tests that execute any line
+        of the module. If no test executes the line, the tests in the files that contain the module's name are returned.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -105,7 +105,7 @@ class TestsByLine:
         return tuple(within[:MOST_TESTS] or chosen[:1])
 
     def seconds(self, tests: Iterable[str]) -> float:
-        """Return the total duration (s) of these tests when the map was recorded."""
+        """Return the sum of the recorded durations (s) of `tests`."""
         return sum(self._seconds.get(test, 1.0) for test in tests)
 
     @cached_property
@@ -119,9 +119,9 @@ class TestsByLine:
         return {node for file in files for node in self._by_file.get(file, [])}
 
     def _in_order(self, nodes: Iterable[str]) -> list[str]:
-        """Return tests in the order of trial: the quickest test of each file, then the second of each file, and so on.
+        """Return tests in the order of trial: the quickest test of each file, then the second quickest, and so on.
 
-        Tests of one file are similar, so that the first tests should come from different files.
+        Tests of one file are similar. The first tests should therefore come from different files.
         """
         quickest = sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))
         before: dict[str, int] = {}

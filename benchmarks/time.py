@@ -1,10 +1,10 @@
 """Verify frequencies, losses and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
 
-The first table compares the frequencies with those of Euler-Bernoulli beams, and roots of one mode with closed forms.
-It also compares the complex frequency of small vibrations with a solution in time, which has another mesh and another
-integrator. The second table fits hidden materials with two Prony terms. For each material a run with two ring-downs and
-two recordings of creep is simulated by the rod of the virtual rig and then fitted. The rod has the stiffness of a solid
-whose dimensions differ from the stated dimensions by their uncertainties.
+The first table compares the frequencies with Euler-Bernoulli beams, and the complex frequency of one mode with closed
+forms. It also compares the complex frequency of small vibrations with a solution in time, which has another mesh and
+another integrator. The second table fits hidden materials with two Prony terms. For each material a run with two
+ring-downs and two recordings of creep is simulated by the rod of the virtual rig and then fitted. The rod has the
+stiffness of a solid beam whose dimensions differ from the stated dimensions by their uncertainties.
 """
 
 from __future__ import annotations
@@ -94,7 +94,11 @@ def _constant(value: float, _: float) -> float:
 
 
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
-    """Return the instantaneous modulus, the Prony series, the motions and the static states of one hidden material."""
+    """Simulate a run of one hidden material; return the material and the data of the run.
+
+    The material is given by the instantaneous modulus (Pa) and the Prony series. The data are the recorded motions and
+    the static states.
+    """
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))
     at_rest = instantaneous * float(series.long_term)
@@ -143,7 +147,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
 
 
 def print_hidden(seed: int) -> bool:
-    """Print the errors of the fit of one hidden material; return whether the interval contains the true modulus."""
+    """Fit one hidden material, print the errors, and return whether the interval contains the true modulus."""
     instantaneous, series, motions, static = hidden_run(np.random.default_rng(seed))
     stated = [StatedSource(key, sigma, "specimen") for key, sigma in STATED.items()]
     found: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)
@@ -165,7 +169,7 @@ def print_hidden(seed: int) -> bool:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the table of references and the table of hidden materials."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hidden", type=int, default=2, help="number of hidden materials")
     parser.add_argument("--seed", type=int, default=1, help="seed of the first one")

@@ -10,13 +10,13 @@ T = TypeVar("T")
 
 
 def timed(run: Callable[[], T], clock: Callable[[], float] = time.perf_counter) -> tuple[float, T]:
-    """Return the seconds of one run, and its result."""
+    """Run a function once; return the duration (s, on `clock`) and the result."""
     began = clock()
     result = run()
     return clock() - began, result
 
 
 def fastest(run: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """Return the shortest processor time of several runs, as on an idle machine, and the last result."""
+    """Run a function several times; return the shortest processor time (s) and the last result."""
     runs = [timed(run, time.process_time) for _ in range(repeats)]
     return min(seconds for seconds, _ in runs), runs[-1][1]

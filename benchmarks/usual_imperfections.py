@@ -3,15 +3,15 @@
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 
 Each experiment is a virtual measurement of `benchmarks.coverage`: a hidden Neo-Hookean beam with drawn values on 26 x 3
-elements, its edges as arrays with noise. All sources are drawn together: 3 degrees of the direction of magnetisation,
-0.1 mm of the shape at rest, 0.02 mm of taper, the background field, the gradient of the coil's field, scale, clamp,
-angles and dimensions (`Source.usual`).
+elements. The edges are simulated with noise, without pictures. All sources are drawn together: 3 degrees of the
+direction of magnetisation, 0.1 mm of the shape at rest, 0.02 mm of taper, the background field, the gradient of the
+coil's field, scale, clamp, angles and dimensions (`Source.usual`).
 
-Some experiments are fitted in full, evenly over all beams and levels of noise: polish, corrections, budget and draws
-of `eimi fit`. The other experiments are fitted quickly: the same objective is evaluated on residuals that were solved
-once for 21 moduli of each nominal beam, with cubic splines between the moduli. The interval of a quick fit has the mean
-width of the full fits of the same beam and noise, in logarithms. The last lines compare full and quick fits of the
-same experiments.
+Some experiments are fitted in full, evenly over all beams and levels of noise: polish, corrections, budget and draws of
+`eimi fit`. The other experiments are fitted quickly. A quick fit minimises the same objective. It uses beams that were
+solved once for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit
+has the mean width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick
+fits of the same experiments.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ FINE = np.linspace(LOG_MODULI[0], LOG_MODULI[-1], 3201)
 
 @cache
 def nominal(specimen: Specimen) -> tuple[BeamModel, Shapes]:
-    """Return the nominal beam model of a specimen, and its shapes for all moduli."""
+    """Return the nominal beam model of a specimen, and the bent shapes of the beam for all moduli of `LOG_MODULI`."""
     model = BeamModel(specimen, ALONG, ACROSS, specimen.planar_section)
     moduli = COORDINATES["neo-hookean"][0] * np.exp(LOG_MODULI)
     return model, model.solve(LAWS["neo-hookean"], moduli[:, None], Loads.along(FIELD_MT), tolerance_mm=1e-3)
 
 
 def logarithm(case: Case) -> float:
-    """Return ln(identified modulus / true modulus) of a quick fit of one experiment."""
+    """Fit one experiment quickly, and return ln(identified modulus / true modulus)."""
     rng = np.random.default_rng([case.seed, case.number])
     observed = measured(case, deviations_drawn(rng, case.stated), rng).observed
     model, shapes = nominal(case.specimen)
@@ -70,17 +70,17 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the kind of an experiment: the size of its beam, and its noise in mm.
+    """Return the dimensions of the beam (a text, in mm) and the noise (mm) of an experiment.
 
-    The intervals of all quick fits of one kind have the same ratio of upper end to lower end.
+    All quick fits of experiments with the same dimensions and noise get an interval of the same relative width.
     """
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean interval of the full fits for each kind of experiment, relative to the identified modulus.
+    """Return the mean interval of the full fits, relative to the identified modulus, by dimensions and noise.
 
-    An interval is given by two numbers: the means of ln(lower end / modulus) and of ln(upper end / modulus).
+    An interval consists of two numbers: the means of ln(lower end / modulus) and of ln(upper end / modulus).
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
@@ -90,9 +90,9 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment quickly, and return the outcome.
+    """Fit one experiment quickly, and return its outcome with the mean interval of comparable full fits.
 
-    The outcome has the mean interval of the full fits of the same kind of experiment.
+    Full fits are comparable if the dimensions of the beam and the noise are the same.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
@@ -100,17 +100,17 @@ def quick(case: Case, ends: Ends) -> Outcome:
 
 
 def holds(o: Outcome) -> bool:
-    """Return whether the 95 % interval of the modulus in one experiment contains the true modulus."""
+    """Return whether the 95 % interval of the modulus in the outcome `o` contains the true modulus."""
     return o.interval[0] <= 1 <= o.interval[1]
 
 
 def width(o: Outcome) -> float:
-    """Return the width ln(upper end / lower end) of the 95 % interval of the modulus in one experiment."""
+    """Return the width ln(upper end / lower end) of the 95 % interval of the modulus in the outcome `o`."""
     return float(np.log(o.interval[1] / o.interval[0]))
 
 
 def main() -> None:
-    """Print the coverage of the quick fits and of the full fits, and the differences between the two."""
+    """Print the coverage of the intervals of quick and of full fits, and the differences between the two kinds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--full", type=int, default=24, help="number of those that are fitted in full")
