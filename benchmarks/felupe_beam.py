@@ -141,7 +141,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the Newton step from the displacements ``x`` of the unknowns; also store ``x`` in the field container."""
+        """Return the Newton step from the displacements ``x`` of the unknowns, and store ``x`` in FElupe's field."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()

@@ -36,7 +36,7 @@ def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> 
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotation of the tip (degrees) in each of K states, shape (K,), of the beam model with a solid section."""
+    """Return the rotation of the tip (degrees) of the solid beam model in each of K states, shape (K,)."""
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
