@@ -7,12 +7,12 @@ silhouette              find the outline of the beam to about a pixel, and the c
 passes                  refine the outline to edge points, in two passes
 profiles                read grey values along normals, and fit blurred steps to them
 uneven_light            estimate how the back-light changes along a profile
-curve                   fit a smooth curve through the points of an edge
-edge_set                the result: both edges, the flags and the corners
+curve                   fit a smooth curve through the points of an edge of the beam
+edge_set                the result: both edges, the flags and the corners of the beam
 stated_shape            lengths and widths of the specimen, whose width may vary along its length
 dimensions              measure width, length and twist of the beam from its edges
 quality                 measure contrast, clipping, blur and gamma at the edges
-response                estimate the gamma of the camera from the shape of the edges
+response                estimate the gamma of the camera from grey values across the edges
 apparent_width          measure the width of the beam near its clamp, from grey values alone
 region                  the part of the pictures in which the beam is searched
 suggested_corrections   suggest which value of the calibration is wrong if no beam was found

@@ -16,11 +16,11 @@ _POINTS = 1201  # of each line
 
 
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
-    """Return the median width (mm) of the body on the beam's axis near the clamp.
+    """Return the median width (mm) of the body that lies on the beam's axis near the clamp.
 
-    A pixel belongs to the body if its grey value and those on the axis are both above or both below the middle grey
-    value. The width is measured on nine lines across the axis, between 0.1 and 0.3 of the length from the clamp. The
-    width in the specimen file is not used.
+    The width is measured on nine lines across the axis, at distances of 0.1 to 0.3 of the length from the clamp. The
+    body contains the pixels around the axis whose grey values lie on the same side of the middle grey value as the
+    grey values on the axis. The width in the specimen file is not used.
 
     Parameters
     ----------
@@ -34,7 +34,8 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Returns
     -------
     float or None
-        None if, on a line, the body does not end on both sides within half a length from the axis and within the image.
+        None if, on one of the lines, the body does not end within the image on both sides of the axis, at most half a
+        length of the specimen from the axis.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)

@@ -42,7 +42,7 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """An image (height, width) in which the beam is dark; for a bright beam, the negative of the picture."""
+    """A grey image, shape (H, W), in which the beam is dark; for a bright beam, the negative of the picture."""
 
     pixels: NDArray[Any]
     largest: float
@@ -135,9 +135,9 @@ class BackLitSearch:
         left, right : EdgePoints
             The edges.
         corners_px : ndarray, shape (4, 2)
-            Clamp-left, clamp-right, tip-left, tip-right.
+            The corners in px: clamp-left, clamp-right, tip-left, tip-right.
 
-            None replaces the three values if an edge is too short, or if the body is too wide to be the beam.
+            None replaces the three results if an edge is too short, or if the body is too wide to be the beam.
         """
         picture = beam.picture
         located = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
@@ -193,7 +193,7 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Return the result of the second pass (see `passes`) and the corners (4, 2), px.
+        """Return the result of the second pass (see `passes`), and the four corners of the beam in px, shape (4, 2).
 
         Return None if an edge is too short.
         """
@@ -208,7 +208,7 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
-        """Return the silicone beside the magnet, in pixels."""
+        """Return the width and the place of the silicone beside the magnet, in px; the width is 0 without a magnet."""
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -219,7 +219,7 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Add width, length, twist and place of the beam to the findings.
+        """Add width and length deviations, twist and clamp offset of the beam to the findings.
 
         Return False if the body is too wide to be the beam.
         """
@@ -242,7 +242,10 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Return the result of a pass without the points near a step of the beam's width, which are biased."""
+        """Return the second pass with the edge points near a step of the beam's width marked as unsound.
+
+        These points are biased, because a smooth curve cuts the corners of the step.
+        """
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
             replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
@@ -256,7 +259,7 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return the words for remedies: the effect of a turn of the beam about its axis on the modulus."""
+        """Return the words for remedies: how a turn of the beam about its axis changes the fitted modulus."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
@@ -270,7 +273,7 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
-    """Return the corners (4, 2) of the beam, px: clamp-left, clamp-right, tip-left, tip-right.
+    """Return the corners of the beam, px, shape (4, 2): clamp-left, clamp-right, tip-left, tip-right.
 
     The corners at the clamp are the crossings of the two edges with the clamp line. The corners at the tip are the
     crossings of the two edges with the straight line along the face of the tip.
@@ -292,15 +295,15 @@ def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: flo
 
 
 def _line_through(points: Array) -> tuple[Array, Array]:
-    """Return the centre and the unit direction of the total-least-squares line through points (n, 2), n >= 2."""
+    """Return the centre and the unit direction of the total-least-squares line through n >= 2 points, shape (n, 2)."""
     centre = points.mean(axis=0)
     return centre, np.linalg.svd(points - centre, full_matrices=False)[2][0]
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the point (2,) at which two lines cross; NaN if the lines are almost parallel.
+    """Return the point at which two lines cross, shape (2,); NaN if the lines are almost parallel.
 
-    A line is given by a point and a direction.
+    Each line is given by a point on the line and the unit direction of the line.
     """
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:

@@ -1,4 +1,4 @@
-"""A smooth curve through the points of an edge, parametrised by arc length."""
+"""A smooth curve through the points of an edge of the beam, parametrised by arc length."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _FEWEST = 3  # points in an interval of given length
 
 
 class SmoothCurve:
-    """Least-squares cubic spline through ordered points, with the arc length as parameter.
+    """Least-squares cubic spline through ordered points in the plane, with the arc length as parameter.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
         At least four ordered points.
     pieces : int
-        Number of intervals of the spline; reduced if there are too few points.
+        Desired number of intervals of the spline. With too few points, the spline has fewer intervals.
     equal : bool
         True for intervals of equal length; an interval with fewer than three points is then joined to the previous
         interval. False for intervals with equally many points.
@@ -79,9 +79,9 @@ class SmoothCurve:
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
 
     def curvature(self, distance: Array) -> Array:
-        """Return the curvature vector (n, 2) at arc lengths (n,).
+        """Return the curvature vectors of the curve, shape (n, 2), at n arc lengths, shape (n,).
 
-        The vector points to the centre of curvature. Its length is the inverse of the radius of curvature.
+        Each vector points to the centre of curvature, and has the inverse radius of curvature as its length.
         """
         parameter = np.interp(distance, self._distance, self._parameter)
         slope, second = self._slope(parameter), self._slope.derivative()(parameter)
@@ -91,9 +91,9 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Return the knots without the inner knots that would leave fewer than three points in an interval.
+    """Return the knots of a spline without the inner knots that would leave fewer than three points in an interval.
 
-    `parameter` holds the sorted parameters of the points.
+    `parameter` contains the parameter of the spline at each point, in increasing order.
     """
     before = np.searchsorted(parameter, knots)
     kept = [0]

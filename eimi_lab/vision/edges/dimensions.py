@@ -16,13 +16,13 @@ _BENDING_DEGREE = 5  # of the polynomial for the direction of an edge
 def local_widths(left: Array, right: Array) -> Array:
     """Return the distance of each point of the left edge from the right edge.
 
-    The right edge is replaced by a chord: the line through the two neighbours of its point that is nearest to the left
-    point.
+    For each left point, the nearest point of the right edge is determined. The distance is measured to the straight
+    line through the two neighbours of this nearest point.
 
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the two edges, ordered from the clamp, in any one unit.
+        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp, in any one unit.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return the largest excess of the apparent width that the bow of the cross-section can cause, along the left edge.
+    """Return by how much the bow of the cross-section can at most increase the apparent width, along the left edge.
 
     In a beam of incompressible material with the bending curvature k, the cross-section has the curvature k / 2 across
     its depth. The outline is therefore wider by k depth² / 16. The excess is at most a sixth of the width, because a
@@ -48,14 +48,14 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the two edges, ordered from the clamp.
+        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp.
     width, depth : float
         Width and depth of the specimen, in the unit of the points.
 
     Returns
     -------
     ndarray, shape (n,)
-        Excess of the width in the unit of the points.
+        Largest increase of the width at each point of the left edge, in the unit of the points.
     """
     along = np.linspace(0.0, 1.0, len(left))
     curvature = 0.5 * (_curvature(left, along) + _curvature(right, along))
@@ -63,7 +63,11 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
 
 
 def _curvature(edge: Array, along: Array) -> Array:
-    """Return the smoothed curvature (m,) of an edge (n, 2) at given shares (m,) of its length."""
+    """Return the smoothed curvature of an edge, shape (m,), at m points of the edge.
+
+    edge: n points, shape (n, 2). along: distance of the m points from the clamp along the edge, divided by the length
+    of the edge, shape (m,).
+    """
     steps = np.diff(edge, axis=0)
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
@@ -73,9 +77,10 @@ def _curvature(edge: Array, along: Array) -> Array:
 
 
 def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
-    """Return the 90th percentile of |width - specimen's width| / specimen's width over the local widths (n,).
+    """Return the 90th percentile of |local width - specimen's width| / specimen's width over n local widths.
 
-    A positive difference counts only as far as it exceeds `bow` (n,), see `anticlastic_bow`.
+    If a local width is larger than the specimen's width, the bow is subtracted from the difference, which is not made
+    negative. `bow` is the result of `anticlastic_bow` for the n local widths, shape (n,).
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))
@@ -87,7 +92,7 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the two edges, ordered from the clamp.
+        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp.
     corners : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right. Each edge is measured from its corner at the clamp to its corner
         at the tip.
@@ -104,12 +109,12 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
     """Return the angle (degrees) by which the tip is turned about the beam's axis relative to the clamp.
 
     A box of width w and depth d that is turned by φ about its axis has the apparent width w cos φ + d sin φ. The turn φ
-    at the tip is computed from the excess of the width in the last quarter of the beam over the width in the first
-    eighth. If the specimen's width is larger than that of the first eighth, the specimen's width is used: a beam that
-    is stretched by its weight is narrower at the root.
+    of the last quarter of the beam relative to the first eighth is computed from the difference of their median widths.
+    A beam that is stretched by its weight is narrower at its root. If the first eighth is narrower than the specimen,
+    the width of the specimen is therefore used in place of the width of the first eighth.
 
-    The middles of the two parts are 13/16 of the length apart. A twist that grows evenly over the whole length is
-    therefore 16/13 of φ.
+    The middles of the first eighth and of the last quarter are 13/16 of the length apart. A twist that grows evenly
+    over the whole length is therefore 16/13 of φ.
 
     Parameters
     ----------
@@ -128,16 +133,16 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the angle (degrees) by which the whole beam would have to be turned to look as wide as its median width.
+    """Return the angle (degrees) by which the beam must be turned about its axis to have the measured median width.
 
-    The result is 0 if the median width is not larger than the specimen's width.
+    The result is 0 if the median of `widths` is not larger than `width`, the width of the specimen.
     """
     apparent = float(np.median(widths))
     return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 
 
 def _turn_deg(apparent: float, width: float, depth: float) -> float:
-    """Return the angle φ (degrees) for which width · cos φ + depth · sin φ equals the apparent width."""
+    """Return the angle φ (degrees) for which width · cos φ + depth · sin φ equals the width `apparent`."""
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
     return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)

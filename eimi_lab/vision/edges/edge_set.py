@@ -55,7 +55,10 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """Points (n, 2), mm, midway between each point of the left edge and the nearest point of the right edge."""
+        """The points midway between each of the n points of the left edge and the nearest point of the right edge.
+
+        In mm, shape (n, 2).
+        """
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):
             return np.zeros((0, 2))
@@ -64,11 +67,11 @@ class EdgeSet:
 
 
 END_SHARE = 0.1
-"""Share of the length of an edge, before its end, over which the direction of the tip is measured."""
+"""The direction of the tip is measured over this share of the length of an edge, at the end of the edge."""
 
 
 def tip_angle_deg(edges: EdgeSet) -> float:
-    """Return the direction of the tip in the beam frame, from +x toward +y.
+    """Return the direction of the tip in the beam frame (degrees), from +x toward +y.
 
     The direction is the mean over the last tenth of both edges. The points of an edge end a few pixels before the
     corner of the tip.
@@ -89,9 +92,10 @@ def tip_angle_deg(edges: EdgeSet) -> float:
 
 
 def tip_angle_sigma_deg(edges: EdgeSet) -> float:
-    """Return the standard uncertainty of the direction of the tip (`tip_angle_deg`) due to the noise of the points.
+    """Return the standard uncertainty of `tip_angle_deg` in degrees, due to the noise of the edge points.
 
-    The errors of the points are assumed to be independent. The uncertainty of the axis in the picture is not included.
+    The errors of the edge points are assumed to be independent. The uncertainty of the axis in the picture is not
+    included.
 
     Parameters
     ----------
@@ -115,7 +119,10 @@ def tip_angle_sigma_deg(edges: EdgeSet) -> float:
 
 
 def _end_direction(points_mm: Array) -> Array:
-    """Return the unit vector along the end of an edge (n, 2), away from the clamp; NaN for fewer than three points."""
+    """Return the unit vector along the last tenth of an edge, away from the clamp, shape (2,).
+
+    points_mm: the n points of the edge, shape (n, 2). The result is NaN for fewer than three points.
+    """
     if len(points_mm) < 3:
         return np.full(2, np.nan)
     end = points_mm[_end(points_mm)]
@@ -124,7 +131,10 @@ def _end_direction(points_mm: Array) -> Array:
 
 
 def _end(points_mm: Array) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the points in the last tenth of an edge, and of at least the last three points."""
+    """Return whether each of the n points of an edge lies in the last tenth of the edge, shape (n,).
+
+    The last three points always count as points of the last tenth.
+    """
     steps = np.hypot(*np.diff(points_mm, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

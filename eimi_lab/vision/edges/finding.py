@@ -46,10 +46,10 @@ def find_edges(
 ) -> EdgeSet:
     """Find both edges of the beam in one image.
 
-    The silhouette of the beam is tried first (`back_lit`). In front of a back-light, only the noise limits its
-    accuracy. If the silhouette gives no edges, or reaches the border of the picture, the beam is followed from its
-    clamp (`eimi_lab.vision.following`). In a colour picture, the beam is also followed if the silhouette raises one of
-    several flags, for example HOLE_OR_REFLECTION.
+    The silhouette of the beam is tried first (`back_lit`). In front of a back-light, only the noise of the image limits
+    the accuracy of the edges. If the silhouette gives no edges, or reaches the border of the picture, the beam is
+    followed from its clamp (`eimi_lab.vision.following`). In a colour picture, the beam is also followed if the
+    silhouette raises one of several flags, for example HOLE_OR_REFLECTION.
 
     A few pixels at the clamp line and at the corners are left out, because a profile there is not a clean step. If the
     root of the beam is brighter than its surroundings, the beam is taken as a lit beam in front of a dark background.
@@ -197,13 +197,13 @@ def follow_beam(
 
 
 def _clicks(calibration: Calibration) -> Array | None:
-    """Return the clicked points (n, 2) of a calibration, px, or None without clicked points."""
+    """Return the n points of a calibration that a person clicked, px, shape (n, 2); None without clicked points."""
     clicks = calibration.picture.along_px if calibration.picture else None
     return None if clicks is None else np.array(clicks)
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether a clicked point lies outside the beam by more than the error of a click (10 px)."""
+    """Return whether one of the clicked points (px) lies more than 10 px, the error of a click, outside the beam."""
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -219,7 +219,10 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the followed edges in mm with NaN corners, or None without edges or if a flag makes the edges unusable."""
+    """Return the left edge, the right edge and four NaN corners of a followed beam.
+
+    Return None if no edges were located, or if a flag makes the edges unusable.
+    """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)

@@ -56,8 +56,8 @@ def draw_overlay(
     calibration : Calibration
         The map between millimetres and pixels.
     specimen_file : SpecimenFile, optional
-        If given and if there are no edges, the clamp line, the axis and the edges of a straight beam are drawn in light
-        blue, as the calibration and the specimen file give them.
+        If given and if there are no edges, the nominal beam is drawn in light blue: the clamp line and the axis of the
+        calibration, and the edges of a straight beam with the length and width of the specimen.
     followed : FollowedBeam, optional
         If this and `specimen_file` are given and if there are no edges, the followed path is drawn in yellow, with a
         cross at its end.
@@ -90,7 +90,7 @@ def draw_overlay(
 
 
 def in_colour(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image of any bit depth, (H, W) or (H, W, 3), as uint8 (H, W, 3)."""
+    """Convert an image of any bit depth, shape (H, W) or (H, W, 3), to uint8 with three colours, shape (H, W, 3)."""
     pixels = np.asarray(image)
     if pixels.ndim != 3:
         return np.asarray(cv2.cvtColor(eight_bit(image), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
@@ -103,7 +103,7 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """Draw the clamp line, the axis and both edges of a straight beam, as calibration and specimen file give them."""
+    """Draw the nominal beam: the clamp line and the axis of the calibration, and both edges of a straight specimen."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],
@@ -115,7 +115,7 @@ def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: Sp
 
 
 def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
-    """Draw the followed path, the sure places of both edges, and a cross at the end of the path."""
+    """Draw the path along which a beam was followed, the reliable points of both edges, and a cross at the end."""
     path = followed.path_px
     _draw_line(picture, path, FOLLOWED_COLOUR)
     for edge in followed.sure_px:
@@ -161,7 +161,7 @@ def contact_sheet(
     captions : sequence of str
         The captions, each above its picture.
     size_px : tuple of int
-        Width and height of the field for one picture and its caption.
+        Width and height in px of the rectangle that contains one picture and its caption.
 
     Returns
     -------
@@ -184,7 +184,10 @@ def contact_sheet(
 
 
 def _normals(points: NDArray[Any]) -> NDArray[Any]:
-    """Return a short line across an edge (n, 2) at every tenth point, (k, 2, 2): two ends of k lines."""
+    """Return short lines across an edge at every tenth of its n points, shape (k, 2, 2): both end points of k lines.
+
+    points: the points of the edge, shape (n, 2).
+    """
     if len(points) < 3:
         return np.zeros((0, 2, 2))
     tangent = np.gradient(points, axis=0)

@@ -1,4 +1,8 @@
-"""Locate the edges in two passes: on normals to the outline, then on normals to the curves through the first points."""
+"""Locate the edges of the beam in two passes.
+
+The first pass searches on normals to the outline of the silhouette. The second pass searches on normals to smooth
+curves through the edge points of the first pass.
+"""
 
 from __future__ import annotations
 
@@ -36,14 +40,14 @@ _LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
 
 @dataclass(frozen=True)
 class SiliconeMargin:
-    """Silicone beside a magnet near the tip.
+    """The silicone of the beam beside a magnet near the tip.
 
     Attributes
     ----------
     width_px : float
         Width of the silicone on each side of the magnet.
     tolerance_px : float
-        Standard deviation of this width; a magnet is seldom cast exactly in the middle.
+        Standard deviation of `width_px`. A magnet is seldom cast exactly in the middle of the beam.
     begins_px : float
         Distance from the tip to the end of the magnet that is nearer to the clamp.
     """
@@ -55,12 +59,14 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """A part of the outline with the n points that were located on it, ordered from the clamp to the tip.
+    """One side of the outline (left edge, tip or right edge), and the n edge points that were located on this side.
+
+    The points of the left and the right edge are ordered from the clamp to the tip.
 
     Attributes
     ----------
     curve : SmoothCurve
-        The curve on whose normals the points were searched.
+        The curve on whose normals the edge points were searched.
     points_px : ndarray, shape (n, 2)
         The edge points.
     offset_px : ndarray, shape (n,)
@@ -68,8 +74,8 @@ class Side:
     sigma_px : ndarray, shape (n,)
         Standard deviation of the offset, up to a factor that all points of the frame share (`scatter_scale`).
     common_px : ndarray, shape (n,)
-        Standard deviation of an error that neighbouring points share, up to the same factor. The variances of
-        `sigma_px` and `common_px` are added.
+        Standard deviation of an error that neighbouring points share, up to the same factor as `sigma_px`. The
+        variance of an offset is sigma_px² + common_px².
     sound : ndarray of bool, shape (n,)
         Whether a step was detected at each point.
     stride : int
@@ -87,18 +93,20 @@ class Side:
 
 @dataclass(frozen=True)
 class PassResult:
-    """The result of one pass over the edges: n profiles of grey values on all sides, each at m places along a normal.
+    """The result of one pass over the edges: n profiles of grey values over all sides of the outline.
+
+    Each profile has m grey values along a normal to the edge.
 
     Attributes
     ----------
     sides : tuple of Side
-        The parts of the outline.
+        The sides of the outline with their edge points.
     steps : Steps
-        The fitted steps.
+        The steps that were fitted to the profiles.
     stations_px : ndarray, shape (m,)
-        Places along the normals, positive outward.
+        Distances along a normal at which the grey values were read, positive outward.
     profiles : ndarray, shape (n, m)
-        Grey values at the stations.
+        Grey values of the profiles, divided by the relative change of the back-light along each profile.
     residual : ndarray, shape (n,)
         RMS residual of each profile as a share of the height of its step; 1 if there is no step.
     """
@@ -111,20 +119,22 @@ class PassResult:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Whether each of the n profiles gave a point."""
+        """Whether each of the n profiles gave an edge point, shape (n,)."""
         return np.concatenate([side.sound for side in self.sides])
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether each profile is sound and lies in the half of its edge that is nearer to the clamp.
+        """Whether each of the n profiles gave an edge point in the half of its edge near the clamp, shape (n,).
 
-        There is no magnet in this half.
+        This half contains no magnet.
         """
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return the grey values of the sound profiles on one side of the edge, outside the blur of the step.
+        """Return the grey values inside or outside the beam, farther from the edge than the blur of the step reaches.
+
+        Only profiles that gave an edge point are used.
 
         Parameters
         ----------
@@ -133,7 +143,8 @@ class PassResult:
 
         Returns
         -------
-        ndarray, shape (sound profiles, stations)
+        ndarray, shape (p, s)
+            Grey values of the p profiles that gave an edge point, at s distances from the edge.
         """
         away = outward * self.stations_px
         return self.profiles[self.sound][:, away >= min(2.0 * self.steps.blur_px, float(away.max()))]
@@ -158,7 +169,7 @@ def first_pass(
     image : ndarray, shape (H, W)
         Grey values with a dark beam.
     silhouette : Silhouette
-        Outline and corners, accurate to about a pixel.
+        The outline of the beam and the corners of its tip, accurate to about a pixel.
     hand : float
         `BeamFrame.hand`: +1 if the y axis is a quarter turn clockwise of the x axis in the image, else -1.
     spacing_px : float
@@ -205,9 +216,9 @@ def second_pass(
 ) -> PassResult | None:
     """Locate the left and right edges on normals to the curves of the first pass, from corner to corner.
 
-    At both ends of an edge, the part that the blur of the corner affects is left out. Where the silicone beside the
-    magnet is thin, the steps at its outer and inner border are fitted together. The width of the silicone on each side
-    of the beam is then an unknown of the fit.
+    At both ends of an edge, the points that the blur of the corner affects are left out. Where the silicone beside the
+    magnet is thin, the steps at the outer and the inner border of the silicone are fitted together. The width of the
+    silicone on each side of the beam is then an unknown of the fit.
 
     Parameters
     ----------
@@ -252,21 +263,21 @@ def second_pass(
 
 
 def _transmission(located: PassResult) -> float:
-    """Return the share of the light that passes through the silicone, measured where there is no magnet."""
+    """Return the share of the light that passes through the silicone, measured near the clamp; 0 without profiles."""
     near, steps = located.near_clamp, located.steps
     share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
     return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
 
 
 def scatter_scale(left: Side, right: Side) -> float:
-    """Return the factor by which the standard deviations of the points are multiplied to match their scatter.
+    """Return the factor by which `Side.sigma_px` must be multiplied to match the scatter of the edge points.
 
-    The scatter is estimated from third differences of the offsets along the edges, to which a smooth shape hardly
-    contributes. For independent offsets with standard deviations a, b, c, d the third difference has the standard
-    deviation √(a² + 9b² + 9c² + d²).
+    The scatter is estimated from third differences of the offsets of four neighbouring points. A smooth shape of the
+    edge hardly contributes to third differences. For independent offsets with the standard deviations a, b, c, d, the
+    third difference has the standard deviation √(a² + 9b² + 9c² + d²).
 
-    The median of the ratios is used, because a few ratios are too large: at the magnet and at the end of the curve, the
-    curve from which the offsets are counted bends in another way than the edge.
+    The factor follows from the median of |third difference| / standard deviation. At the magnet and at the ends of a
+    curve, a few of these ratios are too large, because the curve differs in shape from the edge.
     """
     ratios = []
     for side in (left, right):
@@ -286,31 +297,31 @@ def _locate(
     fewest: int,
     cover: Cover | None = None,
 ) -> PassResult | None:
-    """Locate edge points on normals to curves.
+    """Locate the edge points of each side of the outline on normals to a curve.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
         Grey values with a dark beam.
     curves : sequence of SmoothCurve
-        One curve for each part of the outline.
+        One curve for each side of the outline.
     arc_lengths : sequence of (ndarray, int)
-        Arc lengths of the points on each curve, and their stride, from `_arc_lengths`.
+        For each curve, the arc lengths at which the edge is searched and the stride, as `_arc_lengths` returns both.
     outward : sequence of float
         For each curve, +1 if its clockwise side is bright, else -1.
     stations_px : ndarray, shape (m,)
-        Places along the normals, positive outward.
+        Distances along a normal at which grey values are read, positive outward.
     blur_px : float
-        Initial value of the blur.
+        Initial value of the blur in the fit.
     fewest : int
-        Least number of points on a curve.
+        Smallest permitted number of edge points on a curve.
     cover : Cover, optional
         Silicone beside a magnet.
 
     Returns
     -------
     PassResult or None
-        None if a curve has fewer points than `fewest`.
+        None if a curve has fewer edge points than `fewest`.
     """
     points, normals = [], []
     for curve, (place, _), sign in zip(curves, arc_lengths, outward, strict=True):
@@ -358,16 +369,20 @@ def _smooth(points: Array, width_px: float) -> SmoothCurve:
 
 
 def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
-    """Return whether each ordered point is at least `margin` away from both ends, measured along the points."""
+    """Return whether each of n ordered points is at least `margin` away from the first and from the last point.
+
+    points: shape (n, 2). The distances are measured along the points. The result has the shape (n,).
+    """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return (distance >= margin) & (distance <= distance[-1] - margin)
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths, and the stride from one requested arc length to the next.
+    """Return evenly spaced arc lengths from `begin` to `end`, px, and the stride between requested arc lengths.
 
-    At most `MOST_POINTS` arc lengths are requested. Further arc lengths are added between them until neighbours are at
-    most `widest` apart, but only as long as the profiles of neighbours do not overlap.
+    Requested are arc lengths at least `spacing` apart, at most `MOST_POINTS` of them. Further arc lengths are added
+    between the requested arc lengths until neighbours are at most `widest` apart. The distance of neighbours stays so
+    large that their profiles do not overlap. Every stride-th returned arc length is a requested one.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

@@ -1,4 +1,4 @@
-"""Read grey values along the normals of an edge, and fit blurred steps to them."""
+"""Read profiles of grey values along the normals of an edge of the beam, and fit blurred steps to the profiles."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _BLUR_LIMITS_PX = (0.3, 8.0)
 def sample(image: NDArray[Any], points_px: Array) -> Array:
     """Return the values of an image at points between its pixels, by bilinear interpolation.
 
-    Beyond the border the value of the border pixel is used. cv2.remap is not used, because before OpenCV 5 this
-    function rounds places to 1/32 px.
+    Beyond the border of the image, the value of the nearest border pixel is used. cv2.remap is not used, because before
+    OpenCV 5 this function rounds coordinates to 1/32 px.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, channels)
         The image.
     points_px : ndarray, shape (..., 2)
-        Places x, y.
+        Coordinates x, y of the points.
 
     Returns
     -------
@@ -59,12 +59,12 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
 
 
 def normals_of(tangents: Array) -> Array:
-    """Return unit tangents (..., 2) turned by a quarter turn, clockwise in the image."""
+    """Return unit normals, shape (..., 2): unit tangents of the same shape, turned by 90° clockwise in the image."""
     return np.asarray(np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1), dtype=np.float64)
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return places along a normal, px, from -inner_px to outer_px in steps of half a pixel, including zero."""
+    """Return distances along a normal, px, from -inner_px to outer_px in steps of half a pixel, including zero."""
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
 
@@ -81,13 +81,13 @@ def read_profiles(
     points_px, normals : ndarray, shape (n, k, 2)
         Origins and unit directions of the k lines of each of n profiles.
     stations_px : ndarray, shape (m,)
-        Distances from the origin along the lines.
+        Distances from the origin along the lines at which grey values are read.
 
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Means over the k lines. The lines are shifted against each other along the normal by parts of a pixel. The mean
-        shift is zero.
+        Mean grey values over the k lines of each profile. The grid points of the k lines are shifted along the normal
+        by different fractions of a pixel, with the mean zero.
     inside : ndarray of bool, shape (n,)
         Whether a profile lies entirely in the image.
     """
@@ -103,16 +103,19 @@ def read_profiles(
 
 @dataclass(frozen=True)
 class Cover:
-    """The silicone between the edge of the beam and a narrower magnet, on k sides.
+    """The silicone between the edge of the beam and a narrower magnet, on k sides of the magnet.
 
-    The edge of the magnet causes a second step in the n profiles, inside the edge of the beam.
+    The edge of the magnet causes a second step in those of the n profiles that cross the magnet.
 
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        Index of the side, from 0 to k - 1, whose silicone a profile crosses; -1 for a profile without magnet.
-    width_px, tolerance_px : ndarray, shape (k,)
-        Prior mean and prior standard deviation of the width of the silicone.
+        For each profile, the index from 0 to k - 1 of the side whose silicone it crosses; -1 for a profile that does
+        not cross the magnet.
+    width_px : ndarray, shape (k,)
+        Prior mean of the width of the silicone on each side.
+    tolerance_px : ndarray, shape (k,)
+        Prior standard deviation of the width of the silicone on each side.
     transmission : float
         Share of the light that passes through the silicone.
     """
@@ -130,13 +133,13 @@ class Steps:
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Place of the edge along the normal.
+        Distance from the origin of the profile to the edge, along the normal.
     dark, bright : ndarray, shape (n,)
-        Grey values of the two plateaus.
+        Grey values of the dark and of the bright plateau of each profile.
     blur_px : float
         Standard deviation of the Gaussian blur, common to all profiles.
     residual : ndarray, shape (n,)
-        RMS residual as a share of the height of the step.
+        RMS residual of each profile as a share of the height of its step.
     sensitivity : ndarray, shape (n,)
         Standard deviation of the offset (px) for independent noise with a standard deviation of one grey level.
     common_px : ndarray, shape (n,)
@@ -165,13 +168,13 @@ def fit_steps(
 ) -> Steps:
     """Fit a blurred step to each of n profiles, with one blur for all profiles.
 
-    The fitted function of the place u is a step from dark to bright at the offset o, blurred by a Gaussian of standard
-    deviation s:
+    The fitted function of the distance u along the normal is a step from the grey value `dark` to the grey value
+    `bright` at the offset o, blurred by a Gaussian of standard deviation s:
 
         g(u) = dark + (bright - dark) · Φ((u - o) / s),    Φ(z) = (1 + erf(z / √2)) / 2.
 
     A profile that crosses silicone of width c beside a magnet has two steps. With the transmission t of the silicone,
-    the grey value rises from dark to t · bright at o - c, and from there to bright at o.
+    the grey value rises from dark to t · bright at u = o - c, and from t · bright to bright at u = o.
 
     The unknowns are computed by Gauss-Newton iteration. The offset and the plateaus of each profile are eliminated from
     the normal equations, so that only the shared unknowns remain: the blur and the widths of the silicone. Each width
@@ -180,11 +183,11 @@ def fit_steps(
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Places along the normals.
+        Distances along the normals at which the grey values were read.
     profiles : ndarray, shape (n, m)
-        Grey values that rise with the station.
+        Grey values of the n profiles, from the dark to the bright side of the edge.
     blur_px : float
-        Initial value of the blur.
+        Initial value of the standard deviation s of the blur.
     usable : ndarray of bool, shape (n,), optional
         Whether a profile may contribute to the shared unknowns; by default all profiles do.
     cover : Cover, optional
@@ -244,9 +247,9 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values (n,) of the dark plateau, the bright plateau and the offset of n profiles.
+    """Return initial values of the dark plateau, the bright plateau and the offset of n profiles: three arrays (n,).
 
-    The plateaus are the means at the ends of a profile. The offset follows from the area under the profile.
+    The plateaus are mean grey values at the two ends of a profile. The offset follows from the area under the profile.
     """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
@@ -260,9 +263,10 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns that all profiles share: the blur and the widths of the silicone on k sides of the magnet.
+    """The unknowns of a fit of blurred steps that all profiles share.
 
-    `values` holds the blur and the k widths, px.
+    `values` contains the standard deviation of the blur, followed by the widths of the silicone on k sides of the
+    magnet. All are in px, and the shape is (1 + k,).
     """
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
@@ -280,14 +284,15 @@ class _SharedUnknowns:
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Take one Gauss-Newton step, and return the changes (1 + k,) of the shared unknowns, px.
+        """Take one Gauss-Newton step, and return the changes of the 1 + k shared unknowns, px, shape (1 + k,).
 
         Parameters
         ----------
         reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives with respect to the shared unknowns, after the unknowns of each of n profiles were eliminated.
+            Derivatives of the m grey values of n profiles with respect to the shared unknowns. The other unknowns of
+            each profile were eliminated.
         residuals : ndarray, shape (n, m)
-            Residuals of the profiles.
+            Measured minus fitted grey values of the profiles.
         """
         self._noise = float((residuals**2).mean()) if len(residuals) else 0.0
         jacobian = reduced.reshape(-1, len(self.values))
@@ -300,14 +305,14 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances (k,) of the widths of the silicone after the last step, px²."""
+        """Return the variances of the k widths of the silicone after the last Gauss-Newton step, px², shape (k,)."""
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return the derivatives of n profiles with respect to their unknowns.
+    """Return the derivatives of the m grey values of n fitted profiles with respect to the unknowns of the fit.
 
     Returns
     -------
@@ -315,7 +320,7 @@ def _derivatives(
         Derivatives with respect to the dark plateau, the bright plateau and the offset of each profile. A profile
         equals dark · (first column) + bright · (second column).
     shared_columns : ndarray, shape (n, m, 1 + k)
-        Derivatives with respect to the blur and the k widths of the silicone.
+        Derivatives with respect to the blur and to the widths of the silicone on k sides of the magnet.
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)
@@ -338,9 +343,10 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return the values and slopes of a blurred unit step at given distances from the step.
+    """Return the values of a blurred unit step, its slopes, and the distances divided by the blur.
 
-    The third returned array holds the distances divided by the blur.
+    distances: distances from the step. blur: standard deviation of the Gaussian blur in the same unit. The three
+    returned arrays have the shape of `distances`.
     """
     z = distances / blur
     return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
@@ -356,15 +362,19 @@ def _inverse(normal: Array) -> Array:
 
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
-    """Return the least-squares solution (n, 3) for each profile from the inverse of its normal matrix."""
+    """Return the least-squares values of the three unknowns of each of n profiles, shape (n, 3).
+
+    columns: derivatives of the m grey values with respect to the unknowns, shape (n, m, 3). inverse: inverses of the
+    normal matrices, shape (n, 3, 3). target: the grey values to be fitted, shape (n, m).
+    """
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether the residual of each profile is at most three times the median residual of its group.
 
-    Profiles with dirt on the edge must not determine the blur. The profiles beside a magnet form groups of their own.
-    Their residuals are large before both steps are fitted, but these profiles must determine the width of the silicone.
+    Profiles with dirt on the edge must not determine the blur. The profiles beside a magnet form separate groups. They
+    have large residuals before both of their steps are fitted, but must determine the width of the silicone.
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

@@ -57,7 +57,11 @@ def light_findings(
 
 
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
-    """Estimate the gamma of the camera from the halves of the edges nearer to the clamp, away from the magnet."""
+    """Estimate the gamma of the camera from the profiles in the half of each edge near the clamp, away from the magnet.
+
+    inverted_from: full scale of the camera if the profiles are from a negative, else None. Return None if the profiles
+    do not determine gamma.
+    """
     near, steps, stations = edge_pass.near_clamp, edge_pass.steps, edge_pass.stations_px
     profiles, offset, bright = edge_pass.profiles[near], steps.offset_px[near], steps.bright[near]
     if inverted_from is not None:  # turn the negative back, so that grey values rise with the light
@@ -67,7 +71,7 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return the words for remedies that give the effect of a turn about the beam's axis on the fitted modulus.
+    """Return words for the remedies: how much a turn of the beam about its axis changes the fitted modulus.
 
     Parameters
     ----------
@@ -81,7 +85,7 @@ def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, 
     Returns
     -------
     dict of str to str
-        Replacements for ``{even_turn}`` and ``{twist_effect}``.
+        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the remedies.
     """
     even_turn = ""
     if 0.0 < even_turn_deg < _MOST_TURN_DEG:

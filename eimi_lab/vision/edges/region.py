@@ -15,12 +15,12 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangular region of the pictures.
+    """A rectangular region of the pictures, in which the beam is searched.
 
     Attributes
     ----------
     left, top, width, height : int
-        The rectangle, px of the picture.
+        Upper left corner and size of the rectangle, px of the whole picture.
     calibration : Calibration
         The calibration for pixels that are counted from the upper left corner of the rectangle.
     digest : str
@@ -35,7 +35,7 @@ class Region:
     digest: str
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the part of an image (H, W) or (H, W, 3) inside the rectangle."""
+        """Return the part of an image, shape (H, W) or (H, W, 3), that lies inside the rectangle."""
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
@@ -45,7 +45,7 @@ class Region:
 
 
 def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None:
-    """Return the region in which the calibration restricts the search, or None.
+    """Return the region to which the calibration restricts the search for the beam.
 
     Parameters
     ----------

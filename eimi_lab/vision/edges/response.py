@@ -1,8 +1,8 @@
 """Estimate the gamma of the camera from the shape of the edges.
 
-A lens images an edge as a symmetric blurred step of light. A camera with gamma stores light to the power 1/gamma. This
-distorts the step, more at its dark end than at its bright end. Every method that looks for the middle of the step is
-then biased.
+A lens images an edge as a symmetric blurred step of light. A camera with gamma stores light to the power 1/gamma. The
+stored step is distorted, more at its dark end than at its bright end. The middle of the stored step is therefore not
+the place of the edge.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ def estimate_gamma(
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Places along the normals.
+        Distances along the normals at which the grey values were read.
     profiles : ndarray, shape (n, m)
-        Grey values that rise with the light.
+        Grey values of n profiles across the edges; larger grey values mean more light.
     offset_px : ndarray, shape (n,)
-        Places of the edges.
+        Distance along the normal at which each profile crosses the edge.
     bright : ndarray, shape (n,)
-        Grey values of the bright plateaus.
+        Grey value of the bright plateau of each profile.
     blur_px : float
         Standard deviation of the blur.
 
@@ -79,9 +79,9 @@ def estimate_gamma(
 
 
 def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Estimate gamma by one linear least-squares step from gamma = 1.
+    """Estimate the gamma of the camera by one linear least-squares step from gamma = 1.
 
-    The estimate is sufficient for most pictures, and takes a twentieth of the time of the full fit.
+    The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
     """
     z = place / blur
     rise, bell = ndtr(z), np.exp(-0.5 * z**2)

@@ -33,8 +33,10 @@ class BackLight:
     ----------
     surface : ndarray
         The fitted back-light on a coarse grid over the image, grey levels.
-    bright, dark : float
-        Grey value of the back-light at the beam's root, and grey value of the root, which is not larger.
+    bright : float
+        Grey value of the back-light at the beam's root.
+    dark : float
+        Grey value of the beam's root; at most `bright`.
     """
 
     surface: NDArray[np.float32]
@@ -114,7 +116,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """Return places (n, 2), px, that are spread over the root of the beam, up to a width from the clamp.
+    """Return n points that are spread over the root of the beam, up to a beam's width from the clamp, px, shape (n, 2).
 
     Parameters
     ----------
@@ -123,7 +125,7 @@ def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
     width_mm : float
         Width of the specimen.
     aside : float
-        Shift of the places across the beam, in beam widths.
+        Shift of the points across the beam, in beam widths.
     """
     along, across = np.meshgrid(np.linspace(0.3, 0.9, 7), np.linspace(-0.25, 0.25, 5))
     return frame.to_px(width_mm * np.column_stack([along.ravel(), (across + aside).ravel()]))
@@ -200,7 +202,11 @@ def find_silhouette(
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """Cut a closed contour open at the clamp line, and order it from the left edge to the right edge."""
+    """Return the part of a closed contour of the beam beyond the clamp line, from the left edge to the right edge.
+
+    contour: points of the contour, px, shape (n, 2). The result has the shape (k, 2), with k = 0 if no point or every
+    point of the contour lies beyond the clamp line.
+    """
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():
         return contour[:0]
@@ -214,9 +220,10 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the indices of the two sharpest turns of the outline about a width apart, and the smaller turn (degrees).
+    """Return the corners of the beam's tip: two sharp turns of the outline about a width of the beam apart.
 
-    Without such turns, return None and 0.
+    The result consists of the indices of the left and the right corner in `outline_mm`, and of the smaller angle
+    (degrees) by which the outline turns at a corner. Without corners, the result is None and 0.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm

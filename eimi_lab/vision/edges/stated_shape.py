@@ -24,6 +24,7 @@ class StatedShape:
     Parameters
     ----------
     specimen : Specimen
+        The specimen of the specimen file.
     """
 
     specimen: Specimen
@@ -38,32 +39,32 @@ class StatedShape:
 
     @property
     def length_mm(self) -> float:
-        """Length of the specimen along its centre line."""
+        """Length of the specimen along its centre line, mm."""
         return self.specimen.length_mm
 
     @property
     def at_clamp_mm(self) -> float:
-        """Width of the specimen at the clamp."""
+        """Width of the specimen at the clamp, mm."""
         return float(self._strip.width_mm(np.zeros(1))[0])
 
     @property
     def at_tip_mm(self) -> float:
-        """Width of the specimen at the tip."""
+        """Width of the specimen at the tip, mm."""
         return float(self._strip.width_mm(np.array([self.length_mm]))[0])
 
     @property
     def at_magnet_mm(self) -> float:
-        """Smallest width of the specimen along the magnet."""
+        """Smallest width of the specimen along the magnet, mm."""
         return self._strip.straight.width_mm
 
     @property
     def narrowest_mm(self) -> float:
-        """Smallest width of the specimen."""
+        """Smallest width of the specimen, mm."""
         return float(self._strip.width_mm(self._along_mm).min())
 
     @cached_property
     def edge_length_mm(self) -> float:
-        """Mean length of the two edges of the specimen."""
+        """Mean length of the two edges of the specimen, mm."""
         if self._strip.is_straight:
             return self.length_mm
         half = np.full(_STATIONS, 0.5 * self._strip.straight.width_mm)
@@ -73,21 +74,22 @@ class StatedShape:
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
         """Return the measured widths, scaled to a beam of constant width.
 
-        Each measured width is divided by the specimen's width at its place, and multiplied by `Specimen.width_mm`.
-        Points near a step of the width are left out.
+        Each measured width is divided by the specimen's width at the same distance from the clamp, and multiplied by
+        `Specimen.width_mm`. Points of the edge near a step of the width are left out.
 
         Parameters
         ----------
         edge : ndarray, shape (n, 2)
             Points of the left edge, ordered from the clamp, in the unit of the widths.
         widths : ndarray, shape (n,)
-            Distance of each point from the right edge.
+            Distance of each point of the left edge from the right edge.
         clamp : ndarray, shape (2, 2)
-            Clamp-left and clamp-right.
+            Points at which the left and the right edge leave the clamp, in the unit of the widths.
 
         Returns
         -------
-        ndarray, shape (k,) with k <= n
+        ndarray, shape (k,)
+            Scaled widths of the k <= n points that are not near a step.
         """
         if not self._varies:
             return widths
@@ -97,10 +99,13 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return whether each point (n,) of an edge is near a step of the width.
+        """Return whether each of the n points of an edge is near a step of the specimen's width, shape (n,).
 
         A smooth curve through the points cuts the corners of a step. A point is near a step if its distance from the
-        step is less than half of the smallest width. `side` is 0 for the left edge and 1 for the right edge.
+        step along the edge is less than half of the specimen's smallest width.
+
+        edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp,
+        shape (2, 2). side: 0 for the left edge, 1 for the right edge.
         """
         near = np.zeros(len(edge), bool)
         if not self._varies:
@@ -118,12 +123,15 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """The length of an edge of the specimen from the clamp to each station, mm."""
+        """Distances from the clamp along an edge of the specimen, mm, for the distances `_along_mm` along its axis."""
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
 
     def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
-        """Return the distance (n,) of points from the clamp along their edge, in mm."""
+        """Return the distance of each of the n points of an edge from the clamp, along the edge, mm, shape (n,).
+
+        The parameters are those of `near_step`.
+        """
         path = np.vstack([clamp[side : side + 1], edge])
         scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm
         return np.asarray(np.cumsum(np.hypot(*np.diff(path, axis=0).T)) / scale)

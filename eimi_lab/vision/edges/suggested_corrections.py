@@ -1,4 +1,4 @@
-"""Suggest which value of the calibration or which width is wrong if no beam was found."""
+"""If no beam was found in an image, suggest which value of the calibration or of the specimen is wrong."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 @dataclass(frozen=True)
 class SuggestedCorrection:
-    """A suggestion which value is wrong, and the edges that were located with another value.
+    """A suggestion which value of the calibration or of the specimen is wrong.
 
     Attributes
     ----------
     words : str
-        A part of a sentence that continues "no beam was found;".
+        The suggestion: the end of a sentence that begins with "no beam was found;".
     edges_px : tuple of ndarray, shape (n, 2)
-        The edges that were located with the suggested value, px; empty if no value is suggested.
+        The points of both edges that were located with the suggested value, px; empty if no value is suggested.
     """
 
     words: str
@@ -50,9 +50,9 @@ def suggest_correction(
 ) -> SuggestedCorrection:
     """Suggest which value is probably wrong for an image in which no beam was found.
 
-    The search is repeated without clicked points, and with another width, scale, axis or clamp. Each search changes one
-    value clearly. The first change with which a beam of the full length is located without a doubt is suggested. The
-    suggestion is not a proof, and no file is changed.
+    The search for the beam is repeated without clicked points, and with another width, scale, axis or clamp. Each
+    search changes one value clearly. The first change is suggested with which a beam of nearly the full length is
+    located and no flag is more severe than a note. The suggestion is not a proof, and no file is changed.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def suggest_correction(
     Returns
     -------
     SuggestedCorrection
-        If no change succeeds, its words name another probable reason.
+        If no change succeeds, `words` gives another probable reason.
     """
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         size = {key: changes[key] for key in changes if key == "width_mm"}
@@ -97,7 +97,7 @@ def suggest_correction(
 
 
 def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
-    """Return whether both edges have nearly the full length, and no flag is more severe than a note."""
+    """Return whether both edges have nearly the length of the specimen, and no flag is more severe than a note."""
     if any(flag.severity is not Severity.NOTE for flag in edges.flags):
         return False
     for edge in (edges.left, edges.right):
@@ -109,7 +109,7 @@ def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
-    """Return a sentence if the whole picture is about equally bright, else an empty string."""
+    """Return advice on the exposure if the whole picture is about equally bright, else an empty string."""
     darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
     full = full_scale(image)
     if brightest - darkest > _LEAST_SPAN * full:
@@ -122,7 +122,7 @@ def _shows_nothing(image: NDArray[Any]) -> str:
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Return a sentence if an edge of the beam begins outside the picture, else an empty string."""
+    """Return advice on the clamp if an edge of the beam begins outside the picture, else an empty string."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
@@ -134,7 +134,7 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes of the calibration or of the width, each with a description for the message."""
+    """Yield changes of the calibration or of the specimen's width, each with a description for the message."""
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (

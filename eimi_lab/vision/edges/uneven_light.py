@@ -1,4 +1,4 @@
-"""Estimate how the back-light changes along the profiles of an edge, from the light beside the beam."""
+"""Estimate how the back-light changes along grey-value profiles across an edge, from the light beside the beam."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ _STEEPEST_PER_PX = 0.01  # of the light; a larger slope is another body
 def light_along(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array, counts: Sequence[int]
 ) -> Array:
-    """Return the light along each of n profiles, as a share of the light at the edge.
+    """Return the back-light along each of n profiles, divided by the back-light at the edge.
 
-    The slope of the light is measured on the 16 px beyond the outer end of each profile. The median over 21
-    neighbouring profiles is taken, so that dirt has no effect. Within the few pixels of a profile, the slope could not
-    be distinguished from the slope of a wider or narrower second step. The same slope is assumed for the light that
-    passes through the beam.
+    The slope of the back-light is measured on the 16 px beyond the outer end of each profile. The median over 21
+    neighbouring profiles is used, so that dirt has no influence. Inside the beam, the same slope is assumed for the
+    light that passes through the beam.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
         Grey values with a dark beam.
     points_px, normals : ndarray, shape (n, k, 2)
-        Origins and directions of the k lines of each profile, as in `read_profiles`.
+        Origins and unit directions of the k lines of each profile, as in `read_profiles`.
     stations_px : ndarray, shape (m,)
-        Places along the normals.
+        Distances along the normals.
     counts : sequence of int
-        Number of profiles of each edge, in the order of the profiles.
+        Number of profiles of each edge. The profiles of one edge follow one another.
 
     Returns
     -------
