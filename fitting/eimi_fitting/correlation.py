@@ -9,25 +9,27 @@ Array = NDArray[np.float64]
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """Return the integrated autocorrelation length tau of residuals: tau neighbouring points count as one.
+    """Return the integrated autocorrelation length tau: tau neighbouring residuals count as one independent residual.
 
     Parameters
     ----------
     residuals : array, shape (..., n)
-        Residuals in groups of n neighbouring points; zero for a point that is not used.
+        Residuals in groups of n neighbouring points. The last axis counts the points of a group. The residual of an
+        unused point is zero.
     weights : array, shape (..., n)
-        Above zero for a point that is used, else zero.
+        Weight of each residual: above zero for a used point, zero for an unused point.
 
     Returns
     -------
     float
-        tau = 1 + 2 sum_k rho_k >= 1. The autocorrelation rho_k is the mean of r_i r_(i+k) over all pairs of used points
-        in a group, divided by the mean of r_i^2, with the residuals r_i. tau is 1 if all residuals are zero.
+        tau = 1 + 2 sum_k rho_k >= 1. Let r_i be the residual of point i of a group. The autocorrelation rho_k is the
+        mean of r_i r_(i+k) over all pairs of used points in a group, divided by the mean of r_i^2. tau is 1 if all
+        residuals are zero.
 
     References
     ----------
-    The sum ends before the first rho_k that is zero or negative. This rule is similar to the initial positive sequence
-    of C. J. Geyer (1992), Statist. Sci. 7:473.
+    The sum over k ends before the first rho_k that is zero or negative. This rule is similar to the initial positive
+    sequence of C. J. Geyer (1992), Statist. Sci. 7:473.
     """
     r = residuals.reshape(-1, residuals.shape[-1])
     w = (weights > 0).astype(float).reshape(r.shape)

@@ -33,18 +33,19 @@ class Randomness:
     pairs : int
         Number n of pairs of neighbouring points.
     sign_changes : int
-        Number of pairs whose two residuals have different signs; n / 2 is expected for noise.
+        Number of pairs whose two residuals have different signs. n / 2 is expected for independent noise.
     runs_probability : float
-        Probability that noise has at most this number of sign changes.
+        Probability that independent noise has at most ``sign_changes`` sign changes.
     autocorrelation : float
-        Mean product of two neighbouring residuals over the mean square of all residuals; 0 is expected for noise.
+        Mean product of two neighbouring residuals, divided by the mean square of all residuals. 0 is expected for
+        independent noise.
     autocorrelation_probability : float
-        Probability that noise has at least this autocorrelation.
+        Probability that independent noise has at least the autocorrelation ``autocorrelation``.
     noise : float
         Standard deviation s of the part of the residuals that is independent from point to point, in the unit of the
         residuals. s^2 is half of the mean square difference of neighbouring residuals.
     systematic : float
-        Root mean square of the remaining part, which neighbouring points share, in the unit of the residuals.
+        Root mean square of the part of the residuals that neighbouring points share, in the unit of the residuals.
     """
 
     pairs: int
@@ -57,12 +58,12 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Return whether there are enough pairs of points (at least 10) to judge the tests."""
+        """Return whether there are at least 10 pairs of neighbouring points, which is enough for both tests."""
         return self.pairs >= _FEWEST
 
     @property
     def is_noise(self) -> bool:
-        """Return whether both probabilities are at least 1 %, so that the residuals may be noise."""
+        """Return whether the residuals may be independent noise: the probabilities of both tests are at least 1 %."""
         return min(self.runs_probability, self.autocorrelation_probability) >= _SIGNIFICANT
 
 
@@ -72,8 +73,8 @@ def randomness_of(residuals: Array) -> Randomness:
     Parameters
     ----------
     residuals : ndarray, shape (..., m)
-        Residuals in groups of m neighbouring points; NaN for a point that was not measured. Points of different groups
-        are not neighbours.
+        Residuals in groups of m neighbouring points; NaN for a point that was not measured. The last axis counts the
+        points of a group. Points of different groups are not neighbours.
 
     Returns
     -------

@@ -13,19 +13,19 @@ PA_PER_MPA = 1e6
 
 
 def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDArray[np.float64]:
-    """Return the parameters of a law with its moduli in MPa instead of Pa.
+    """Return the parameters of a hyperelastic law, with moduli converted from Pa to MPa.
 
     Parameters
     ----------
     parameters : array, shape (..., n)
-        Parameters of the law, moduli in Pa.
+        The n parameters of the law along the last axis, with moduli in Pa.
     units : sequence of str, length n
         Unit of each parameter: ``"Pa"``, or ``"1"`` for a number such as an exponent, which stays unchanged.
 
     Returns
     -------
     array, shape (..., n)
-        The parameters, moduli in MPa.
+        The parameters of the law, with moduli in MPa.
     """
     return np.asarray(parameters * np.array([MPA_PER_PA if unit == "Pa" else 1.0 for unit in units]))
 
@@ -33,8 +33,8 @@ def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDAr
 def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 5) -> str:
     """Return a modulus and its interval as text.
 
-    The unit is Pa below 10 MPa, MPa from 10 MPa to 1 GPa, and GPa above. The modulus determines the unit and the number
-    of decimals of all three numbers.
+    All three numbers have the same unit and the same number of decimals. The unit is Pa for a modulus below 10 MPa, MPa
+    from 10 MPa to 1 GPa, and GPa above 1 GPa.
 
     Parameters
     ----------

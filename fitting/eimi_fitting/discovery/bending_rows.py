@@ -1,9 +1,10 @@
 """Turn the edges of bent beams into linear equations for the coefficients of the terms.
 
-The edges are linearised about a law that is close to the solution. The residuals for this law are those of the best
-model of the specimen: the solid, or the finer mesh of a planar section. The derivatives of the residuals are finite
-differences of the planar model, without the refinement. The error of the derivatives has little effect, because all
-laws that are compared bend the beam by almost the same amount.
+The terms belong to the energy of a hyperelastic law. The edges are linearised about a law that is close to the
+solution. The residuals for this law are computed with the best model of the specimen. The best model is the
+three-dimensional model for a solid section, and a planar model with a finer mesh for other sections. The derivatives of
+the residuals are finite differences, computed with the coarser planar model. The error of the derivatives has little
+effect, because all compared laws bend the beam by almost the same amount.
 """
 
 from __future__ import annotations
@@ -39,22 +40,23 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """The exception if a beam has no equilibrium for any of the laws about which its edges could be linearised."""
+    """The exception if a bent beam has no equilibrium for any law about which the edges could be linearised."""
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of the beams' moduli, due to lots and to the error of the beam model.
+    """Return the relative standard deviation of the moduli of the beams, due to material lots and model errors.
 
     Parameters
     ----------
     lot : float
-        Relative standard deviation between the moduli of the beams and those of the tensile curves, which may belong to
-        different lots of the material.
+        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves. Beams and
+        tensile specimens may be made of different lots of the material.
 
     Returns
     -------
     float
-        sqrt(lot^2 + model^2), with the relative error of the beam model of 0.15 % as a 95 % bound.
+        sqrt(lot^2 + model^2). ``model`` is the relative standard deviation of the modulus due to errors of the beam
+        model. Its 95 % bound is 0.15 %.
     """
     return float(np.hypot(lot, _MODEL))
 
@@ -64,10 +66,10 @@ def bending_rows(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms from the edges of bent beams.
 
-    The edges are linearised about the coefficients ``about``. The first nuisance scales all moduli of the beams, in
-    units of `scale_deviation`. Each part of a stated source of uncertainty is one more nuisance. The remaining error of
-    the best model of the specimen counts as additional noise in each state. If a beam has no equilibrium, the
-    linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
+    The first nuisance is an error of all moduli of the beams by a common factor, in units of `scale_deviation`. Each
+    part of a source of uncertainty that a file specifies is a further nuisance. The remaining error of the beam model
+    counts as additional noise in each state. If a beam has no equilibrium, the linearisation is repeated about laws
+    that are 1 % stiffer, 1 % softer and 3 % stiffer.
 
     Parameters
     ----------
@@ -78,19 +80,19 @@ def bending_rows(
     about : array, shape (J,)
         Coefficients in Pa of the law about which the edges are linearised.
     lot : float
-        Relative standard deviation between the moduli of the beams and those of the tensile curves.
+        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves.
 
     Returns
     -------
     Rows
         The equations of all beams.
     list of float
-        The noise of each experiment in mm.
+        Standard deviation of the noise of each experiment in mm.
 
     Raises
     ------
     NoEquilibrium
-        If a beam has no equilibrium for any of these laws.
+        If a beam has no equilibrium for any of the four laws.
     """
     for factor in _STIFFNESS_FACTORS:
         try:
@@ -122,10 +124,11 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the misfit of the best model, and the standard deviation of its remaining error in mm.
+    """Return the misfit of the best beam model of an experiment, and the remaining error of this model in mm.
 
-    The standard deviation, with the shape (K, G, m) for G groups of m points in K states, is
-    `Refinement.remaining_share` times the change of the residuals by the best model (`inference.evidence.corrections`).
+    The remaining error is a standard deviation for each residual, with the shape (K, G, m) for G groups of m points in
+    K states. It is `Refinement.remaining_share` times the difference between the residuals of the best model and the
+    residuals of the coarser model (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -135,9 +138,9 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Return the misfit of a law with J coefficients, and the shape of the beam, from which a later solution can start.
+    """Return the misfit of a law, and the simulated shape of the beam as a start for later solutions.
 
-    The shape is None if the model is a solid.
+    ``coefficients`` has the shape (J,) for J terms. The simulated shape is None for a three-dimensional beam model.
     """
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
@@ -150,7 +153,7 @@ def _misfit(
 
 
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return the derivatives of the residuals in J coefficients, in mm/Pa, by finite differences.
+    """Return the derivatives of the residuals in the J coefficients ``about``, in mm/Pa, by finite differences.
 
     The shape is (J, K, G, m) for G groups of m points in K states.
     """
@@ -164,11 +167,11 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return the changes of the residuals by the stated sources of uncertainty.
+    """Return the changes of the residuals by the sources of uncertainty that the experiments specify.
 
-    The list has an entry for each part of a source. An entry has, for each experiment, the change of the
-    residuals in mm for one standard uncertainty, with the shape (K, G, m) for G groups of m points in K states. The
-    change is None if the source does not belong to the experiment.
+    The outer list has an entry for each part of a source. The inner list has, for each experiment, the change of the
+    residuals in mm for one standard uncertainty of this part. The change has the shape (K, G, m) for G groups of m
+    points in K states. The change is None if the source does not belong to the experiment.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -188,10 +191,10 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one experiment divided by the noise, and the noise in mm.
+    """Return the equations of one experiment divided by the noise, and the standard deviation of the noise in mm.
 
-    The residuals of each state are projected on the directions of its slopes, nuisances and model error. A few
-    equations remain for each state.
+    In each state, the residuals are projected on the span of three kinds of vectors: the derivatives in the
+    coefficients, the changes by the nuisances, and the error of the beam model. A few equations remain for each state.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
@@ -222,7 +225,7 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return (I + d d')^(-1/2), shape (m, m), for an error with standard deviations d (m,) beside unit noise."""
+    """Return (I + d d')^(-1/2), shape (m, m), for d = ``deviation``, shape (m,), and the identity matrix I."""
     square = float(deviation @ deviation)
     if square == 0.0:
         return np.eye(len(deviation))
@@ -232,7 +235,7 @@ def _inverse_root(deviation: Array) -> Array:
 def _residual_of_all_columns(rows: Rows) -> float:
     """Return the root mean square residual of a fit of all terms and nuisances, in units of the noise.
 
-    A value above 1 is an error of the beam model. This error is smooth, as the projected equations are.
+    A value above 1 indicates an error of the beam model.
     """
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)

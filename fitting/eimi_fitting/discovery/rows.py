@@ -1,10 +1,10 @@
-"""Linear equations for the coefficients of the terms, divided by the noise of the measurement.
+"""Linear equations for the coefficients of the terms of a hyperelastic law, divided by the noise of the measurement.
 
     observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-The noise has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard deviation 1. The
-noise of a curve or of a beam is that of the residuals after a fit of all terms of the library to this curve or beam.
-Correlated residuals count as fewer independent residuals (`eimi_fitting.correlation`).
+``noise`` has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard deviation 1. All
+terms of the library are fitted to each tensile curve alone and to each beam alone. The residuals of this fit give the
+noise of the curve or beam. Correlated residuals count as fewer independent residuals (`eimi_fitting.correlation`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """N linear equations for the coefficients of J terms and the amplitudes of q nuisances.
+    """N linear equations for the coefficients of J terms of a law and the amplitudes of q nuisances.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the same equations for a noise that is larger by ``factor``."""
+        """Return the equations after multiplication of the noise by ``factor``."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return non-negative coefficients (J,) in Pa and nuisance amplitudes (q,) by least squares.
+        """Return the non-negative coefficients of J terms in Pa, (J,), and the amplitudes of q nuisances, (q,).
 
-        The minimum is that of |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two non-negative
-        numbers, because the solver accepts non-negative unknowns only.
+        The coefficients and amplitudes minimise |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two
+        non-negative numbers, because the solver accepts only non-negative unknowns.
         """
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
@@ -58,7 +58,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all parts together; a part with fewer nuisances gets zeros for the others."""
+        """Return the equations of all ``parts`` together; zeros stand for nuisances that a part does not have."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(
@@ -70,9 +70,10 @@ class Rows:
 
 
 def non_negative(columns: Array, observed: Array) -> Array:
-    """Return J non-negative coefficients (J,) of the least-squares fit of ``columns`` (N, J) to N numbers ``observed``.
+    """Return the J non-negative coefficients x that minimise |columns x - observed|^2, shape (J,).
 
-    The columns are scaled to unit length first, so that the units of the coefficients have no effect.
+    ``columns`` has the shape (N, J) and ``observed`` the shape (N,). The columns are first scaled to unit length, so
+    that the units of the coefficients have no effect.
 
     References
     ----------

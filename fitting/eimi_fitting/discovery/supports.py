@@ -1,4 +1,4 @@
-"""Fit every small set of terms, and find the sets that the data cannot distinguish from the best set.
+"""Fit every small set of terms of a law, and find the sets that the data cannot distinguish from the best set.
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
 2. Each set gets a cross-validation error: every equation is predicted by a fit without its group, in at most 20 folds
@@ -34,20 +34,20 @@ _STANDARD_ERRORS = 1.5
 
 @dataclass(frozen=True)
 class Support:
-    """A set of k terms with its least-squares fit to N equations.
+    """A set of k terms of a hyperelastic law, fitted to N equations by least squares.
 
     Parameters
     ----------
     terms : tuple of int
         Indices of the terms in the library.
     coefficients, standard_errors : array, shape (k,)
-        Coefficients and their standard errors in Pa, on the assumption that the law has exactly these terms.
+        Coefficient of each term and its standard error in Pa, on the assumption that the law has exactly these k terms.
     amplitudes : array, shape (q,)
         Amplitudes of the q nuisances.
     prediction_errors : array, shape (N,)
-        Error of the prediction of each equation by a fit without its group, in units of the noise.
+        Error of the prediction of each equation by a fit that omits the group of this equation, in units of the noise.
     excess : float
-        Sum of squared prediction errors minus the smallest such sum of all sets.
+        Sum of the squared prediction errors of this set, minus the smallest such sum of all sets of terms.
     excess_error : float
         Standard error of ``excess``.
     """
@@ -62,7 +62,7 @@ class Support:
 
     @property
     def held_out_error(self) -> float:
-        """Root mean square of the prediction errors, in units of the noise; about 1 if only noise remains."""
+        """Root mean square of the prediction errors of this set, in units of the noise; about 1 for a correct law."""
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
@@ -72,7 +72,7 @@ class Support:
 
 
 def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Support, ...]:
-    """Fit every set of up to ``most_terms`` terms, and return the sets with positive coefficients.
+    """Fit every set of up to ``most_terms`` terms of a law, and return the sets with positive coefficients only.
 
     Parameters
     ----------
@@ -110,13 +110,13 @@ def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
 
 
 def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """Return the largest coefficient that each of J terms could have if this term were added to ``terms``.
+    """Return the largest coefficient that each of J terms could have if this term were added to the set ``terms``.
 
     Returns
     -------
     array, shape (J,)
-        Upper end of the 95 % interval of the coefficient in Pa. 0 for ``terms``, and infinity if the equations cannot
-        distinguish a term from ``terms``.
+        Upper end of the 95 % interval of the coefficient of each term, in Pa. The value is 0 for a term of the set
+        ``terms``. It is infinite for a term that the equations cannot distinguish from the set.
     """
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):
@@ -131,7 +131,7 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """Return the least-squares fit of a set of terms; None if its columns are linearly dependent."""
+    """Return the least-squares fit of a set of terms; None if the columns of these terms are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
     prior = np.column_stack([np.zeros((q, k)), np.eye(q)])
@@ -158,7 +158,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return a set with its excess over the best set (see `Support`) and the standard error of this excess."""
+    """Return the fitted set ``support`` with ``excess`` and ``excess_error`` in relation to the set ``best``."""
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

@@ -1,4 +1,4 @@
-"""Turn a tensile curve into linear equations, because engineering stress is linear in the coefficients of the terms."""
+"""Turn a tensile curve into linear equations, because the engineering stress is linear in the coefficients of a law."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _FLOOR = 1e-4  # smallest noise, as a share of the largest stress (assumed: no t
 
 
 def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
-    """Return the engineering stress (m, J) at m strains of each of J terms, for a coefficient of one."""
+    """Return the engineering stress in Pa of J terms with coefficients of 1 Pa at m strains, shape (m, J)."""
     return engineering_stress(SumOfTerms(tuple(terms)), np.eye(len(terms)), strain).T
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 = s^2 + 2 / s - 3 in incompressible uniaxial tension at the largest stretch s = 1 + strain."""
+    """Return I1 - 3 = s^2 + 2 / s - 3 at the largest stretch s = 1 + strain of an incompressible tensile test."""
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 
@@ -32,14 +32,14 @@ def largest_x(strain: Array) -> float:
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:
     """Return linear equations for the coefficients of J terms from a tensile curve.
 
-    Neighbouring rows of the curve with correlated residuals form a group, which cross-validation omits as a whole.
+    Neighbouring rows of the curve with correlated residuals form a group. Cross-validation omits whole groups.
 
     Returns
     -------
     Rows
         One equation for each row of the curve.
     float
-        The noise in Pa by which the equations are divided.
+        Standard deviation of the noise in Pa, by which the equations are divided.
 
     Raises
     ------

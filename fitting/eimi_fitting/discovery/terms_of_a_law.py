@@ -1,7 +1,7 @@
-"""Find the terms of a law from bent beams and tensile curves, or conclude that they are not identifiable.
+"""Find the terms of a hyperelastic law from bent beams and tensile curves, if the data determine the terms.
 
-The bending tests are linearised about a law close to the solution and joined with the tensile curves. All small sets of
-terms are fitted. The result is the sets that the noise cannot distinguish from the best set.
+The residuals of the bending tests are linearised about a law close to the solution and joined with the tensile curves.
+All small sets of terms are fitted. The result is all sets that the data cannot distinguish from the best set.
 """
 
 from __future__ import annotations
@@ -38,22 +38,23 @@ _NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 @dataclass(frozen=True)
 class Alternative:
-    """A set of k terms that agrees with the data.
+    """A hyperelastic law of k terms that agrees with the data.
 
     Parameters
     ----------
     terms : tuple of Term
-        The terms.
+        The k terms.
     coefficients : array, shape (k,)
         Coefficient of each term in Pa, on the assumption that the law has exactly these terms.
     intervals : array, shape (k, 2)
-        95 % intervals of the coefficients in Pa.
+        Lower and upper end of the 95 % interval of each coefficient, in Pa.
     initial_shear_modulus_Pa : float
         Initial shear modulus of the law in Pa.
     held_out_error : float
         Root mean square prediction error of the cross-validation, in units of the noise.
     stable_to : float or None
-        Largest stretch up to which the law is stable, see `laws.stability.stable_up_to`; None if no limit was met.
+        Largest stretch up to which the law is stable; None if the law is stable at all checked stretches
+        (`laws.stability.stable_up_to`).
     """
 
     terms: tuple[Term, ...]
@@ -71,23 +72,24 @@ class Discovery:
     Parameters
     ----------
     alternatives : tuple of Alternative
-        The sets that noise cannot distinguish from the best set and that contain no smaller such set, fewest terms
-        first.
+        The sets that the data cannot distinguish from the best set and that contain no smaller set with the same
+        property. The sets with the fewest terms come first.
     open_terms : dict of Term to float
-        If there is one alternative: the further terms that could carry more than 15 % of the stress at ``strain``, each
-        with this share.
+        If there is exactly one alternative: the further terms that could carry more than 15 % of the stress at
+        ``strain``, each with its possible share of the stress.
     strain : float
-        Largest strain of the curves; 1 (100 %) if there is no curve.
+        Largest strain of the tensile curves, as a ratio; 1 if there is no curve.
     library : tuple of Term
         The terms that were tried.
     left_out : tuple of Term
-        The terms that were not tried, because their stress is not defined at all strains of the curves.
+        The terms that were not tried, because the stress of these terms is not defined at all strains of the tensile
+        curves.
     noise_mm : tuple of float
-        Noise of each experiment in mm.
+        Standard deviation of the noise of each experiment in mm.
     noise_Pa : tuple of float
-        Noise of each curve in Pa.
+        Standard deviation of the noise of each tensile curve in Pa.
     compatible_sets : tuple of tuples of Term
-        All sets, of any size, that noise cannot distinguish from the best set.
+        All sets, of any size, that the data cannot distinguish from the best set.
     sets : int
         Number of sets whose fit has positive coefficients only.
     """
@@ -109,7 +111,7 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise alone can explain the prediction error of the first alternative (below 1.5)."""
+        """Return whether noise can explain the ``held_out_error`` of the first alternative (below 1.5)."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
@@ -164,7 +166,7 @@ def discover(
     most_terms : int
         Largest number of terms of a law.
     lot : float
-        Relative standard deviation between the moduli of the beams and those of the curves.
+        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves.
     modulus_Pa : float, optional
         Shear modulus in Pa of a Neo-Hookean fit to the experiments. By default this function does the fit.
     seed : int
@@ -226,12 +228,13 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms, with a larger noise if even the best set predicts with an error above the noise.
+    """Fit all small sets of terms, with a larger noise if the prediction error of the best set exceeds the noise.
 
     Returns
     -------
     tuple
-        The equations for this noise, the fitted sets, and the factor on the noise, at least 1.
+        The equations divided by the final noise, the fitted sets, and the factor (at least 1) by which the noise was
+        enlarged.
     """
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
@@ -242,7 +245,7 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 
 
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
-    """Return the further terms that could carry more than 15 % of the stress at a strain, each with this share."""
+    """Return the terms outside a set that could carry more than 15 % of the stress at ``strain``, each with this share."""
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns
     shares = stress / (stress + support.coefficients @ columns[list(support.terms)])
@@ -250,7 +253,7 @@ def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: flo
 
 
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Return the terms whose stress is defined at all strains of the curves, and the other terms.
+    """Return the terms of the library whose stress is defined at all strains of the curves, and the other terms.
 
     Raises
     ------
@@ -271,9 +274,10 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return the coefficients (J,) in Pa of a first law: the fit to the curves, scaled to the modulus of the beams.
+    """Return the coefficients of J terms, (J,) in Pa, of a law about which the edges are first linearised.
 
-    Without a curve, the first law has one term.
+    The law is the fit to the tensile curves, scaled to the modulus ``modulus_Pa`` of the beams. Without a tensile
+    curve, only one term has a coefficient above zero.
     """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
@@ -288,7 +292,7 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return `bending_rows`, linearised again about the fit of all terms until this fit hardly changes.
+    """Return the result of `bending_rows`, linearised again about the fit of all terms until this fit hardly changes.
 
     Raises
     ------
