@@ -1,4 +1,4 @@
-"""Compute the optimum of a fit from the best candidate of its search.
+"""Compute the optimum of a fit of a hyperelastic law from the best candidate of the search.
 
 The steps are: improve the candidate by Gauss-Newton (`inference.searching.polish`), correct the residuals by better
 models (`inference.evidence.corrections`), and compute the intervals (`inference.interval`). The weight of tensile
@@ -49,14 +49,14 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The optimum of a fit with its corrections and intervals.
+    """The optimum of a fit of a hyperelastic law, with corrections by better beam models and with intervals.
 
     Parameters
     ----------
     problem : Problem
-        The problem with the corrections of its residuals.
+        The problem of the fit, with the corrections of the residuals.
     optimum : Optimum
-        The optimum of this corrected problem.
+        The optimum of the corrected problem.
     effects : tuple of Effect
         The change of the optimum by each correction.
     max_stretch : float
@@ -66,7 +66,8 @@ class SearchEnd:
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence, see `Linearisation.prior_distances`.
+        Distance of each prior on a parameter of the law from the other evidence, in standard deviations
+        (`Linearisation.prior_distances`).
     not_considered : tuple of str
         One sentence for each source of uncertainty that the intervals do not contain.
     """
@@ -82,16 +83,17 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute the optimum, its corrections and its intervals from a candidate near the optimum.
+    """Compute the optimum of a fit, with corrections and intervals, from a candidate near the optimum.
 
-    Gauss-Newton varies the unknowns on a planar model. In plane stress or plane strain, this model has the coarse mesh
-    of the search, and its residuals are corrected to those of finer meshes. For a solid, this model has the mesh of the
-    solid, and its residuals are corrected to those of the solid.
+    Gauss-Newton varies the unknowns on a planar model. For a section in plane stress or plane strain, the planar model
+    has the coarse mesh of the search. Its residuals are corrected to the residuals of finer meshes. For a solid
+    section, the planar model has the mesh of the three-dimensional model. Its residuals are corrected to the residuals
+    of the three-dimensional model.
 
     Parameters
     ----------
     problem : Problem
-        The problem.
+        The problem of the fit.
     unit : ndarray, shape (n,)
         The candidate: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
     seed : int
@@ -127,10 +129,10 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a problem, computed by Gauss-Newton from the candidate ``unit`` (n,).
+    """Return the optimum of a problem with n unknowns, computed by Gauss-Newton from the candidate ``unit`` (n,).
 
-    The weight of tensile curves and priors depends on the number N of independent points. N is estimated from the
-    residuals. Gauss-Newton is repeated if the new N differs from the earlier N by more than a factor of e^0.3.
+    The weight of tensile curves and priors depends on the number N of independent edge points. N is estimated from the
+    residuals. Gauss-Newton is repeated if N changes by more than a factor of e^0.3.
     """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
@@ -175,7 +177,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the problem ``now`` with its residuals corrected to those of a better model, and its new optimum."""
+    """Return the problem ``now`` after its residuals are corrected to the residuals ``better``, and the new optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -183,7 +185,7 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals to those of solids and, for specimens without a solid, to those of finer meshes.
+    """Correct the residuals to three-dimensional models for solid sections, and to finer meshes for other sections.
 
     Returns
     -------
@@ -203,17 +205,17 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals to those of the solid, and repeat the correction at each new optimum.
+    """Correct the residuals to those of the three-dimensional beam model, repeatedly at each new optimum.
 
-    The passes end when a pass changes the modulus by less than 0.05 %, and at the latest after the third pass. The
-    second and the third pass are rejected if they raise the objective by more than 1 %. The change of the modulus by
-    the last pass remains uncertain.
+    The repetition ends when a correction changes the modulus by less than 0.05 %, and after three corrections at the
+    latest. The second or third correction is rejected if it raises the objective by more than 1 %. The change of the
+    modulus by the last correction remains uncertain.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, and the change of the optimum by the solid. The problem is unchanged and the
-        list is empty if the solid finds no equilibrium.
+        The corrected problem, its optimum, and a list with the change of the optimum. If the three-dimensional model
+        finds no equilibrium, the problem is unchanged and the list is empty.
     """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
@@ -261,8 +263,9 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Return the comparison of one candidate ``unit`` (n,) with experiments, without other candidates in the batch.
+    """Return the comparison of one candidate with experiments, simulated without other candidates.
 
-    Rounding depends on the batch, and corrections are small.
+    ``unit`` has the n unit coordinates of the candidate. Other candidates in the batch would change the rounding
+    errors, which matter for small corrections.
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

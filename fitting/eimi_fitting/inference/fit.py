@@ -1,4 +1,4 @@
-"""The result of a fit: `IdentifiedLaw` is written to a result file, and `Fit` adds the residuals at the optimum."""
+"""The result of a fit of a hyperelastic law: `IdentifiedLaw` for a result file, and `Fit` with the residuals."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedLaw(Estimate):
-    """An identified law as a result file contains it: an `Estimate` with its errors, its doubts and its search.
+    """An identified hyperelastic law with intervals, errors, doubts and search history, as stored in a result file.
 
     Parameters
     ----------
     mean_error_mm, mean_deviation_mm : float
-        Mean over the states of the error, and of the standard deviation of the distances along the edges, in mm.
+        Mean over the states of the error and mean over the states of the deviation, in mm
+        (`inference.evidence.measurements`).
     max_stretch : float
-        Largest stretch of the optimum, computed on the planar meshes of the experiments.
+        Largest stretch in the beam at the optimum, computed on the planar meshes of the experiments.
     priors : tuple of Prior
         Priors on the law's parameters.
     doubts : tuple of Doubt
@@ -66,7 +67,7 @@ class IdentifiedLaw(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
-    """An identified law with the residuals of all evidence, for K states.
+    """An identified hyperelastic law with the residuals at the optimum, for K states.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ class Fit(IdentifiedLaw):
     curve_rmse_Pa : tuple of float
         Root mean square residual of each tensile curve for the law of this fit, in Pa.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence, see `Linearisation.prior_distances`.
+        Distance of each prior on a parameter of the law from the other evidence, in standard deviations
+        (`Linearisation.prior_distances`).
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float
@@ -114,5 +116,5 @@ class Fit(IdentifiedLaw):
 
     @property
     def values(self) -> Array:
-        """The parameters of the law, shape (n,), in the order and the units of the law."""
+        """The values of the n parameters of the law, shape (n,), in the order and the units of the law."""
         return np.array([quantity.value for quantity in self.parameters.values()])

@@ -1,10 +1,11 @@
-"""Identify the parameters of a law: the parameters whose simulated edges lie closest to the measured edges.
+"""Identify the parameters of a hyperelastic law, for which the simulated edges lie closest to the measured edges.
 
 The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
 1. CMA-ES searches on a coarse mesh (`inference.searching`).
 2. Gauss-Newton improves the best candidate (`inference.searching.polish`).
-3. The residuals are corrected to those of better models, and Gauss-Newton is repeated (`inference.corrected_optimum`).
+3. The residuals are corrected to those of better beam models, and Gauss-Newton is repeated
+   (`inference.corrected_optimum`).
 4. The intervals are computed from the evidence at the optimum (`inference.interval`).
 """
 
@@ -76,21 +77,22 @@ def identify(
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> Fit:
-    """Identify one law from one or several experiments.
+    """Identify the parameters of one hyperelastic law from one or several experiments.
 
-    The search runs on the default mesh of `BeamModel`, with nuisances at their stated values. A scan determines the
-    range of moduli (`inference.searching.modulus_range`). The errors and intervals of the result belong to a finer mesh
-    or to the solid (`inference.evidence.corrections`).
+    A scan determines the range of moduli (`inference.searching.modulus_range`). The search runs on the default mesh of
+    `BeamModel`, with the stated values of all uncertain inputs (nuisances). The errors and intervals of the result are
+    computed with a better model: a finer mesh, or a three-dimensional model for a solid section
+    (`inference.evidence.corrections`).
 
     Parameters
     ----------
     model : str
-        A key of `LAWS`.
+        Name of the law, a key of `LAWS`.
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances to free, with their priors. If the field was measured in both polarities, the fit also frees stated
-        sources whose effect is even in the field (`inference.evidence.polarity`).
+        Nuisances to free, with their priors. If the field was measured in both polarities, the fit frees further
+        sources of uncertainty (`inference.evidence.polarity`).
     free_bulk : bool
         Whether the fit also determines the bulk modulus.
     tensile : sequence of TensileCurve
@@ -115,13 +117,13 @@ def identify(
     NothingConverged
         If no candidate could be simulated.
     NotExplained
-        If the simulated edges of a state are far from the measured ones.
+        If the simulated edges of a state are far from the measured edges.
     NotDetermined
         If there is one state only and it does not determine the modulus.
     CannotFit
         If the law cannot be fitted to a tensile curve.
     OtherSearch
-        If ``replay`` belongs to another search.
+        If ``replay`` contains the objectives of another search.
     ValueError
         For a free bulk modulus if a section is not in plane strain, for a nuisance without a stated uncertainty, and
         for a prior on a parameter that the law does not have.

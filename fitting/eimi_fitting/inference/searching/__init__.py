@@ -1,4 +1,4 @@
-"""Find the parameters that minimise the objective of a fit: a global search, then a local improvement.
+"""Find the parameters of a law that minimise the objective of a fit, by a global search and a local improvement.
 
 modulus_range        the range of moduli that the data allow
 named_causes         mistakes in the loads that explain why no material fits

@@ -1,9 +1,9 @@
 """Import the package cma without the packages that it uses for plots and surrogate models.
 
-On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither. The two packages
-take 1.5 s of the 1.8 s of the import (medians of three fresh processes, with numpy and scipy.optimize loaded before). A
-whole fit takes about the same time. Both packages are therefore hidden from the thread that imports cma. Other threads
-can import them meanwhile.
+On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither package. The two
+packages take 1.5 s of the 1.8 s of the import (medians of three fresh processes, with numpy and scipy.optimize loaded
+before). A whole fit takes about the same time as the import. Both packages are therefore hidden from the thread that
+imports cma. Other threads can import both packages meanwhile.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The unknowns are the amplitudes q
-in mm of a few smooth modes of shape (`beam.rest_modes`), and the parameters a of the picture, a rotation and a shift,
-which do not belong to the shape. Let r(q, a) be the residuals of the edges for a simulation that contains the weight.
-Gauss-Newton steps minimise |r|^2 with normal priors on q and a, so that q describes the stress-free shape. Because the
-unknowns are few and smooth, the noise of single edge points has little influence.
+in mm of a few smooth modes of shape (`beam.rest_modes`), and a rotation and a shift of the picture, a. Let r(q, a) be
+the residuals of the edges for a simulation that contains the weight. Gauss-Newton steps minimise |r|^2 with normal
+priors on q and a. q then describes the stress-free shape. The modes are few and smooth, so that the noise of single
+edge points has little influence.
 
-The simulation uses the modulus for which a planar Neo-Hookean model of the measured shape explains the states with load
-best. Shape and modulus are computed in turn, three times.
+The simulation uses the modulus for which a planar Neo-Hookean model with the measured shape has the smallest error in
+the states with load. Shape and modulus are computed in turn, three times.
 
 A mode is accepted if its amplitude exceeds three standard deviations and a least amplitude. The least amplitude is
 0.005 mm for a bend and 0.003 mm for a change of width. Modes of these sizes
@@ -66,10 +66,12 @@ class MeasuredRestShape:
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Measured deviations from the stated shape: amplitudes in mm of the modes of the middle line and of the modes of
-        the width. Zero for a mode that is not significant.
+        Measured deviations from the stated shape. ``bends_mm`` has the amplitudes in mm of the modes of the middle
+        line, and ``widths_mm`` the amplitudes in mm of the modes of the width. The amplitude is zero for a mode that is
+        not significant.
     bend_sigma_mm, width_sigma_mm : float
-        Largest standard uncertainty of the accepted amplitudes of either kind, in mm; zero if none was accepted.
+        Largest standard uncertainty of the accepted amplitudes of the middle line (``bend_sigma_mm``) and of the width
+        (``width_sigma_mm``), in mm. Zero if no amplitude was accepted.
     """
 
     specimen: Specimen
@@ -79,19 +81,19 @@ class MeasuredRestShape:
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with the measured shape; the uncertainty of this shape replaces a stated uncertainty.
+        """Return the experiment with the measured rest shape and the uncertainty of this shape.
 
         Parameters
         ----------
         experiment : Experiment
             The experiment with the stated specimen.
         of : str
-            Name of the measured states. Each dataset has a separate error of the rest shape and needs a separate name.
+            Name of the states without load. Datasets with different names have independent errors of the rest shape.
 
         Returns
         -------
         Experiment
-            The experiment with the measured shape in its models.
+            The experiment, with the measured shape in its beam models.
         """
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": 2 * self.width_sigma_mm}
         others = (stated for stated in experiment.stated if stated.source not in sigmas)
@@ -105,7 +107,7 @@ class MeasuredRestShape:
 
     @property
     def in_words(self) -> str:
-        """The significant deviations from the stated shape as text, such as "bent by up to 0.9 mm"."""
+        """The significant deviations from the stated rest shape as text, such as "bent by up to 0.9 mm"."""
         words = []
         if any(self.bends_mm):
             along = np.linspace(0, 1, 51)
@@ -122,7 +124,8 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     Parameters
     ----------
     experiment : Experiment
-        Measured edges in several states. The measured deviations are added to the stated rest shape of its specimen.
+        The measured edges in several states. Deviations are measured from the rest shape of the specimen of this
+        experiment.
 
     Returns
     -------
@@ -172,12 +175,12 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the significant modes: above three standard deviations and above the least amplitude."""
+    """Return the indices of the modes whose amplitudes exceed three standard deviations and the least amplitude."""
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
 def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
-    """Return the indices of the states whose field and tip force are at most 2 % of the largest.
+    """Return the indices of the states without load: field and tip force are at most 2 % of their largest values.
 
     The result is empty if a pressure acts in any state.
     """
@@ -195,7 +198,7 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals in mm of the used points for each map of the picture; None without an equilibrium."""
+    """Return the residuals of the used points in mm, for each map in ``setups``; None without an equilibrium."""
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -207,9 +210,9 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Return the amplitudes in mm of the modes ``used``, and their standard uncertainties in mm.
+    """Return the amplitudes of the shape modes ``used`` in mm, and the standard uncertainties of the amplitudes in mm.
 
-    The result is None if the model finds no equilibrium, or if the edges remain more than 0.2 mm from every shape.
+    The result is None if the model finds no equilibrium, or if the edges remain more than 0.2 mm from the best shape.
     """
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
@@ -250,14 +253,14 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the modulus in Pa at which the planar model explains the states with load best, from a wide scan."""
+    """Return the modulus in Pa for which the planar model has the smallest error, from a wide scan."""
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the best modulus near ``near_Pa``, in Pa, or ``near_Pa`` if a candidate has no equilibrium."""
+    """Return the modulus in Pa near ``near_Pa`` with the smallest error; ``near_Pa`` without an equilibrium."""
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:

@@ -1,11 +1,12 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-The largest displacement u of a stiff beam of length L is proportional to the loads over the modulus mu. The number
-c = mu u / L in Pa is therefore constant, and one stiff candidate gives c. At mu = c / 3 a linear beam would bend by
-three times its length. At mu = c / 1e-7 the displacement would be too small to be measured. The objective is evaluated
-at moduli between these two limits, with the other coordinates of the law in the middle of their ranges. The search
-covers at least three decades, and all moduli whose objectives are within 2 % of the smallest objective. Tensile curves
-are not used here, because a curve in a wrong unit would give a range without the modulus of the beam.
+The largest displacement u of a stiff beam of length L is proportional to the loads divided by the shear modulus mu. The
+number c = mu u / L in Pa is therefore constant for given loads. One stiff candidate gives c. At mu = c / 3 a linear
+beam would bend by three times its length. At mu = c / 1e-7 the displacement would be too small to be measured. The
+objective is evaluated at moduli between these two limits, with the other coordinates of the law in the middle of their
+ranges. The search covers at least three decades, and all moduli whose objectives are within 2 % of the smallest
+objective. Tensile curves are not used here, because a curve in a wrong unit would give a range without the modulus of
+the beam.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, a
 
 
 class NothingConverged(Exception):
-    """The exception if no candidate can be simulated, because loads, geometry or measurements contradict each other."""
+    """The exception if no candidate can be simulated: loads, geometry or measurements contradict each other."""
 
 
 class NothingActs(Exception):
@@ -41,14 +42,14 @@ class NothingActs(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """The objectives of candidates with S different moduli.
+    """The objectives of a fit for candidates with S different shear moduli.
 
     Parameters
     ----------
     moduli_Pa : ndarray, shape (S,)
         The moduli in Pa, in ascending order.
     objective_mm : ndarray, shape (S,)
-        The objective of each modulus in mm; `DISCARDED_MM` for an unconverged or unstable candidate.
+        The objective in mm of the candidate with each modulus; `DISCARDED_MM` for an unconverged or unstable candidate.
     """
 
     moduli_Pa: Array
@@ -80,14 +81,16 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective at moduli from c / 3 to c / 1e-7, two for each decade (see the module for c).
+    """Evaluate the objective at moduli from c / 3 to c / 1e-7, with two moduli for each decade.
+
+    c = mu u / L in Pa belongs to a stiff beam with the modulus mu, the length L and the largest displacement u.
 
     Parameters
     ----------
     problem : Problem
         The problem of the fit.
     independent_points : float
-        The number N of independent points.
+        Number of independent edge points.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with 18 more moduli about its best modulus, in two rounds of decreasing range."""
+    """Return the scan with 18 more moduli near the modulus with the smallest objective."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -119,7 +122,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the problem with the lower and the upper bound ``bounds_Pa`` of its modulus, in Pa."""
+    """Return the problem with new bounds of the modulus: ``bounds_Pa``, lower and upper bound in Pa."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -127,13 +130,13 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Evaluate candidates with S moduli in Pa; the other coordinates of the law are in the middle of their ranges."""
+    """Evaluate candidates with S moduli in Pa; other coordinates of the law have the middle of their ranges."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return unknowns whose bounds contain S moduli, and the unit coordinates (S, n) of these candidates."""
+    """Return the n unknowns with bounds that contain S moduli, and the unit coordinates (S, n) of S candidates."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -142,7 +145,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return c = mu u / L in Pa (see the module), from a candidate with a displacement u of at most 0.001 L."""
+    """Return c = mu u / L in Pa for a stiff beam: modulus mu, length L, largest displacement u of at most 0.001 L."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -159,7 +162,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement divided by the beam's length; infinite if a state has no equilibrium.
+    """Return the largest displacement of a beam divided by the length; infinite if a state has no equilibrium.
 
     All states are solved at once from the shape at rest, because the displacements of a stiff beam are small.
     """

@@ -1,10 +1,10 @@
-"""Name a mistake in the stated loads if no material explains the measurement but corrected loads do.
+"""Name a mistake in the stated loads, such as a reversed field, if no modulus explains the measurement.
 
-The check runs before the search. The smallest error of a scan over moduli is divided by the error of an unbent beam.
-If this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in
-the loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the
-error to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds
-0.2. Otherwise the mistake becomes a doubt about the fit.
+The check runs before the search. The smallest error of a scan over moduli is divided by the error of an unbent beam. If
+this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in the
+loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the error
+to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds 0.2.
+Otherwise the mistake becomes a doubt about the fit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Slip = Literal[
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the stated loads that a scan can recognise.
+    """A mistake in the stated loads that a scan over moduli can recognise.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Cause:
     words : str
         Name of the mistake for people.
     loads : callable
-        Takes the stated loads and returns the loads without the mistake.
+        Function that takes the stated loads and returns the loads without the mistake.
     """
 
     slip: Slip
@@ -85,7 +85,7 @@ class NamedCause(Exception):
 
     @property
     def words(self) -> str:
-        """The name of the mistake for people."""
+        """The name of the mistake in the stated loads, for people."""
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
@@ -129,7 +129,7 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return the mistakes in the loads of single datasets, found by scans over the modulus.
+    """Return the mistakes in the stated loads of single datasets, which scans over the modulus reveal.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     scan : Scan
         The scan of the whole problem, with more moduli about its best modulus (`narrowed`).
     independent_points : float
-        The number N of independent points.
+        Number of independent edge points.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error in mm of a scan without a mistake; infinite if the correction changes no load."""
+    """Return the smallest error in mm of a scan with loads corrected for ``cause``; infinite if no load changes."""
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):

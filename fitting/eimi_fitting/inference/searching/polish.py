@@ -1,11 +1,11 @@
 """Improve the best candidate of a search by Gauss-Newton (iteratively reweighted least squares).
 
-State k has N_k residuals r_ki. Up to a constant factor, the objective is
+State k has N_k residuals r_ki in mm, which form the vector r_k. Up to a constant factor, the objective is
 
     f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
 
-The slopes J_k = dr_k/dx are derivatives in the unit coordinates x. The gradient of f is the gradient of least squares
-with the weights w_k = 1 / (N_k e_k):
+The slopes J_k = dr_k/dx are derivatives in the unit coordinates x of the unknowns. The gradient of f is the gradient of
+least squares with the weights w_k = 1 / (N_k e_k):
 
     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
 
@@ -39,7 +39,7 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of P candidates."""
+    """The objective and the residuals of P candidates of a fit."""
 
     @property
     def objective_mm(self) -> Array:
@@ -55,7 +55,7 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement of a candidate by Gauss-Newton.
+    """The improvement of the best candidate of a fit by Gauss-Newton.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Polish:
 
 @dataclass(frozen=True)
 class Optimum(Generic[E]):
-    """The optimum that Gauss-Newton reaches, with the evaluations for central differences about it.
+    """The optimum of a fit after Gauss-Newton, with the evaluations for central differences about the optimum.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Optimum(Generic[E]):
     evaluation : Evaluation
         Evaluation of the 2 n + 1 candidates of `difference_batch` about the optimum.
     distance : ndarray, shape (n,)
-        Distance in unit coordinates between the two candidates of each unknown.
+        For each unknown, distance in unit coordinates between the two candidates of its central difference.
     polish : Polish
         The improvement from the start to the optimum.
     """
@@ -94,20 +94,20 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the candidates that central differences about a point need.
+    """Return the candidates for central differences about a point in unit coordinates.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The point in unit coordinates.
+        The point: n unknowns in unit coordinates from 0 to 1.
 
     Returns
     -------
     batch : ndarray, shape (2 n + 1, n)
-        The point, then n candidates with one coordinate increased, then n candidates with one coordinate decreased. No
-        coordinate leaves 0..1.
+        One candidate in each row: the point, then n candidates with one coordinate increased, then n candidates with
+        one coordinate decreased. All coordinates are within 0..1.
     distance : ndarray, shape (n,)
-        Distance between the two candidates of each coordinate.
+        For each coordinate, distance between its increased and its decreased value.
     """
     n = len(unit)
     step = np.full(n, 1e-2)
@@ -125,17 +125,17 @@ def polish(
     start: tuple[E, Array] | None = None,
     enough: float = ENOUGH,
 ) -> Optimum[E]:
-    """Minimise the objective by Gauss-Newton from a point near the optimum.
+    """Minimise the objective of a fit by Gauss-Newton from a point near the optimum.
 
     Parameters
     ----------
     evaluate : callable
-        Takes P candidates in unit coordinates (P, n), and the evaluation of similar candidates or None. Returns the
-        evaluation of the P candidates.
+        Takes P candidates of n unknowns in unit coordinates (P, n), and an earlier evaluation of similar candidates or
+        None. Returns the evaluation of the P candidates.
     unit : ndarray, shape (n,)
         The start in unit coordinates.
     start : (Evaluation, ndarray), optional
-        Evaluation and distances of `difference_batch` at the start, if they exist already.
+        Evaluation of the candidates of `difference_batch` at the start, and their distances, if already computed.
     enough : float
         Stop after a step that lowers the objective by less than this share of the objective.
 
@@ -146,9 +146,9 @@ def polish(
 
     Notes
     -----
-    The full step is evaluated in one batch together with the central differences about its end, which the next step
-    needs. Most steps lower the objective, and a batch costs little more than one candidate. If the full step does not
-    lower the objective, 0.3 and 0.1 of the step are tried.
+    The end of the full step and the candidates for central differences about this end are evaluated in one batch. The
+    next step needs these differences. Most steps lower the objective, and a batch costs little more than one candidate.
+    If the full step does not lower the objective, 0.3 and 0.1 of the step are tried.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -183,7 +183,7 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return the gradient g (n,) and the matrix H (n, n) of least squares, see the module."""
+    """Return gradient g (n,) and Hessian H (n, n) of weighted least squares for n unknowns (see the module)."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

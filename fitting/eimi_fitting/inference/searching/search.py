@@ -38,31 +38,32 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P candidates, and the reasons why candidates are not valid."""
+    """The objectives of P candidates of a search, and the reasons why candidates are not valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives of P candidates in mm, (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
+        """The objectives of P candidates in mm, shape (P,); `DISCARDED_MM` for an invalid candidate."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the solver finds no equilibrium in at least one state, for each of P candidates, shape (P,)."""
+        """Whether a candidate has no equilibrium in at least one state, for P candidates, shape (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates has equilibria in all states but an unstable law in at least one, (P,)."""
+        """Whether a candidate has all equilibria but an unstable law in at least one state, for P candidates, (P,)."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of the P candidates of one generation.
+    """The objectives of the P candidates of one generation of a search.
 
     Parameters
     ----------
     objective_mm : tuple of float
         The P objectives in mm.
     unconverged, unstable : int
-        Number of candidates without an equilibrium, and number of candidates with an unstable law.
+        Number of candidates without an equilibrium (``unconverged``) and number of candidates with an unstable law
+        (``unstable``).
     """
 
     objective_mm: tuple[float, ...]
@@ -85,7 +86,7 @@ class Generation:
     step_size : float
         Step size sigma in unit coordinates.
     axis_ratio : float
-        Longest over shortest axis of the distribution from which candidates are drawn.
+        Length of the longest axis of the normal distribution of candidates, divided by the length of the shortest axis.
     discarded : int
         Number of unconverged or unstable candidates in this generation.
     """
@@ -113,7 +114,8 @@ class Run:
     best_mm : float
         Smallest objective of the run, in mm.
     stop : str
-        Reason why the run stopped: "population" if the objectives were close, or the names of criteria of cma.
+        Reason why the run stopped: "population" if the objectives of a generation were close, or the names of stopping
+        criteria of the package cma.
     """
 
     population: int
@@ -125,7 +127,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """The numbers of discarded candidates: those without an equilibrium, and those with an unstable law."""
+    """The numbers of candidates without an equilibrium and of candidates with an unstable law, in a search."""
 
     unconverged: int
     unstable: int
@@ -138,7 +140,7 @@ class SearchResult:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The n coordinates of the best candidate, from 0 to 1.
+        The n unit coordinates of the best candidate, from 0 to 1 within the bounds of the search.
     objective_mm : float
         Objective of the best candidate in mm.
     history : tuple of Generation
@@ -160,7 +162,7 @@ class SearchResult:
 
     @property
     def stop(self) -> str:
-        """The reasons why the runs stopped, in order."""
+        """The reasons why the runs of the search stopped, in the order of the runs."""
         return "; ".join(run.stop for run in self.runs)
 
 
@@ -186,7 +188,7 @@ def search(
     Parameters
     ----------
     objective : callable
-        Takes the P candidates (P, n) of a generation and returns their objectives.
+        Takes the unit coordinates (P, n) of the P candidates of a generation and returns the objectives.
     n : int
         Number of coordinates of a candidate.
     seed : int
@@ -196,7 +198,7 @@ def search(
     most_generations : int
         Largest number of generations of one run.
     restarts : int
-        Number of further runs. Each starts from a random point with twice the population of the previous one.
+        Number of further runs. Each further run starts from a random point with twice the population of the run before.
     bipop : bool
         Add runs with small populations after each further run.
     enough_mm : float
@@ -205,7 +207,8 @@ def search(
         Objectives of the first generations of an earlier search with the same arguments. These generations are not
         evaluated again.
     progress : callable, optional
-        Called with each generation and its objectives, also for replayed generations.
+        Function that is called after each generation, also after a replayed generation, with the generation and its
+        objectives.
 
     Returns
     -------
@@ -243,7 +246,7 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return ["population"] if all candidates are valid and their objectives differ by less than ``enough_mm``."""
+    """Return ["population"] if all objectives are valid and differ by less than ``enough_mm``, else an empty list."""
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
@@ -264,7 +267,7 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the objectives of the next generation to replay; None if all were replayed.
+        """Return the objectives of the next generation to replay; None if all generations were replayed.
 
         Raises
         ------
@@ -343,7 +346,7 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield first step size, population and largest number of generations of each run.
+    """Yield the first step size, the population and the largest number of generations of each run of a search.
 
     The caller appends each finished run to ``done``.
     """
