@@ -258,6 +258,8 @@ def main() -> int:
         drawn = generated(options.sample, options.seed, options.room or ())
     else:
         drawn = [m for m in every_mutant() if not options.room or m.room in options.room]
+    if not drawn:
+        parser.error(f"--room {' '.join(options.room or ())}: there is no mistake in a room of this name")
     chosen = [m for m in drawn if not options.only or m.number in options.only]
     for mutant in chosen:  # check before the first run
         mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
