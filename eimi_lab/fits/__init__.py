@@ -14,7 +14,7 @@ checkpoint           log all generations of a search, so that an interrupted sea
 discovering          discover the terms of a law
 law_record           the part of a result file that all fits have in common
 bootstrap_record     the part of a result file on bootstrap replicates
-residuals            distances of measured places from simulated places, by state, edge and arc length
+residuals            distances of measured edge points from simulated edges, by state, edge and arc length
 records              the fits of a result file
 fits_file            compare the laws of several fits; write and read fits.json
 grades               grade how well a fit is supported
@@ -26,7 +26,7 @@ predicted_error      compute the interval of the error of a fit on a dataset
 validation           the errors of a fit on a dataset, and validation.json
 validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run
-planned_ring_down    the value of a ring-down in a planned run
+planned_ring_down    the gain in accuracy from a ring-down in a planned run
 recorded_motions     read the ring-downs and the creep of a dataset
 time_records         the record of a fit to ring-downs alone, and lines on a viscoelastic (Prony) law
 time_fits            fit a viscoelastic (Prony) law to motions, with or without static states

@@ -1,4 +1,4 @@
-"""The inputs that a fit assumes for a dataset in addition to the law: a free bulk modulus, and freed nuisances.
+"""The inputs that a fit assumes for a dataset in addition to the law: the bulk modulus and the freed nuisances.
 
 The values of freed nuisances apply to the datasets to which the law was fitted. For any other dataset all inputs have
 their stated values.
@@ -25,21 +25,22 @@ from eimi_lab.fits.time_records import RingDownRecord
 Array = NDArray[np.float64]
 
 INCOMPRESSIBLE_FROM = 0.495
-"""Smallest Poisson's ratio at which an incompressible beam model errs by 0.4 % of the modulus or less."""
+"""Smallest Poisson's ratio at which the assumption of incompressibility changes the modulus by 0.4 % or less."""
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """The inputs that a fit assumes in addition to the law, for P candidate sets of parameters.
+    """The inputs that a fit assumes in addition to the law, for P candidate sets of the law's parameters.
 
     Attributes
     ----------
     bulk_modulus_Pa : ndarray, shape (P,), or None
-        None for an incompressible material.
+        The bulk modulus of each candidate; None for an incompressible material.
     setup : Setup or None
-        The freed nuisances; None if all inputs are as stated.
-    deviations : mapping of str to ndarray, shape (parts,)
-        By source: deviations of the freed nuisances that change the specimen, the loads or the lens.
+        The values of the freed nuisances; None if all inputs have their stated values.
+    deviations : mapping of str to ndarray, shape (d,)
+        By name of the source of uncertainty: deviations of its d quantities from their stated values. Only freed
+        nuisances that change the specimen, the loads or the lens are included.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -47,11 +48,14 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return the experiment with the specimen, the loads and the lens that the fit identified."""
+        """Return the experiment with the specimen, the loads and the lens that follow from the identified nuisances."""
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Return the places (..., 2) in mm at which the camera sees simulated places of the first candidate."""
+        """Return the simulated points of the first candidate as the camera sees them (mm).
+
+        The last axis of the argument and of the result, shape (..., 2), holds x and y in the beam frame.
+        """
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
@@ -62,8 +66,9 @@ class Assumptions:
         model : str
             Name of the law.
         parameters : ndarray, shape (P, n)
+            The n parameters of the law for each candidate.
         experiment : Experiment
-            Result of `applied`.
+            The experiment that `applied` returns.
         keep : bool
             See `eimi_fitting.inference.evidence.experiment.compare`.
         """
@@ -78,7 +83,10 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the error of the modulus due to a planar section assumption; None for a solid."""
+    """Return a sentence on the error of the modulus due to a planar section assumption.
+
+    Return None for a beam model with a solid section.
+    """
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
         return None
@@ -90,7 +98,7 @@ def section_remark(evidence: Evidence) -> str | None:
 
 
 def rest_shape_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured shape at rest; None if the beam has the stated shape."""
+    """Return a sentence on the measured shape at rest; None if the fit uses the stated shape."""
     shape = evidence.rest_shape
     if shape is None:
         return None
@@ -101,7 +109,10 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the effect of a stated Poisson's ratio below 0.495 on the modulus; otherwise None."""
+    """Return a sentence on the change of the modulus due to a stated Poisson's ratio below 0.495.
+
+    Return None for any other Poisson's ratio.
+    """
     ratio = evidence.poisson_ratio
     if ratio >= INCOMPRESSIBLE_FROM:
         return None
@@ -113,7 +124,7 @@ def compressibility_remark(evidence: Evidence) -> str | None:
 
 
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """Return the inputs that a fit assumes for a dataset, repeated for a number of candidates."""
+    """Return the inputs that a fit assumes for a dataset, repeated for each of `candidates` sets of parameters."""
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None

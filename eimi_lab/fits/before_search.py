@@ -32,7 +32,7 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 @dataclass(frozen=True)
 class _Remedy:
-    """The corrections of one input mistake: in calibration.toml, in states.csv, and for tracked points."""
+    """The ways to correct one mistake in the inputs: in calibration.toml, in states.csv, or for tracked points."""
 
     calibration: str
     states: str
@@ -183,9 +183,9 @@ def _is_edges(experiment: Experiment) -> bool:
 
 
 def _tips_mm(experiment: Experiment) -> Array:
-    """Return the position of the tip in each of the K states (mm), shape (K, 2).
+    """Return x and y of the tip (mm) in each of the K states, shape (K, 2).
 
-    For edges, the position is the mean of the last points of both edges. For tracked points, the mean displacement of
+    With edges, the tip is the mean of the last points of both edges. With tracked points, the mean displacement of
     the points is returned instead.
     """
     observed = experiment.observed

@@ -43,8 +43,8 @@ class BootstrapRecord(Record):
     """Fits to bootstrap replicates of the data. The states of a replicate are drawn with replacement.
 
     `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
-    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3). The interval is null with fewer than 40
-    replicates.
+    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3). With fewer than 40 replicates this field is
+    null.
     """
 
     drawn: Literal["states"] = "states"
@@ -53,7 +53,7 @@ class BootstrapRecord(Record):
 
     @staticmethod
     def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-        """Return the record of all replicates of one fit, with the interval of the modulus."""
+        """Return the record of all replicates of one fit, with the 95 % interval of the initial shear modulus."""
         moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
         enough = len(moduli) >= FEWEST_FOR_INTERVAL
         low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)

@@ -4,10 +4,10 @@ A checkpoint consists of JSON lines. The first line gives the laws, data and opt
 line with the objectives of its candidates, and each finished fit adds a line.
 
 CMA-ES is deterministic: with the same seed and the same objectives it proposes the same candidates. A resumed search
-therefore uses the logged objectives instead of computing them. Numbers are written with all their digits, so that the
-resumed search continues exactly as without the interruption. Processors of another kind round differently in the last
-digit. A repeated generation therefore only has to agree with the logged generation within `_SAME`. An incomplete line
-is skipped, and its generation is computed again.
+therefore reads the logged objectives and does not compute them. Numbers are written with all their digits, so that
+the resumed search continues exactly as without the interruption. Processors of another kind round differently in the
+last digit. A repeated generation therefore only has to agree with the logged generation within `_SAME`. An incomplete
+line is skipped, and the generation of this line is computed again.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """The first line of a checkpoint. A fit is resumed only if the current inputs give the same first line."""
+    """The first line of a checkpoint: laws, data, options and versions of its fits.
+
+    A fit is resumed only if the current inputs give the same first line.
+    """
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]
@@ -47,7 +50,11 @@ class Head(Record):
 
 
 class GenerationLine(Record):
-    """One generation of a fit: index of the fit in the first line, objectives, and state of the search."""
+    """A line of a checkpoint: one generation of the search for one fit.
+
+    The line holds the index of the fit in the first line of the checkpoint, the objectives of the candidates, and the
+    state of the search.
+    """
 
     fit: int
     generation: int
@@ -58,14 +65,14 @@ class GenerationLine(Record):
 
 
 class FinishedLine(Record):
-    """A finished fit, with the index of the fit in the first line of the checkpoint."""
+    """A line of a checkpoint: a finished fit, and the index of this fit in the first line of the checkpoint."""
 
     fit: int
     finished: FitRecord | ReplicateRecord
 
 
 class Checkpoint:
-    """A checkpoint file, new or resumed. This process and its workers append lines to the file.
+    """A new or resumed checkpoint file, to which this process and its workers append lines.
 
     The file is locked against other programs during the lifetime of this object.
 
@@ -109,7 +116,7 @@ class Checkpoint:
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:
-        """Return the content of the complete lines of the file; incomplete lines are skipped."""
+        """Return the decoded JSON of each complete line of the checkpoint; incomplete lines are skipped."""
         complete = []
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
@@ -150,17 +157,20 @@ class Checkpoint:
         return generations, finished
 
     def finished(self) -> dict[int, FitRecord | ReplicateRecord]:
-        """Return the finished fits by their index in the first line of the checkpoint."""
+        """Return the finished fits by the index of each fit in the first line of the checkpoint."""
         return {line.fit: line.finished for line in self._read()[1]}
 
     def finish(self, fit: int, record: FitRecord | ReplicateRecord) -> None:
-        """Append a finished fit, with its index in the first line of the checkpoint."""
+        """Append a finished fit to the checkpoint.
+
+        `fit` is the index of the fit in the first line of the checkpoint.
+        """
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """Return the log of one fit, to which the search adds generations.
+        """Return the log of the fit with this index in the first line of the checkpoint.
 
-        The log contains the stored generations up to the first missing generation.
+        The log contains the stored generations up to the first missing generation. The search adds new generations.
         """
         by_number: dict[int, GenerationLine] = {}
         for line in self._read()[0]:
@@ -174,9 +184,9 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The logged generations of one fit.
+    """The logged generations of the search for one fit.
 
-    The search calls this object after each generation. New generations are appended to the checkpoint.
+    The search calls this object after each generation. The object appends new generations to the checkpoint.
     """
 
     path: Path
@@ -190,7 +200,10 @@ class GenerationLog:
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Append a new generation. Raises OtherSearch if a repeated generation differs from the logged generation."""
+        """Append a new generation to the checkpoint.
+
+        Raises OtherSearch if a repeated generation differs from the logged generation.
+        """
         self.generation += 1
         if self.generation <= len(self.logged):
             if not _same(generation, self.logged[self.generation - 1].search):
@@ -218,10 +231,10 @@ def _same(replayed: Generation, logged: Generation) -> bool:
 
 
 def _append(path: Path, line: Record, fresh: bool = False) -> None:
-    """Append one line to the file with a single write, and flush the line to the disk.
+    """Append one line to the checkpoint with a single write, and flush the line to the disk.
 
-    With a single write the lines of several processes do not mix. The line break comes first, so that an incomplete
-    line before it does not damage the new line.
+    Because each line is a single write, the lines of several processes do not mix. The line break is written before the
+    line, so that an incomplete last line of the file does not damage the new line.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
     descriptor = os.open(path, flags, 0o666)

@@ -54,7 +54,7 @@ def library_of(names: Sequence[str]) -> tuple[Term, ...]:
 def content(
     discovery: Discovery, evidence: Sequence[Evidence], curves: Sequence[FileCurve], **numbers: float
 ) -> dict[str, Any]:
-    """Return the content of discovery.json. `numbers` are the numeric options of `discovered`."""
+    """Return the content of discovery.json as a dictionary. `numbers` are the numeric options of `discovered`."""
     return {
         "statement": discovery.statement,
         "identified": discovery.identified,
@@ -92,7 +92,7 @@ def _alternative(law: Alternative) -> dict[str, Any]:
 
 
 def lines(discovery: Discovery, output: Path) -> list[str]:
-    """Return the lines that `eimi discover` prints. `output` is the file that holds all alternatives."""
+    """Return the lines that `eimi discover` prints; the lines name the file `output`, which holds all alternatives."""
     printed = [discovery.statement]
     for law in discovery.alternatives[:_SHOWN]:
         names = SumOfTerms(law.terms).parameter_names

@@ -58,11 +58,11 @@ class Evidence:
     sha256 : str
         Hash of the file.
     experiment : Experiment
-        Beam model, loads, and measured edges or points of the used states.
+        Beam model, loads, and measured edges or tracked points of the used states.
     states : tuple of State
         The used states.
     used : StatesUsed
-        The states that are used and left out, with their flags.
+        The indices and flags of the used states and of the states left out.
     taken_as_exact : tuple of str
         Keys without a stated uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for its keys;
         if a calibration gives none, `calibration` stands for its keys.
@@ -73,7 +73,7 @@ class Evidence:
     poisson_ratio : float
         The stated Poisson's ratio; the fit takes the material as incompressible.
     field_line : FieldLine or None
-        The measured field; None if the field follows from the stated coil constant.
+        The measured line of field against current; None if the field is computed from the stated coil constant.
     typed_mT_per_A : float or None
         The stated coil constant.
     heating : MeasuredHeating or None
@@ -94,7 +94,7 @@ class Evidence:
     heating: MeasuredHeating | None = None
 
     def plot(self) -> Any:
-        """Return a matplotlib figure, in the beam frame, of the measured edges or points of the used states."""
+        """Return a matplotlib figure of the measured edges or tracked points of the used states, in the beam frame."""
         from eimi_lab.dataset.plotting import OF_BEAM, drawn_places  # matplotlib is slow to import
 
         observed = self.experiment.observed
@@ -163,7 +163,10 @@ def load_evidence(
 
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
-    """Return the evidence of a dataset with edges or tracked points. Raises InputError if no state can be used."""
+    """Return the evidence from a dataset that contains edges or tracked points.
+
+    Raises InputError if no state can be used.
+    """
     if not dataset.states and (dataset.ring_downs() or dataset.creeps()):
         raise InputError(f"{path}: holds a recorded motion and no states; fit the motion with --time prony")
     specimen = dataset.specimen.mechanics()
@@ -203,7 +206,7 @@ def _measured_rest_shape(dataset: Dataset, experiment: Experiment) -> MeasuredRe
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
-    """Return the usable states of a dataset of frames, even while the run still adds states.
+    """Return the beam model, loads and edges of the usable states of a dataset, even while the run still adds states.
 
     Parameters
     ----------
@@ -257,7 +260,10 @@ def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
 
 
 def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
-    """Return the stated uncertainties of specimen, calibration and rig. Raises InputError if a table is wrong."""
+    """Return the uncertainties that the specimen, calibration and rig of a dataset specify.
+
+    Raises InputError if a table of uncertainties is wrong.
+    """
     sources = dataset.specimen.stated_sources()
     if dataset.calibration is not None:
         sources += dataset.calibration.stated_sources()
@@ -284,7 +290,10 @@ def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
-    """Return the indices of the used states, and their edges or points. Raises InputError without a usable state."""
+    """Return the indices of the used states, and the edges or tracked points of these states.
+
+    Raises InputError if no state can be used.
+    """
     if dataset.kind == "points":
         points = dataset.points()
         most = max(len(p.names) for p in points)
@@ -328,7 +337,10 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation (mm) that the flags of a state add, in quadrature, to that of its points."""
+    """Return the standard deviation (mm) due to the flags of a state.
+
+    This standard deviation is added in quadrature to the standard deviation of each edge point of the state.
+    """
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -337,7 +349,7 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return points and standard deviations of both edges, with `by_mm` added to the deviations in quadrature."""
+    """Return the points and the standard deviations of both edges, with `by_mm` added in quadrature to the latter."""
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 
@@ -367,7 +379,10 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens; else nothing."""
+    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens.
+
+    Return an empty tuple otherwise.
+    """
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()
@@ -386,7 +401,7 @@ def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
 
 
 def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
-    """Return the first flag in the edges of a dataset, with its remedy, in words."""
+    """Return a sentence with the first flag in the edges of a dataset, and with the remedy for this flag."""
     flags = [flag for pair in edges for flag in pair.flags]
     if not flags:
         return "the frames show no beam"

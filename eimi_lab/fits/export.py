@@ -38,7 +38,7 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
     model : str
         Name of the law.
     index : int or None
-        Index of the fit in the file; needed if the file holds several fits of the law.
+        Index of the fit in the file; required if the file holds several fits of the law.
 
     Raises
     ------
@@ -64,12 +64,12 @@ def _window(fit: AnyFit) -> str:
 
 
 def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
-    """Return the bulk modulus in Pa, from its value in kPa or from its ratio to the initial shear modulus.
+    """Return the bulk modulus (Pa), from a value in kPa or from the ratio of bulk modulus to initial shear modulus.
 
     Raises
     ------
     InputError
-        If none or both of the numbers are given, or if the number is not positive.
+        If neither or both of `bulk_modulus_kPa` and `bulk_ratio` are given, or if the given number is not positive.
     """
     if (bulk_modulus_kPa is None) == (bulk_ratio is None):
         raise InputError(
@@ -85,7 +85,7 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
 
 
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
-    """Return the text of a material card.
+    """Return the material card of a fit for a finite-element program, as text.
 
     Raises InputError for a law that the program lacks, or for a wrong bulk modulus.
     """
@@ -111,7 +111,7 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Return the comments of a card: files, largest strain and intervals of the fit, and doubts."""
+    """Return the comment lines of a material card: files, largest strain, intervals and doubts of the fit."""
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

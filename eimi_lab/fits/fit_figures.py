@@ -22,14 +22,15 @@ _BEYOND = 2.0  # the figure ends at this multiple of the largest strain in the d
 
 @styled
 def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> Drawing:
-    """Draw engineering stress against strain of a law in uniaxial tension; strains beyond the data are shaded.
+    """Draw engineering stress against strain in uniaxial tension for a law; strains beyond the data are shaded.
 
     Parameters
     ----------
     law : Law
     parameters : ndarray, shape (n,)
+        The n parameters of the law.
     drawn : ndarray, shape (D, n)
-        D draws of the parameters, for the 95 % band.
+        D draws of the n parameters, for the 95 % band.
     max_stretch : float
         Largest stretch in the data.
     """
@@ -52,9 +53,10 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
 def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
-    """Draw the errors of the states against the field, with bars of one standard deviation.
+    """Draw the error of a fit in each state (mm) against the field (mT).
 
-    If the field is constant, the errors are drawn against the index of the state.
+    Bars show the standard deviation of the distances in each state (mm). If the field is constant, the errors are drawn
+    against the index of the state.
     """
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
@@ -69,9 +71,10 @@ def drawn_errors(
 
 @styled
 def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
-    """Draw the residuals (K, 2, m) of K states along both edges.
+    """Draw the residuals of a fit against the arc length, for each of the two edges.
 
-    Each state has a line in the colour of its field.
+    `distance_mm` and `arc_length_mm` have the shape (K, 2, m) for K states, 2 edges and m points of an edge. Each state
+    has a line, whose colour shows the field of the state (`field_mT`, shape (K,)).
     """
     values = field_mT if np.ptp(field_mT) > 0 else np.arange(float(len(field_mT)))
     scale = ScalarMappable(Normalize(values.min(), max(values.max(), values.min() + 1e-9)), colormaps[IN_ORDER])
@@ -96,7 +99,10 @@ def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array,
 
 @styled
 def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
-    """Draw errors against the field, with a line for each name. `errors` holds field (mT) and error (mm) by name."""
+    """Draw the errors of several fits or datasets against the field, with a line for each name.
+
+    `errors` holds for each name the fields (mT) and the errors (mm) of the states.
+    """
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
     for number, (name, (field_mT, error_mm)) in enumerate(errors.items()):

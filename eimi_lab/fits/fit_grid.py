@@ -26,7 +26,7 @@ FEWEST_STATES = 5  # for a bootstrap: with fewer states, many replicates would c
 
 @dataclass(frozen=True)
 class Task:
-    """A fit to compute: the law, the datasets, the seed, and the number of the replicate (0: the measured data)."""
+    """A fit to compute: law, datasets, seed, and number of the bootstrap replicate (0 for the measured data)."""
 
     model: str
     evidence: tuple[Evidence, ...]
@@ -34,7 +34,7 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
-        """Return the law, the datasets, the seed and the replicate in words."""
+        """Return the law, the datasets, the seed and the bootstrap replicate of a fit as text."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 
@@ -58,7 +58,7 @@ def grid(
     Raises
     ------
     InputError
-        If there are too few states for a bootstrap, or if no material could explain the states.
+        If a dataset has too few states for a bootstrap, or if no material could explain its states.
     """
     check_evidence(evidence)
     groups = [(e,) for e in evidence] if each else [tuple(evidence)]
@@ -94,7 +94,7 @@ def fit_grid(
     ----------
     tasks : sequence of Task
     options : mapping
-        Keyword arguments of `eimi_fitting.identify` that are equal for all tasks.
+        Keyword arguments of `eimi_fitting.identify`, equal for all tasks.
     executor : callable, optional
         Starts the workers; without an executor the fits are computed in this process.
     checkpoint : Checkpoint, optional
@@ -149,7 +149,7 @@ def fit_grid(
 
 @dataclass
 class _Underway:
-    """A function that reports and logs each generation of a search in this process."""
+    """A function that a search calls after each generation, to report the generation and to log it in a checkpoint."""
 
     task: str
     tell: Callable[[str], None]
@@ -172,7 +172,7 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """Yield the fits to the measured data in the order of the tasks, each with its bootstrap replicates."""
+    """Yield the fits to the measured data in the order of the tasks, each with the fits to its bootstrap replicates."""
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):
         record = done[index]

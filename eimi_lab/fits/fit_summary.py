@@ -1,4 +1,4 @@
-"""The details of a fit and the comparison of laws, as `eimi fit` prints them below its results."""
+"""The details of a fit and the comparison of laws, as `eimi fit` prints them."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return the lines on one fit.
+    """Return lines on the details of one fit.
 
-    The lines concern determined quantities, budget, nuisances, curves, causes of the residuals, grade and doubts.
+    The lines concern the quantities that the data determine, the budget, nuisances, tensile curves, causes of the
+    residuals, grade and doubts.
     """
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
@@ -38,7 +39,7 @@ def remarks(fit: FitRecord) -> list[str]:
 def _grade_lines(fit: FitRecord) -> list[str]:
     """Return one line with the grade of a fit.
 
-    The reason for the grade is added only if the fit has no doubts, because `_doubts` prints the doubts.
+    The line gives the reason for the grade only if the fit has no doubts. Doubts are printed by `_doubts`.
     """
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
@@ -57,7 +58,7 @@ def cause_lines(fit: FitRecord) -> list[str]:
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
-    """Return the lines on the quantities that the data determine."""
+    """Return lines on the quantities that the data of a fit determine."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         low, high = fit.bulk_modulus.interval_95
@@ -70,7 +71,7 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Return the lines on priors, on freed nuisances, and on tensile curves of a fit."""
+    """Return lines on the priors, the freed nuisances and the tensile curves of a fit."""
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
@@ -91,7 +92,7 @@ def _doubts(fit: LawRecord) -> list[str]:
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
-    """Return the lines on a fit to a tensile test: the parameters that the curve leaves open, and the doubts."""
+    """Return lines on a fit to a tensile test: the parameters that the curve does not determine, and the doubts."""
     return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
@@ -110,7 +111,7 @@ def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
-    """Return lines on the sources of uncertainty of the modulus, the largest first.
+    """Return lines on the sources of uncertainty of the modulus, in descending order of their effect on the modulus.
 
     The last line names the quantity to measure better next.
     """
@@ -137,14 +138,14 @@ def budget_lines(fit: FitRecord) -> list[str]:
 
 
 def all_together_percent(fit: FitRecord) -> float:
-    """Return the standard uncertainty of the modulus due to all sources together, in per cent."""
+    """Return the standard uncertainty of the modulus due to all sources of uncertainty together, in per cent."""
     return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
 def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
     """Return the name of a source of uncertainty.
 
-    The datasets are added if the source does not concern all datasets of the fit.
+    The names of the datasets are added if the source concerns only some datasets of the fit.
     """
     if len(entry.datasets) == len(fit.datasets):
         return entry.words
@@ -152,7 +153,10 @@ def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return a sentence with the quantity to measure better next, and with the interval to expect afterwards."""
+    """Return a sentence with the quantity to measure better next.
+
+    The sentence also gives the interval of the modulus to expect after this measurement.
+    """
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
@@ -178,7 +182,7 @@ def comparison_table(choices: Sequence[Choice]) -> list[str]:
 
 
 def held_out_in_words(choice: Choice) -> str:
-    """Return the error on states left out of the fit in µm; `-` if no state could be left out."""
+    """Return the error of a law on states left out of its fit (µm) as text; `-` if no state could be left out."""
     return "-" if choice.held_out_error_mm is None else f"{1e3 * choice.held_out_error_mm:.2f} µm"
 
 

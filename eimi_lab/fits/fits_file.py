@@ -36,8 +36,8 @@ AnyFit = Annotated[
 class Fits(Record):
     """The content of fits.json: the fits in their order, and the comparison of the fitted laws.
 
-    `fits[0]` is the first fit, and `fits["yeoh"]` is the first fit of the Yeoh law. The comparison is empty unless all
-    laws were fitted to the same data.
+    `fits[0]` is the first fit, and `fits["yeoh"]` is the first fit of the Yeoh law. The comparison is empty unless
+    different laws were fitted to the same bending data.
     """
 
     fits: tuple[AnyFit, ...] = Field(min_length=1)
@@ -54,15 +54,18 @@ class Fits(Record):
         return Path(path)
 
     def __len__(self) -> int:
-        """Return the number of fits."""
+        """Return the number of fits in fits.json."""
         return len(self.fits)
 
     def __iter__(self) -> Iterator[FitRecord | TensileRecord | RingDownRecord]:  # type: ignore[override]
-        """Iterate over the fits in the order of the file."""
+        """Iterate over the fits in the order of fits.json."""
         return iter(self.fits)
 
     def __getitem__(self, which: int | str) -> FitRecord | TensileRecord | RingDownRecord:
-        """Return the fit with this index, or the first fit of the law with this name. Raises InputError without one."""
+        """Return the fit with this index, or the first fit of the law with this name.
+
+        Raises InputError if fits.json has no fit with this index or of this law.
+        """
         if isinstance(which, int):
             return self.fits[which]
         for fit in self.fits:
@@ -73,7 +76,7 @@ class Fits(Record):
         )
 
     def __repr__(self) -> str:
-        """Return a line with the summaries of all fits."""
+        """Return one line with the summary of each fit."""
         return f"<Fits: {'; '.join(fit.summary() for fit in self.fits)}>"
 
     def _repr_html_(self) -> str:
@@ -143,7 +146,7 @@ def read_fits_file(path: str | Path) -> Fits:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Return the first fault of a validation error as `key: reason`, without the names of alternative types."""
+    """Return the first fault of a pydantic error as `key: reason`, without the names of alternative types."""
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]
     if keys[:1] == ["fits"]:

@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 
 
 def check_models(models: Sequence[str]) -> list[str]:
-    """Return the names of laws, each once. Raises InputError for an unknown law."""
+    """Return the names of laws without repetitions. Raises InputError for an unknown law."""
     for model in models:
         if model not in LAWS:
             raise InputError(f"--model {model}: there is no law {model!r}; {suggestion(model, LAWS)}")
@@ -26,7 +26,10 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """Return the section assumption of the option `--section`; None without the option. Raises InputError."""
+    """Return the section assumption that the option `--section` names; None without the option.
+
+    Raises InputError for an unknown name.
+    """
     for name in get_args(Section):
         if section == name:
             return name
@@ -47,7 +50,7 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the message for the user, with the path of the dataset, about one of the errors in `REFUSALS`."""
+    """Return the InputError that explains an error of `REFUSALS` to the user, with the path of the dataset."""
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]
         return InputError(f"{dataset.path}: state {dataset.states[error.state].index}: {error}")

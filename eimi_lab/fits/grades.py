@@ -1,4 +1,4 @@
-"""Grade how well a fit is supported, from noise only to the prediction of another specimen."""
+"""Grade how well the data and the checks support a fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ _PREDICTED = 1.5  # a prediction succeeds if its error is below this many times 
 
 @dataclass(frozen=True)
 class Grade:
-    """The grade of a fit (`name`), and sentences with the reason for this grade (`words`)."""
+    """The grade of a fit.
+
+    Attributes
+    ----------
+    name : str
+        One of the grades that the function `grade` lists.
+    words : str
+        Sentences with the reason for the grade.
+    """
 
     name: str
     words: str
@@ -32,8 +40,8 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
     -------
     Grade
         "not determined", "doubted", "noise only", "budget stated", "predicted unseen states", or "predicted an unseen
-        specimen". For "noise only", "budget stated" and "predicted unseen states", the words also name the specimens
-        that the law did not predict.
+        specimen". For "noise only", "budget stated" and "predicted unseen states", the attribute `words` also names
+        the specimens that the law did not predict.
     """
     if "initial_shear_modulus" in fit.held_by_bounds():
         return Grade("not determined", "The data do not determine the modulus.")
@@ -66,9 +74,9 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
 
 
 def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
-    """Return whether a law predicts a specimen to which it was not fitted.
+    """Return whether a law predicts a specimen to which the law was not fitted.
 
-    The lower end of the interval of the error on this specimen must be below 1.5 times the error on the fitted states.
+    The 95 % interval of the mean error on this specimen must begin below 1.5 times the mean error on the fitted states.
     """
     if validation.mean_error_mm is None:
         return False

@@ -1,4 +1,4 @@
-"""The part of a result file that all kinds of fits have in common, with its tables and figures."""
+"""The record of a fit that all kinds of fits in a result file have in common, with its tables and figures."""
 
 from __future__ import annotations
 
@@ -20,17 +20,20 @@ Array = NDArray[np.float64]
 
 
 STRICT = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
-"""Settings of the records: unknown keys of a file are errors, and fields that no file holds may be arrays."""
+"""Pydantic settings of all records: unknown keys of a file are errors, and fields may have array types."""
 
 
 class Record(BaseModel):
-    """A part of a result file. A record cannot be changed, and unknown keys in the file are errors."""
+    """The base class of the parts of a result file. A record is immutable, and unknown keys in the file are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Stability(Record):
-    """The stability of a law: the criterion, and the largest stable stretch (null: stable at all checked stretches)."""
+    """The criterion for the stability of a law, and the largest stable stretch.
+
+    The largest stable stretch is null if the law is stable at all checked stretches.
+    """
 
     criterion: str
     stable_up_to_stretch: float | None
@@ -50,15 +53,16 @@ class LawRecord:
     model : str
         Name of the law.
     parameters : dict of Quantity
-        Parameters with 95 % intervals, by name, in the order of the law.
+        Values of the parameters with 95 % intervals, by name of the parameter, in the order of the law.
     initial_shear_modulus : Quantity
+        The initial shear modulus with its 95 % interval.
     max_stretch : float
         Largest principal stretch in the data.
     stability : Stability
     doubts : tuple of Doubt
         Reasons to doubt the result. A doubt about a state contains the index of the state in the dataset.
     draws : Draws or None
-        Draws from the joint distribution of all uncertain numbers; null in files of earlier releases.
+        Draws from the joint distribution of the parameters and the uncertain inputs; null in files of earlier releases.
     versions : dict of str
         Versions of Python and of the packages that computed the fit.
     """
@@ -94,19 +98,20 @@ class LawRecord:
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return the n parameters of the law in D draws, shape (D, n); at most `most` draws.
+        """Return the n parameters of the law in D draws from their distribution, shape (D, n).
 
-        The draws are evenly spread over the modulus. D is 0 if the fit has no draws.
+        D is at most `most`, and 0 if the fit has no draws. If draws are left out, the returned draws are evenly spread
+        over the modulus.
         """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return the deviations of an uncertain input from its stated value in D draws of the fit, shape (D,).
+        """Return the deviations of the uncertain input `name` from its stated value in D draws of the fit, shape (D,).
 
         The deviations have the unit of the input. The method `drawn` returns the parameters of the law in the same
-        draws. The result is None if the draws do not contain an input with this name.
+        draws. Return None if the draws do not contain the input.
         """
         if self.draws is None or name not in self.draws.names:
             return None
@@ -124,11 +129,11 @@ class LawRecord:
         return in_words(modulus.value, modulus.interval_95)
 
     def notes(self) -> list[str]:
-        """Return sentences on the data and the errors of the fit."""
+        """Return sentences on the data of a fit and on its errors."""
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the data do not determine."""
+        """Return the names of the parameters of a fit that its data do not determine."""
         return ()
 
     def stretch_in_words(self) -> str:
@@ -141,7 +146,11 @@ class LawRecord:
         )
 
     def caveats(self) -> list[str]:
-        """Return the lines that must accompany the numbers: interval, undetermined parameters, limits and doubts."""
+        """Return the lines that must accompany the numbers of a fit.
+
+        The lines concern the interval, the undetermined parameters, the limits of stretch and stability, and the
+        doubts.
+        """
         held = self.held_by_bounds()
         return [
             f"initial shear modulus {self.modulus_in_words()}, 95 % interval",
@@ -152,25 +161,26 @@ class LawRecord:
         ]
 
     def priors_in_words(self) -> list[str]:
-        """Return a sentence for each prior on a parameter."""
+        """Return a sentence for each prior on a parameter of the law."""
         return []
 
     def doubts_in_words(self) -> list[str]:
-        """Return the doubts, each with its dataset, state or curve."""
+        """Return each doubt about a fit in words, with the dataset, the state or the curve of the doubt."""
         return [doubt.words for doubt in self.doubts]
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the doubts for the file, without the kind of each doubt, which files do not contain."""
+        """Return the doubts as a result file contains them, without the attribute `kind`."""
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:
         return {**self.parameters, "initial_shear_modulus": self.initial_shear_modulus}
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame of parameters and initial shear modulus with their intervals.
+        """Return a pandas.DataFrame of the parameters and the initial shear modulus, with their 95 % intervals.
 
-        The column `held_by_bounds` is true if the data do not determine the value. Raises ImportError without pandas.
+        The column `held_by_bounds` tells whether the data leave the value undetermined. Raises ImportError without
+        pandas.
         """
         rows = [
             {
@@ -186,14 +196,17 @@ class LawRecord:
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of stress in uniaxial tension with its 95 % band, within and beyond the data."""
+        """Return a matplotlib figure of stress against strain in uniaxial tension with the 95 % band of the fit.
+
+        The figure also shows strains beyond the data.
+        """
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]
         return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
 
     def summary(self) -> str:
-        """Return one line: the law, and the initial shear modulus with its interval."""
+        """Return one line with the name of the law, and the initial shear modulus with its 95 % interval."""
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:

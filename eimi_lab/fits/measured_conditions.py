@@ -1,4 +1,4 @@
-"""The measured field of a dataset, and its effect on a fit.
+"""The loads and uncertainties of a dataset whose field was measured.
 
 A measured field replaces the stated coil constant. The slope of the measured line (`dataset.measured_field`) is used as
 the coil constant, and the offset of the line as a background field. Both have the uncertainties of the line.
@@ -22,9 +22,9 @@ REPLACED = frozenset({"coil", "offset"})
 
 
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
-    """Return loads with the measured offset as the background field along the axis of the coil.
+    """Return loads whose background field along the axis of the coil is the offset of the measured line.
 
-    The offset replaces the stated background along this axis. Without a measured field the loads are unchanged.
+    This offset replaces the stated background field along the axis. Without a measured field the loads are unchanged.
     """
     line = dataset.field_line
     if line is None or dataset.calibration is None:
@@ -36,7 +36,7 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 
 
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
-    """Return the uncertainties of a measured field; empty if the field was not measured.
+    """Return the sources of uncertainty of a measured field; empty if the field was not measured.
 
     For imported data all states are assumed to share the error of the field. The uncertainty of the strongest field is
     taken as a fraction of the field, and the uncertainty of the weakest field as an offset.

@@ -11,7 +11,7 @@ from eimi_lab.fits.law_record import Record
 
 
 class MeasuredField(Record):
-    """The line of field against current that a gaussmeter measured.
+    """The straight line of field against current that was fitted to the readings of a gaussmeter.
 
     A fit uses this line instead of the stated coil constant.
 
@@ -20,13 +20,13 @@ class MeasuredField(Record):
     source : str
         Name and identification of the gaussmeter.
     mT_per_A, mT_per_A_sigma : float
-        Slope and its standard uncertainty.
+        Slope of the line, and standard uncertainty of the slope.
     offset_mT, offset_mT_sigma : float
-        Field at zero current (remanence, background and zero of the probe) and its standard uncertainty.
+        Field at zero current (remanence, background and zero of the probe), and standard uncertainty of this field.
     scatter_mT : float
-        Standard deviation of the readings about the line.
+        Standard deviation of the readings about the line, mT.
     currents : int
-        Number of different currents.
+        Number of different currents at which the gaussmeter was read.
     scale_is_stated : bool
         Whether the rig gives an uncertainty of the gaussmeter's scale; otherwise the scale is taken as exact.
     stated_mT_per_A : float or None
@@ -77,11 +77,12 @@ class MeasuredField(Record):
 
 
 class MeasuredTemperature(Record):
-    """The measured temperature of the specimen in the used states, °C.
+    """The measured temperature of the specimen in the used states.
 
     Attributes
     ----------
     mean_degC, lowest_degC, highest_degC : float
+        Mean, lowest and highest temperature, °C.
     states : int
         Number of used states with a measured temperature.
     """

@@ -44,7 +44,7 @@ def measured_lines(datasets: Sequence[DatasetReference]) -> list[str]:
 
 
 def measured_differences(datasets: Sequence[DatasetReference]) -> list[str]:
-    """Return a line for each pair of datasets with different temperatures or measured coil constants."""
+    """Return a line for each pair of datasets whose temperatures or measured coil constants differ."""
     lines = []
     for first, second in combinations(datasets, 2):
         if first.temperature and second.temperature:

@@ -78,7 +78,10 @@ class FitOptions:
 
     @property
     def has_law_of_time(self) -> bool:
-        """Whether a viscoelastic (Prony) law is fitted. Raises InputError for an unknown value of ``--time``."""
+        """Whether a viscoelastic (Prony) law is fitted, as the option ``--time`` specifies.
+
+        Raises InputError for an unknown value of the option.
+        """
         if self.time not in _LAWS_OF_TIME:
             raise InputError(f"--time {self.time}: should be one of {', '.join(_LAWS_OF_TIME)}")
         return self.time != "none"
@@ -116,7 +119,9 @@ class FitOptions:
                 raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
-        """Load a dataset with the section assumption and the flagged states that the options specify.
+        """Return the evidence from a dataset, with the section assumption of the option `--section`.
+
+        States with flags are used if the options ask for them.
 
         Raises
         ------
@@ -129,7 +134,7 @@ class FitOptions:
         return load_evidence(path, section=check_section(self.section), flagged=self.include_flagged)
 
     def check(self, evidence: Sequence[Evidence]) -> None:
-        """Check that the datasets differ, and that each dataset can determine the quantities of ``--free``.
+        """Check that no dataset occurs twice, and that each dataset can determine the quantities of ``--free``.
 
         Raises
         ------
@@ -156,7 +161,7 @@ class FitOptions:
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
-        """Raise InputError if neither option nor dataset gives the standard deviation of a freed quantity."""
+        """Raise InputError if neither `--free` nor the dataset gives the standard deviation of a freed quantity."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:

@@ -4,13 +4,14 @@ An ordinary lens shows the union of the outlines of the near face and the far fa
 displaced outward by a depth / (2 S). Here a is the distance of the edge from the optical axis along the normal of the
 edge, and S is the stand-off of the lens. A bent beam therefore appears wider where its edges are farther from the axis.
 A bent solid also bows across its depth by about κ depth² / 16, where κ is the curvature of the beam. This bow widens
-the outline, too. The apparent width w is therefore fitted as
+the outline, too. The apparent width w at the fraction s of the arc length is therefore fitted as
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 
-over all stations s along the beam and over all states. The width w₀ at each station is free, so that an irregular shape
-of the beam has no influence. A bent beam also becomes slightly thinner. This makes the estimated S too large by some
-tenths of its value, so that the stand-off should be measured and not taken from this estimate.
+over all stations s along the beam and over all states. The distances a_left and a_right are those of the two edges, and
+b and c are coefficients of the fit. The width w₀ at each station is free, so that an irregular shape of the beam has no
+influence. A bent beam also becomes slightly thinner. Therefore the estimated S is too large by some tenths of its
+value. The stand-off should be measured and not taken from this estimate.
 """
 
 from __future__ import annotations
@@ -31,7 +32,15 @@ _SURE = 6.0  # smallest slope b that counts, in standard errors (jackknife over 
 
 @dataclass(frozen=True)
 class SeenDepth:
-    """The stand-off (mm) that explains the edges, and the largest change of width (mm) due to this stand-off."""
+    """The perspective of a lens, estimated from the measured edges.
+
+    Attributes
+    ----------
+    stand_off_mm : float
+        The stand-off of the lens that explains the edges.
+    change_mm : float
+        The largest change of the beam's width in the picture due to this stand-off.
+    """
 
     stand_off_mm: float
     change_mm: float
@@ -44,7 +53,7 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
     ----------
     observed : EdgeObservation
     centre_mm : ndarray, shape (2,)
-        Intersection of the optical axis with the plane of the beam.
+        x and y in the beam frame of the intersection of the optical axis with the plane of the beam.
     depth_mm : float
         Depth of the beam.
     """
@@ -61,16 +70,20 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return the slope b of the apparent width, from the profiles (K, 3, S) of K states at S stations.
+    """Return the coefficient b of the equation in the module's docstring, from measurements in K states at S stations.
 
-    The mean over the states is subtracted, which removes the free width w₀ of each station.
+    The second axis of `profiles`, shape (K, 3, S), holds width, distance from the optical axis, and curvature. The mean
+    over the states is subtracted, which removes the free width w₀ of each station.
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 
 
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """Return width, distance from the optical axis, and curvature of state k at the S stations, shape (3, S)."""
+    """Return width (mm), distance from the optical axis (mm) and curvature (1/mm) of the beam in state k.
+
+    The result has the shape (3, S) for S stations along the beam.
+    """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
     )
@@ -85,14 +98,21 @@ def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """Return the points (S, 2) of an edge (n, 2) at the S stations, which are fractions of its arc length."""
+    """Return x and y of an edge at S fractions of its arc length, shape (S, 2).
+
+    `points` holds x and y of n points of the edge, shape (n, 2).
+    """
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = _STATIONS * length[-1]
     return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=1)
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """Return the distances (S,) of an edge (n, 2) from middle points (S, 2) of the beam, along normals (S, 2)."""
+    """Return the distances of an edge from S middle points of the beam along normals of the middle line, shape (S,).
+
+    The edge has n points, shape (n, 2). The middle points and the normals have the shape (S, 2). The last axis of each
+    argument holds x and y.
+    """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]
     across, along = ((arms * axis[:, None]).sum(axis=2) for axis in (normal, tangent))

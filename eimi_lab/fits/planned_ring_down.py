@@ -1,9 +1,9 @@
-"""The value of a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
+"""The gain from a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
 
 A run of static states determines the ratio of the modulus to the magnetic moment. A ring-down in zero field determines
 the modulus from the mass of the beam, without the moment. If creep is recorded, a viscoelastic (Prony) law relates the
-static modulus to the dynamic modulus. Let s be the logarithm of the modulus from the static states, and d that from the
-ring-down. To first order in the errors δ of the inputs, each of unit variance,
+static modulus to the dynamic modulus. Let s be the logarithm of the modulus from the static states, and d the logarithm
+of the modulus from the ring-down. To first order in the errors δ of the inputs, each of unit variance,
 
     s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
@@ -41,20 +41,22 @@ _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the ma
 
 @dataclass(frozen=True)
 class ExpectedRingDown:
-    """The expected intervals of a run with one ring-down in zero field: half-widths at 95 % in per cent.
+    """The expected 95 % intervals of the modulus, as half-widths, for a run with one ring-down in zero field.
 
     Attributes
     ----------
     frequency_Hz : float
-        Frequency at the modulus of the earlier fit. The true frequency is higher, as the dynamic modulus is higher.
+        Frequency of the ring-down for the modulus of the earlier fit. The true frequency is higher, because the dynamic
+        modulus is higher.
     dynamic_percent : float
-        Half-width for the dynamic modulus from the ring-down alone.
+        Half-width for the dynamic modulus from the ring-down alone, %.
     without_percent, with_percent : float
-        Half-width for the modulus of the static states, without a ring-down and with ring-down and creep.
+        Half-widths for the modulus of the static states, %: without a ring-down, and with a ring-down and creep.
     moment_share_percent : float
-        Part of ``without_percent`` that comes from the magnetic moment and the field.
+        Part of ``without_percent`` that comes from the magnetic moment and the field, %.
     moment_percent : float or None
-        The same part if ring-down and creep are recorded; None if nothing magnetic is uncertain.
+        Half-width for the magnetic moment and the field if ring-down and creep are recorded, %. None if no magnetic
+        input is uncertain.
     """
 
     frequency_Hz: float
@@ -66,7 +68,7 @@ class ExpectedRingDown:
 
     @property
     def in_words(self) -> str:
-        """Return a sentence with the expected intervals."""
+        """Return a sentence with the expected intervals of the modulus with and without a ring-down."""
         moment = ""
         if self.moment_percent is not None:
             moment = (
@@ -89,7 +91,7 @@ def expected_ring_down(
     static_percent: float,
     effects: Mapping[str, float],
 ) -> ExpectedRingDown | None:
-    """Return the intervals to expect if a ring-down is added to a planned run.
+    """Return the intervals of the modulus to expect if a ring-down is added to a planned run.
 
     Parameters
     ----------
@@ -101,6 +103,7 @@ def expected_ring_down(
     tip_weight_N : float
         Weight at the tip; its mass moves with the tip.
     stated : sequence of StatedSource
+        The sources of uncertainty that the input files specify.
     static_percent : float
         Expected half-width (%) of the 95 % interval of the modulus from the static states alone.
     effects : mapping of str to float
@@ -148,9 +151,9 @@ def expected_ring_down(
 def _effects_percent(
     beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
 ) -> dict[str, float]:
-    """Return the change of the dynamic modulus due to each part of each source of uncertainty, by name.
+    """Return the change of the dynamic modulus (%) due to each quantity of each source of uncertainty, by name.
 
-    The changes are in per cent, with sign, for one standard uncertainty.
+    Each change has a sign, and belongs to a deviation of the quantity by one standard uncertainty.
     """
     effects: dict[str, float] = {}
     for one in stated:

@@ -72,7 +72,7 @@ class Mounting:
         return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
 
     def in_words(self) -> str:
-        """Return specimen, gravity, weight at the tip and polarities in words."""
+        """Return a text with the specimen, direction of gravity, weight at the tip and polarities of a mounting."""
         gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
         weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
         both = ", both polarities" if self.both_polarities else ""
@@ -87,16 +87,21 @@ class PlannedRun:
     ----------
     mounting : Mounting
     currents_A : tuple of float
-        The currents of the chosen states. With both polarities only the positive currents are listed.
+        The currents of the chosen states. If each current is repeated with the opposite sign, only the positive
+        currents.
     expected, spaced : float
-        Expected half-width of the 95 % interval in per cent, for the chosen states and for equally spaced states. If
-        the goal is to distinguish two laws: the expected difference of AIC in favour of the first law.
+        Expected half-width of the 95 % interval of the modulus or parameter in per cent, for the chosen states and for
+        equally spaced states. If the goal is to distinguish two laws: the expected difference of AIC in favour of the
+        first law.
     effects_percent : dict of float
-        By source of uncertainty: the standard deviation (%) of the goal that it causes, the largest first.
+        By source of uncertainty: the standard deviation (%) of the modulus or parameter due to this source, the largest
+        first.
     signed_percent : dict of float
-        By source of uncertainty: the change (%) of the goal if the source deviates by its standard uncertainty.
+        By source of uncertainty: the change (%) of the modulus or parameter if the source deviates by its standard
+        uncertainty.
     ring_down : ExpectedRingDown or None
-        The intervals with a ring-down in zero field; of the best run alone, and only if the goal is the modulus.
+        The intervals of the modulus with a ring-down in zero field. None unless the goal is the modulus and the run is
+        the best of the planned runs.
     """
 
     mounting: Mounting
@@ -157,13 +162,13 @@ class Goal:
         )
 
     def in_words(self) -> str:
-        """Return the goal and the unit of its measure in words, for a heading."""
+        """Return the heading of the column with the expected results: the goal, with the unit of the results."""
         if self.rival:
             return f"{self.fit.model} against {self.rival.model}, expected difference of AIC"
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """Return the expected result of a run in words: a half-width in per cent, or a difference of AIC."""
+        """Return an expected result of a run as text: a half-width in per cent, or a difference of AIC."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 
@@ -174,7 +179,7 @@ def mountings(
     weights: Sequence[float],
     both_polarities: bool = False,
 ) -> list[Mounting]:
-    """Return all combinations of specimens, angles of gravity and weights.
+    """Return a mounting for each combination of specimen, angle of gravity and weight at the tip.
 
     Parameters
     ----------
@@ -239,7 +244,7 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
 
 
 def _with_ring_down(goal: Goal, run: PlannedRun, rig: Rig) -> PlannedRun:
-    """Return a run with the intervals that an added ring-down would give, if the goal is the modulus."""
+    """Return a planned run, with the intervals that an added ring-down would give if the goal is the modulus."""
     if goal.rival or goal.parameter != MODULUS:
         return run
     mounting = run.mounting
@@ -307,10 +312,10 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return a criterion in which each pair of states, at the currents I and -I, counts as one state.
+    """Return the criterion of a planned run in which the two states at the currents I and -I count as one state.
 
-    The loads of the given criterion are those of all currents I, and then those of all currents -I. Raises ValueError
-    if the beam has an equilibrium in fewer than two pairs.
+    The first half of the states of `criterion` has the currents I, and the second half has the currents -I in the same
+    order. Raises ValueError if the beam has an equilibrium in fewer than two such pairs of states.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]

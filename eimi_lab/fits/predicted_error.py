@@ -1,9 +1,9 @@
 """Compute the interval of the error of a fit on a dataset, from the uncertainties of fit and dataset.
 
 The parameters of the law are taken from the draws of the fit. The uncertain inputs of the dataset are drawn in
-addition. Fit and dataset may share a source of uncertainty: the same coil, calibration or calliper. A shared source
-takes its value from the same draw as the parameters. For example, a coil that is weaker than stated makes the
-identified modulus too high, but the beam of this dataset still bends as simulated if the same coil acts on it. All
+addition. Fit and dataset may share a source of uncertainty: the same coil, calibration or calliper. The deviation of a
+shared source is taken from the same draw as the parameters. For example, a coil that is weaker than stated makes the
+identified modulus too high. If the same coil acts on the beam of the dataset, this beam still bends as simulated. All
 other sources are drawn independently.
 """
 
@@ -37,21 +37,23 @@ def error_interval_mm(
 ) -> tuple[float, float | None] | None:
     """Return the 95 % interval of the mean error of a fit on a dataset.
 
-    Each draw is simulated on the coarse mesh. The difference from the simulation of the fit on the coarse mesh is added
-    to the residuals of the fit. The corrections by more accurate models are thus assumed to be the same for all draws.
+    Each draw is simulated on the coarse mesh. The difference between this simulation and the simulation of the fit on
+    the coarse mesh is added to the residuals of the fit. The corrections by more accurate models are thus assumed to be
+    the same for all draws.
 
     Parameters
     ----------
     fit : FitRecord or TensileRecord
     evidence : Evidence
     residuals_mm : ndarray, shape (K, G, m)
-        Residuals of the fit in K states; G is 2 edges or 2 components. NaN where nothing was measured.
+        Residuals of the fit in K states. The second axis (G = 2) holds the left and right edge or, for tracked points,
+        the x and y components. The last axis holds m points. NaN where no point was measured.
 
     Returns
     -------
     tuple of float, or None
-        The ends in mm. The interval contains the mean error of the fit. The upper end is None if the beam has no
-        equilibrium for a draw. The result is None if the fit has no draws.
+        The lower and the upper end of the interval in mm. The interval contains the mean error of the fit. The upper
+        end is None if the beam has no equilibrium for a draw. The result is None if the fit has no draws.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
     assumptions = assumptions_of(fit, evidence, len(candidates))
@@ -81,7 +83,7 @@ def predicted_errors_mm(
     fit : FitRecord or TensileRecord
     evidence : Evidence
     misfit : Misfit
-        Residuals (1 + D, ...) of the fit and of its draws.
+        Residuals of the fit and of its D draws; the first axis has 1 + D entries, the fit first.
     near : Configuration, optional
         Equilibrium of the fit on the coarse mesh in each state, as a starting point.
 
@@ -115,8 +117,8 @@ def _uncertain_numbers(
 ) -> list[tuple[StatedSource, int]]:
     """Return the uncertain inputs of a dataset, without the inputs that the fit identified as nuisances.
 
-    Each input is one part of a source of uncertainty, for example one of two coordinates. It is returned as a pair: the
-    source with its standard uncertainty, and the index of the part.
+    A source of uncertainty may have several inputs, for example two coordinates. For each input the source and the
+    index of the input in this source are returned.
     """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
@@ -147,9 +149,10 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of one part of a source in D draws of a fit, in standard uncertainties, shape (D,).
+    """Return the deviations of one input of a source of uncertainty in D draws of a fit, shape (D,).
 
-    None is returned if no dataset of the fit shares this source with the dataset whose error is predicted.
+    `part` is the index of the input in the source. The deviations are divided by the standard uncertainty. Return None
+    if no dataset of the fit shares this source with the dataset whose error is predicted.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

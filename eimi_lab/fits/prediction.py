@@ -1,8 +1,8 @@
 """Predict the errors of fits on datasets, with their intervals, for `eimi validate`, the report and notebooks.
 
-The work is done in this process or shared among workers. It consists of three kinds of steps: simulate all fits on one
-dataset together; simulate one fit alone, if its simulation together with the others failed; compute the interval of
-one error.
+The work is done in this process or shared among workers. There are three kinds of steps. The first step simulates all
+fits on one dataset together. If this fails for a fit, a second step simulates this fit alone. A further step computes
+the interval of the error of each fit.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from eimi_lab.process.workers import completed
 
 
 def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> Validation:
-    """Return the error of a fit on a dataset, with its interval.
+    """Return the errors of a fit on a dataset, with the 95 % interval of the mean error.
 
     Parameters
     ----------
@@ -49,7 +49,11 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
 
 
 def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
-    """Return the predictions of several fits on one dataset, with intervals. Raises InputError as `validate` does."""
+    """Return the simulations of several fits on one dataset, with the 95 % intervals of their mean errors.
+
+    Each fit is given with the evidence of the dataset for its section assumption. Raises InputError if a law was fitted
+    to this dataset with another section assumption.
+    """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
 
@@ -60,7 +64,7 @@ def predict_on_each(
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     meanwhile: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, list[Prediction[Law]]]]:
-    """Predict the errors of fits on several datasets.
+    """Predict the errors of fits on several datasets, first without and then with intervals.
 
     Parameters
     ----------
@@ -77,10 +81,10 @@ def predict_on_each(
     Yields
     ------
     place : int
-        Index of a dataset. Each index comes twice.
+        Index of a dataset. Each index is yielded twice.
     predictions : list of Prediction
-        The first time without intervals, as soon as all fits are simulated on the dataset. The second time with
-        intervals.
+        The predictions of all fits on this dataset. The first time they have no intervals, because the intervals take
+        longer to compute. The second time they have intervals.
 
     Raises
     ------
@@ -89,7 +93,7 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that follow a simulation; the long steps come first."""
+        """Return the steps that follow the step `step` with the result `outcome`; the long steps come first."""
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()
@@ -125,7 +129,10 @@ def predict_on_each(
 
 
 class _Step(NamedTuple):
-    """One step of the work, with the index of the dataset and the index of the fit."""
+    """One step of the prediction of errors: a simulation or the computation of an interval.
+
+    The step holds the index of its dataset and the index of its fit.
+    """
 
     kind: Literal["together", "alone", "interval"]
     dataset: int
@@ -156,7 +163,7 @@ def _simulate_together(
 
 
 def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
-    """Return the prediction with the 95 % interval of its mean error, if the beam has an equilibrium."""
+    """Return the prediction with the 95 % interval of its mean error; unchanged if the beam has no equilibrium."""
     if not prediction.has_equilibrium:
         return prediction
     fit, evidence = prediction.fitted_law.fit, prediction.evidence
@@ -175,7 +182,10 @@ def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None
 
 
 def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
-    """Estimate the relative computing time of a dataset: number of states times width over length of the beam."""
+    """Return a relative estimate of the time that the simulation of a dataset needs.
+
+    The estimate is the number of states times the ratio of width to length of the beam.
+    """
     for _, evidence in fits:
         specimen = evidence.experiment.model.specimen
         return len(evidence.states) * specimen.width_mm / specimen.length_mm

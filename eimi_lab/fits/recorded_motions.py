@@ -40,7 +40,7 @@ class MotionEvidence:
     motions : tuple of RecordedMotion
         Ring-downs and creep.
     stated : tuple of StatedSource
-        The stated uncertainties of the inputs.
+        The sources of uncertainty that the input files specify.
     taken_as_exact : tuple of str
         Keys without a stated uncertainty.
     has_states : bool
@@ -107,7 +107,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a motion with the loads during the motion and the loads before it."""
+    """Return a ring-down or creep of a dataset, with the loads before and during this motion."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.tip_force_N:
         before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)
@@ -123,7 +123,7 @@ def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
 
 
 def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
-    """Return the loads of one state: the field at this current (A), gravity, and a weight (N) at the tip."""
+    """Return the loads at one current: the field at `current_A`, gravity, and the weight `hanging_N` at the tip."""
     field = current_A * dataset.calibration.mT_per_A if dataset.calibration and dataset.calibration.mT_per_A else 0.0
     if dataset.field_line is not None:
         field = current_A * dataset.field_line.mT_per_A
@@ -135,7 +135,7 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
 
 
 def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
-    """Return the static states of a dataset, with the modulus from the fit to these states.
+    """Return the static states of a dataset, with the modulus that a fit identified from these states.
 
     If the dataset gives no times of its states, the states are assumed to follow each other every 30 s.
     """

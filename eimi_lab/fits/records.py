@@ -1,7 +1,7 @@
-"""The data classes of the fits in a result file, for writing and for reading.
+"""The data classes of the fits in a result file.
 
-The result types of `eimi_fitting` are stored unchanged. The classes of this module add what `eimi_fitting` does not
-know: files, currents and versions.
+The result types of `eimi_fitting` are stored unchanged. The classes of this module add the files, currents and
+versions, which `eimi_fitting` does not know.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class StateError(Record):
     error_mm : float
         The root mean square of the distances between the measured points and the simulated edges.
     deviation_mm : float
-        The standard deviation of these distances.
+        The standard deviation of the distances between the measured points and the simulated edges.
     """
 
     dataset: int
@@ -65,7 +65,10 @@ class StateError(Record):
 
     @staticmethod
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
-        """Return the record of each of the K states of a dataset, from errors (K,) and deviations (K,) in mm."""
+        """Return the record of each of the K used states of a dataset.
+
+        `error_mm` and `deviation_mm`, shape (K,), are the error and the deviation in each state in mm.
+        """
         return tuple(
             StateError(
                 dataset=dataset,
@@ -91,14 +94,15 @@ class CurveRecord(Record):
     window_percent : float or None
         Largest strain in per cent; null for the whole curve.
     weight : float
-        Factor on the weight that the curve has due to its noise.
+        Factor that multiplies the weight of the curve; without it, the weight follows from the noise of the curve.
     rows : int
         Number of rows in the window.
     correlation_rows : float
         Number of rows over which residuals are correlated.
     largest_strain : float
+        Largest strain in the window, as a fraction.
     rmse_alone_Pa, rmse_Pa : float
-        Root mean square of the residuals of this curve, for the law fitted to this curve alone and for the joint fit.
+        Root mean square of the residuals of the stress, for the law fitted to this curve alone and for the joint fit.
     """
 
     path: str | None
@@ -179,7 +183,7 @@ class DatasetReference(Record):
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class FitRecord(IdentifiedLaw, LawRecord):
-    """A law identified from datasets of a bending beam: an `IdentifiedLaw` with its files, currents and versions.
+    """A law identified from datasets of a bending beam, with the files, currents and versions of the fit.
 
     Attributes
     ----------
@@ -206,7 +210,9 @@ class FitRecord(IdentifiedLaw, LawRecord):
     __repr__ = LawRecord.__repr__
 
     def residuals(self, dataset: int = 0) -> Residuals:
-        """Return the distances of the measured places from the simulated places, by state, edge and arc length.
+        """Return the distances of measured points from the simulated beam for one dataset of a fit.
+
+        The distances are labelled with state, edge and arc length.
 
         Parameters
         ----------
@@ -285,7 +291,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the keys in the order that all releases have in common.
+        """Return the keys of a fit in the order in which all releases write them to a result file.
 
         Empty keys that earlier releases do not have are left out.
         """
@@ -321,7 +327,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         ]
 
     def doubts_in_words(self) -> list[str]:
-        """Return the doubts. Each begins with the dataset, the state or the curve that it concerns."""
+        """Return each doubt about a fit as a text that begins with the dataset, the state or the curve of the doubt."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def _about(self, doubt: Doubt) -> str:
@@ -332,7 +338,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the data do not determine.
+        """Return the names of the parameters that the data of a fit do not determine.
 
         `initial_shear_modulus` is among the names if the data do not determine the modulus.
         """
@@ -341,7 +347,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return (*data.held_by_bounds, "initial_shear_modulus") if open_modulus else data.held_by_bounds
 
     def fitted_to(self) -> Literal["bending", "bending and tensile"]:
-        """Return the kind of data: `bending`, or `bending and tensile` for a joint fit."""
+        """Return the kind of data of a fit: `bending`, or `bending and tensile` for a joint fit."""
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
@@ -354,9 +360,9 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return words on each important input without a stated uncertainty.
+        """Return a text that lists the important inputs without a stated uncertainty.
 
-        The words give the change of the modulus that the usual uncertainty of this input would cause.
+        For each input, the text gives the change of the modulus that the usual uncertainty of the input would cause.
         """
         return "".join(
             f"; {entry.words} taken as exact: an error of "
@@ -441,7 +447,7 @@ class TensileRecord(LawRecord):
     source: TensileSource
 
     def window(self) -> str:
-        """Return the window in words, such as `50 %`; `full` for the whole curve."""
+        """Return the window of strain in words, such as `50 %`; `full` for the whole curve."""
         return "full" if self.window_percent is None else f"{self.window_percent:g} %"
 
     def summary(self) -> str:
@@ -456,7 +462,7 @@ class TensileRecord(LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on window and misfit, and on the parameters that the curve does not determine."""
+        """Return sentences on the window and the residuals of a tensile fit, and on its undetermined parameters."""
         misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
         return [misfit, *self.not_fixed_in_words()]
 
@@ -465,7 +471,10 @@ class TensileRecord(LawRecord):
         return self.not_fixed
 
     def not_fixed_in_words(self) -> list[str]:
-        """Return a sentence with the parameters that the curve does not determine; empty if there are none."""
+        """Return a list with a sentence on the parameters that the tensile curve does not determine.
+
+        The list is empty if the curve determines all parameters.
+        """
         return [f"The curve does not determine {', '.join(self.not_fixed)}."] if self.not_fixed else []
 
 

@@ -1,4 +1,4 @@
-"""The distances of measured places from simulated places, by state, by edge and along the edge."""
+"""The distances of measured edge points or tracked points from the simulated beam, by state, edge and arc length."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ _SMOOTHED = 9  # points of a moving mean, without which the scatter of the point
 
 @dataclass(frozen=True)
 class Residuals:
-    """Distances of the measured places of one dataset from the simulated places, for K states and m points.
+    """Distances of the measured points of one dataset from the simulated beam, for K states and m points of an edge.
+
+    The axes of an array (K, 2, m) are the state, the two entries of `edge`, and the point.
 
     Parameters
     ----------
@@ -33,10 +35,10 @@ class Residuals:
         ``("left", "right")``. For tracked points it is ``("x", "y")``, the components of the distance.
     arc_length_mm : ndarray, shape (K, 2, m)
         Arc length of the measured edge from the clamp to each point, mm. For tracked points, the distance of each point
-        from the clamp along the beam at rest. NaN where nothing was measured.
+        from the clamp along the beam at rest. NaN where no point was measured.
     distance_mm : ndarray, shape (K, 2, m)
-        Measured minus simulated place, mm. For an edge, the component along the normal of the edge, positive to the
-        left of the direction from clamp to tip. NaN where nothing was measured.
+        Measured minus simulated position, mm. For an edge, the component along the normal of the edge, positive to the
+        left of the direction from clamp to tip. NaN where no point was measured.
     """
 
     dataset: str
@@ -48,7 +50,10 @@ class Residuals:
 
     @staticmethod
     def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
-        """Return the residuals (K, 2, m) of a fit in mm, labelled with states, fields, edges and arc lengths."""
+        """Return the residuals of a fit, labelled with states, fields, edges and arc lengths.
+
+        `residuals_mm` has the axes state, edge and point, shape (K, 2, m), in mm.
+        """
         observed = evidence.experiment.observed
         is_edges = isinstance(observed, EdgeObservation)
         return Residuals(
@@ -68,7 +73,7 @@ class Residuals:
         return np.asarray(np.sqrt(squares / points))
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with a row for each measured place, in mm. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame with a row for each measured point, in mm. Raises ImportError without pandas."""
         rows = [
             {
                 "state": int(self.state[k]),
@@ -114,9 +119,10 @@ class Residuals:
 
 
 def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
-    """Return the arc lengths of the measured points from the clamp (mm), shape (K, 2, m), for K states.
+    """Return the arc lengths of the measured points from the clamp (mm), shape (K, 2, m).
 
-    For tracked points both rows hold the x of each point at rest. Values where nothing was measured have no meaning.
+    The axes are the K states, the two edges, and the m points of an edge. For tracked points, both entries of the
+    second axis hold the x of each point at rest. Entries without a measured point have no meaning.
     """
     if isinstance(observed, PointObservation):
         return np.repeat(observed.rest_mm[:, None, :, 0], 2, axis=1)
@@ -128,9 +134,10 @@ def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
 
 
 def _along_mm(points_mm: Array) -> Array:
-    """Return the arc length from the clamp (x = 0) to each point of an edge (mm), shape (m,).
+    """Return the arc length from the clamp (x = 0) to each of the m points of an edge (mm), shape (m,).
 
-    The points (m, 2) are smoothed first, because their scatter would lengthen the path.
+    `points_mm`, shape (m, 2), holds x and y of each point. The points are smoothed first, because their scatter would
+    lengthen the path.
     """
     if not len(points_mm):
         return np.zeros(0)

@@ -37,7 +37,10 @@ _OF_ERROR = 0.01
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A fit, the file that contains the fit, and its index in the file. Objects with equal file and index are equal."""
+    """A fit, the result file that contains the fit, and the index of the fit in this file.
+
+    Two objects are equal if their files and indices are equal.
+    """
 
     path: Path
     index: int
@@ -54,7 +57,7 @@ Law = TypeVar("Law", bound=FittedLaw)
 
 @dataclass(frozen=True)
 class Prediction(Generic[Law]):
-    """The simulation of a fit on a dataset of K states. All arrays are empty if the beam has no equilibrium.
+    """The simulation of a fit on a dataset with K used states. All arrays are empty if the beam has no equilibrium.
 
     Attributes
     ----------
@@ -62,13 +65,13 @@ class Prediction(Generic[Law]):
     evidence : Evidence
     validation : Validation
     edges_mm : ndarray, shape (K, 2, n, 2)
-        n points of the simulated left and right edges as the camera sees them, by the most accurate model that was
-        solved.
+        x and y of n points of the simulated left and right edges as the camera sees them. The axes are state, edge,
+        point and coordinate. The edges are those of the most accurate beam model that was solved.
     residuals_mm : ndarray, shape (K, 2, m)
-        Signed distances of the m measured edge points from the simulated edges. For tracked points, the two components
-        of the distance. NaN where nothing was measured.
+        Signed distances of the m measured edge points from the simulated edges; the axes are state, edge and point. For
+        tracked points, the second axis holds the x and y components of the distance. NaN where no point was measured.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Root mean square and standard deviation of the distances in each state.
+        Root mean square and standard deviation of the distances in each state, mm.
     """
 
     fitted_law: Law
@@ -92,10 +95,10 @@ class Prediction(Generic[Law]):
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
     """Simulate several fits on a dataset together, which takes less time than separate simulations.
 
-    Each fit is simulated in a plane, and the result is corrected for the depth of the beam. The correction of one fit
-    starts from the corrections of the fits before, because similar fits have similar corrections. If a correction is
-    too large to be interpolated, the solid beam has to be solved in all states. The function then yields None, and
-    `simulate_alone` simulates this fit.
+    Each fit is simulated with a planar beam model, and the result is corrected for the depth of the beam. The
+    correction of one fit starts from the corrections of the previous fits, because similar fits have similar
+    corrections. If a correction is too large to be interpolated, the beam model with a solid section has to be solved
+    in all states. The function then yields None, and `simulate_alone` simulates this fit.
 
     Parameters
     ----------
@@ -120,7 +123,10 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 
 
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
-    """Simulate a fit for which `simulate_each` yielded None. Raises InputError as `simulate_each` does."""
+    """Simulate a fit for which `simulate_each` yielded None.
+
+    Raises InputError if the law was fitted to this dataset with another section assumption.
+    """
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
     prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")
     assert prediction
@@ -132,8 +138,8 @@ def _planar_comparisons(
 ) -> list[Comparison]:
     """Return the comparison of a dataset with the planar simulation of each fit.
 
-    The corrections for the depth start from these simulations. Fits of one law without a bulk modulus and without freed
-    nuisances are simulated as one batch.
+    These simulations are not yet corrected for the depth of the beam. Fits of one law without a bulk modulus and
+    without freed nuisances are simulated as one batch.
     """
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
@@ -152,7 +158,9 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the prediction and its correction for the depth. Both are None if the method "interpolate" fails.
+    """Return the simulation of a fit, and its correction for the depth of the beam.
+
+    Prediction and correction are None if the method "interpolate" fails.
 
     Parameters
     ----------
@@ -161,9 +169,10 @@ def _simulated(
     near : sequence of Correction
         Corrections of other fits on the same dataset, as a starting point.
     plain : Comparison
-        Result of `_planar_comparisons`.
+        Comparison of the dataset with the planar simulation of the fit, from `_planar_comparisons`.
     method : {"interpolate", "follow"}
-        Whether to interpolate the correction between a few solved states, or to solve the solid in all states.
+        Whether to interpolate the correction between a few solved states, or to solve the beam model with a solid
+        section in all states.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
@@ -204,10 +213,10 @@ def _simulated(
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """Return the validation of a fit on a dataset.
+    """Return the errors of a fit on a dataset; `seen` tells whether the law was fitted to this dataset.
 
-    Stretch and stability are those of the planar simulation (`plain`), the errors those of the most accurate model
-    (`misfit`). Without a `misfit` the beam has no equilibrium.
+    Stretch and stability come from the planar simulation (`plain`). The errors come from the most accurate beam model
+    (`misfit`). If the beam has no equilibrium, `misfit` is None.
     """
     fit = fitted_law.fit
     common: dict[str, Any] = {

@@ -29,7 +29,7 @@ class WidenedState:
 
 @dataclass(frozen=True)
 class StatesUsed:
-    """The use of the states of a dataset in a fit.
+    """The numbers of the states of a dataset that a fit used and left out, with the flags of these states.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """Return the number of used states and, for each flag, the states left out or used despite the flag."""
+        """Return a text with the number of used states, and with the flagged states that were left out or used."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out: {_by_flag(self.left_out)}"

@@ -49,7 +49,10 @@ _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (
 
 @dataclass(frozen=True)
 class TensileTest:
-    """A tensile test in the order of the file: engineering strain (m,), and engineering stress (m,) in Pa."""
+    """A tensile test of m rows: engineering strain, shape (m,), and engineering stress in Pa, shape (m,).
+
+    The rows are in the order of the file.
+    """
 
     path: Path
     sha256: str
@@ -120,7 +123,10 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return the one name of `names` that the header contains. Raises InputError without a name or with several."""
+    """Return the only name of `names` that the header of a file contains.
+
+    Raises InputError if the header contains none or several of the names.
+    """
     present = [name for name in names if name in header]
     if len(present) != 1:
         raise InputError(
@@ -156,7 +162,10 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 
 
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
-    """Return the windows in per cent (None: the whole curve), each once. Raises InputError for a wrong window."""
+    """Return the windows of strain in per cent without repetitions; None stands for the whole curve.
+
+    Raises InputError if a text of `windows` is neither a number nor the word for the whole curve.
+    """
     checked: list[float | None] = []
     for window in windows:
         try:

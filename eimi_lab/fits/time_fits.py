@@ -24,9 +24,10 @@ _ALONE = "neo-hookean"  # the law with one modulus as its only parameter
 def with_law_of_time(
     record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
 ) -> FitRecord:
-    """Return the record of a fit to static states, with a viscoelastic (Prony) law of all motions added.
+    """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
-    The static states are those of the first dataset with states. Raises InputError if no ring-down can be used.
+    The viscoelastic law is fitted to all motions and to the static states of the first dataset that has states. Raises
+    InputError if no ring-down can be used.
     """
     static = static_states(evidence[0], record)
     return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))

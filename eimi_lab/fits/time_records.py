@@ -16,7 +16,10 @@ _LARGEST = 5  # number of the largest sources that have a line
 
 
 class MotionReference(Record):
-    """A dataset of motions: path, hash, section, number of motions, and stated uncertainties of the inputs."""
+    """The reference of a fit to a dataset of motions.
+
+    The fields are path, hash, section assumption, number of motions, and stated uncertainties of the inputs.
+    """
 
     path: str
     sha256: str
@@ -52,7 +55,7 @@ class RingDownRecord(LawRecord):
     seed: int
 
     def summary(self) -> str:
-        """Return one line: law and dynamic modulus with its interval."""
+        """Return one line with the name of the law, and the dynamic modulus with its 95 % interval."""
         return f"{self.model}: {time_lines(self.time)[0]}"
 
     def caveats(self) -> list[str]:
@@ -67,7 +70,8 @@ class RingDownRecord(LawRecord):
 def time_lines(time: LawOfTime) -> list[str]:
     """Return lines on a viscoelastic (Prony) law.
 
-    The lines concern dynamic modulus, ring-downs, Prony series, range of times, magnetic moment and budget.
+    The lines concern the dynamic modulus, the ring-downs, the Prony series, the range of times in which the series
+    holds, the magnetic moment, and the budget.
     """
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)

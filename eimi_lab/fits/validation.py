@@ -1,4 +1,4 @@
-"""The errors of fits on datasets, and the file validation.json.
+"""The data classes of the errors of fits on datasets, as the file validation.json contains them.
 
 If the beam has no equilibrium in a state, the errors are null and `status` is "no equilibrium". A law that is not
 Drucker-stable over the stretches of the dataset is simulated nevertheless, and `stable` is false. The module
@@ -19,7 +19,7 @@ from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):
-    """The file of a fit, and the index of the fit in this file.
+    """A reference to a fit: the result file of the fit, and the index of the fit in this file.
 
     For a tensile fit `window_percent` is the largest strain in per cent, null for the whole curve.
     """
@@ -40,7 +40,11 @@ class FitReference(Record):
         )
 
     def kind_in_words(self) -> str:
-        """Return the kind of data: `bending`, `bending and tensile`, `ring-down`, `tensile 50 %` or `tensile full`."""
+        """Return the kind of data to which the law was fitted.
+
+        The text is `bending`, `bending and tensile`, `ring-down`, `tensile full` or, for a window of 50 %, `tensile 50
+        %`.
+        """
         if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
@@ -61,7 +65,8 @@ class Validation(Record):
     stable : bool or None
         Whether the law is Drucker-stable over the stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
-        Whether the data of the fit reached the largest stretch of this dataset; None without an equilibrium.
+        Whether the largest stretch of this dataset lies within the stretches of the data of the fit; None without an
+        equilibrium.
     """
 
     dataset: str

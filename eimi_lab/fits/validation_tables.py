@@ -1,4 +1,4 @@
-"""Tables of validations: by dataset, by state, and as a matrix of fits and datasets."""
+"""Tables of the errors of fits on datasets: by dataset, by state, and as a matrix of fits and datasets."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def by_dataset(validations: Sequence[Validation]) -> list[str]:
 def by_state(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table for each dataset, with a row for each state and a column for each fit.
 
-    The cells are error ± deviation in µm. Fits for which the beam has no equilibrium have no column.
+    Each cell gives error ± deviation in µm. Fits for which the beam has no equilibrium have no column.
     """
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):
@@ -64,7 +64,7 @@ def by_state(validations: Sequence[Validation]) -> list[str]:
 def matrix(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table with a row for each fit and a column for each dataset.
 
-    The cells are mean errors in µm with their 95 % intervals. `*` marks the datasets to which the law was fitted.
+    Each cell gives the mean error in µm with its 95 % interval. `*` marks the datasets to which the law was fitted.
     """
     datasets = list(dict.fromkeys(v.dataset for v in validations))
     head = ("fit", "", "law", *datasets)
@@ -81,7 +81,8 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
 def error_in_words(v: Validation) -> str:
     """Return the mean error (µm) with its 95 % interval, such as `12.3 [11.0, 14.2]`.
 
-    `>` replaces the upper end of an interval that has none. Without an interval the status is returned.
+    `>` stands in place of a missing upper end of the interval. Without an interval, the status of the validation is
+    returned.
     """
     if v.mean_error_mm is None or v.mean_error_interval_mm is None:
         return v.status
