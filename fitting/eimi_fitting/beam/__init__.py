@@ -1,4 +1,4 @@
-"""The forward model: from a specimen, a law and loads to the shape of the beam in every state.
+"""The forward model of the beam: compute its shape in every state from a specimen, a hyperelastic law and loads.
 
 bending        `Beam`, the public model for every section
 specimen       the beam and its magnet

@@ -1,8 +1,7 @@
 """The interface of an actuation: one kind of load, with its values in every state and its forces on a mesh.
 
-A dead load is a force that keeps its direction and its size. The potential of a dead load is linear in the following
-quantities. A force f on a node with the displacement u has the potential -f . u. Every dead load on the rigid magnet
-has the potential
+A dead load is a force that keeps its direction and its size. A force f on a node with the displacement u has the
+potential -f . u. Every dead load on the rigid magnet has the potential
 
     -F . U - Q : R(theta) - M theta.
 
@@ -32,14 +31,14 @@ Array = NDArray[np.float64]
 class Actuation(Protocol):
     """One kind of load in K states. Any class with these members can be added to `Loads`.
 
-    The forces must be linear in the numbers that describe the load in a state, and zero numbers must mean no load. The
-    solver interpolates these numbers between two states. If fits run in several processes, each process must be able to
-    import the class.
+    Each state of the load is described by m numbers, for example the components of a field. The forces must be linear
+    in these numbers, and m zeros must mean no load. The solver interpolates the numbers between two states. If fits run
+    in several processes, each process must be able to import the class.
     """
 
     @property
     def numbers(self) -> Array:
-        """Return the numbers that describe the load in each of K states, shape (K, m), in any unit."""
+        """Return the m numbers that describe the load in each of K states, shape (K, m), in any unit."""
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
@@ -52,20 +51,20 @@ class Actuation(Protocol):
         Parameters
         ----------
         numbers : ndarray, shape (m,)
-            The numbers that describe the load in this state.
+            The m numbers that describe the load in this state.
         field_factor : ndarray, shape (B,)
             Factor on loads that a magnetic field causes, for each of B candidates.
         mesh : LoadedMesh
             The mesh with the integrals that are needed to compute forces.
         total : SolidLoads
-            The sum, to which the load is added; one row for each candidate. The forces on the whole specimen are
+            The sum of all loads, changed in place; one row for each candidate. Add the forces on the whole specimen
             multiplied by ``mesh.share``.
         """
         ...
 
 
 class Places(Protocol):
-    """The members of `Grid` and `SolidGrid` that loads need.
+    """The members of the meshes `Grid` and `SolidGrid` with which the loads on a specimen are computed.
 
     A mesh is built in a straight strip, which is mapped to the rest shape of the specimen (`beam.strip`).
     """
@@ -79,17 +78,17 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that correspond to points (n, 2) of the rest shape, in mm."""
+        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return, for points (n, 2) of the straight strip in mm, whether each moves with the magnet, shape (n,)."""
+        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,)."""
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes and weights that distribute a force over the depth at a point (2,) of the straight strip."""
+        """Return nodes and weights that distribute a force over the depth at a point (x, y) of the straight strip."""
 
 
 def _turned(vector: Array, angle_rad: Array | float) -> Array:
-    """Return a vector (2,) rotated by an angle, shape (2,), or by each of n angles, shape (2, n)."""
+    """Return a vector (x, y) rotated by one angle, shape (2,), or by each of n angles, shape (2, n)."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
@@ -108,20 +107,20 @@ class LoadedMesh:
     nodal_mass : ndarray, shape (N,)
         Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
     slopes : ndarray, shape (N, d)
-        Integrals of the derivatives of the nodes' shape functions over the silicone.
+        Integrals of the derivatives of the nodes' shape functions over the silicone, in mm² (in mm for a planar mesh).
     nodal_dipole : ndarray, shape (N,)
         The nodal force in N in a field of 1 T: the product of ``slopes`` and the magnetisation of the silicone.
     element_dipole : ndarray, shape (E, n)
         The contribution of each element to ``nodal_dipole``.
     element_share : ndarray, shape (E, n)
-        Weights of an element's nodes, whose weighted mean is the middle of the element.
+        Weights of an element's nodes. The weighted mean of the nodes' positions is the middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
-        Places of the elements' nodes at rest.
+        Positions (x, y) of the nodes of each element at rest.
     field_place_mm : ndarray, shape (2,)
-        The place at rest to which the strength of a field refers.
+        The point (x, y) of the specimen at rest at which the strength of a field is specified.
     magnet_mass : float
-        Mass of the rigid body, that is the magnet and the silicone that moves rigidly with the magnet, in the same unit
-        as ``nodal_mass``.
+        Mass of the rigid body, in the unit of ``nodal_mass``. The rigid body consists of the magnet and the silicone
+        that moves rigidly with the magnet.
     magnet_face_mm : ndarray, shape (2,)
         The reference point of the rigid body at rest: the middle of the magnet's inner face.
     magnet_centre_mm : ndarray, shape (2,)
@@ -164,7 +163,7 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the place (2,) in the shape at rest of a point (2,) of the straight strip, in mm."""
+        """Return the position (x, y) at rest, in mm, of a point (x, y) of the straight strip."""
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
@@ -174,7 +173,7 @@ class LoadedMesh:
 
     @property
     def is_solid(self) -> bool:
-        """Whether the mesh is that of a solid and not planar."""
+        """Whether the mesh is three-dimensional; False for a planar mesh."""
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
@@ -185,9 +184,9 @@ class LoadedMesh:
         force : ndarray, shape (2,)
             Force in N, already multiplied by ``share``.
         point_mm : ndarray, shape (2,)
-            Place at rest of the material point on which the force acts.
+            Position (x, y) at rest of the material point on which the force acts.
         total : SolidLoads
-            The sum, to which the force is added.
+            The sum of all loads, changed in place.
         """
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:
@@ -206,7 +205,7 @@ class LoadedMesh:
         ----------
         actuations : tuple of Actuation
         numbers : ndarray, shape (m,)
-            The numbers that describe the actuations in this state, one actuation after another.
+            The m numbers that describe the actuations in this state, one actuation after another.
         field_factor : ndarray, shape (B,)
             Factor on magnetic loads for each of B candidates, or shape (1,) for all candidates.
         """

@@ -1,7 +1,7 @@
-"""Band matrices of all candidates of a batch: assembly, and factorisation of all candidates together by LAPACK.
+"""Band matrices of all candidates of a batch: assembly, and factorisation by LAPACK.
 
 The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. If all
-matrices are positive definite, LAPACK therefore factorises all blocks in one call.
+blocks are positive definite, LAPACK factorises the long matrix in one call.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def bandwidth(dofs: Indices) -> int:
 
 
 def _most(run: Indices) -> int:
-    """Return the largest number of elements that contribute to one matrix entry.
+    """Return the largest number of elements that contribute to one entry of an assembled matrix.
 
     run: for every contribution, the number of earlier contributions to the same entry.
     """
@@ -36,14 +36,14 @@ def _most(run: Indices) -> int:
 
 
 class BandAssembly:
-    """The positions of the entries of all element matrices in the lower band of the whole matrix.
+    """The positions of the entries of all element matrices in the lower band of the assembled matrix.
 
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements in the whole matrix, -1 if an unknown is fixed.
+        Numbers of the d unknowns of each of E elements in the assembled matrix; -1 if an unknown is fixed.
     n : int
-        Number of unknowns of the whole matrix.
+        Number of unknowns of the assembled matrix.
     at_once : int or None
         Number of elements in a group. The matrices of one group are added together. None: all elements are one group.
     """
@@ -110,8 +110,8 @@ class BandAssembly:
     def matrix(self, parts: Iterable[Array]) -> Array:
         """Return the lower band of the assembled matrix of each of B candidates, shape (B, n, bandwidth + 1).
 
-        The assembled matrix has n rows. parts: the element matrices of consecutive groups of elements, as `divided`
-        returns them. The array of a group of e elements with d unknowns each has the shape (e, B, d, d).
+        The assembled matrix of a candidate has n rows. parts: the element matrices of consecutive groups of elements,
+        as `divided` returns them. The array of a group of e elements with d unknowns each has the shape (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -127,7 +127,7 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the assembled vectors of B candidates, shape (B, n).
+        """Return the assembled vector of n unknowns for each of B candidates, shape (B, n).
 
         element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
         """
@@ -140,8 +140,8 @@ class BandAssembly:
 class BandFactor:
     """The factors of the band matrices of B candidates.
 
-    Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, unless ``only_definite`` was
-    chosen. If the matrices are not symmetric, all of them have LU factors.
+    Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, or no factors if `factorise`
+    was called with ``only_definite``. If the matrices are not symmetric, all of them have LU factors.
 
     Attributes
     ----------
@@ -164,7 +164,9 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Return the solutions for right-hand sides (B, n) or (m, B, n), in the same shape.
+        """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
+
+        There are B candidates with n unknowns each.
 
         The solution is zero for a candidate whose matrix could not be factorised.
         """
@@ -190,7 +192,7 @@ def _columns(right: Array) -> Array:
 def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
-    """Factorise band matrices: positive definite matrices by Cholesky's method, the others by LU with pivoting.
+    """Factorise band matrices: positive definite matrices by Cholesky's method, other matrices by LU with pivoting.
 
     A tangent stiffness that is not positive definite occurs far from equilibrium or in an unstable equilibrium. A
     matrix that cannot be factorised is replaced by the identity, so that it does not affect the other matrices.
@@ -200,13 +202,13 @@ def factorise(
     band : ndarray, shape (B, n, w)
         Lower bands of B matrices with n rows: the main diagonal and the w - 1 diagonals below it.
     sound : ndarray of bool, shape (B,)
-        Which matrices to factorise.
+        True for the matrices that are factorised.
     upper : ndarray, shape (B, n, w), or None
         Lower bands of the transposed matrices, if the matrices are not symmetric. All matrices are then factorised by
         LU, and the result does not tell which matrices are positive definite.
     only_definite : bool
-        Do not factorise symmetric matrices that are not positive definite, and mark them as not sound. The factors then
-        overwrite ``band``, which saves memory.
+        True: do not factorise symmetric matrices that are not positive definite, and mark these matrices as not sound.
+        To save memory, the factors then overwrite ``band``.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -240,7 +242,7 @@ def factorise(
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """Return the LU factors and pivots of B matrices, and whether each matrix could be factorised, shape (B,).
+    """Return the LU factors and pivots of B band matrices, and whether each matrix could be factorised, shape (B,).
 
     lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
     """
@@ -255,7 +257,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return, for values (B, ...), whether the sum of the squares of each row is finite, shape (B,)."""
+    """Return whether the sum of the squares of an array's entries is finite, for each of B rows, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -271,7 +273,7 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Return matrices in LAPACK's general band storage.
+    """Return B band matrices with n rows in LAPACK's general band storage.
 
     lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
     """

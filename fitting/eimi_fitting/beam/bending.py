@@ -1,4 +1,4 @@
-"""The public forward model: compute the bent beam from a specimen with any section, a law and loads."""
+"""The public forward model: compute the bent beam from a specimen with any section, a hyperelastic law and loads."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class BentBeam:
     model : BeamModel or SolidModel
         The finite-element model that was solved.
     shapes : Shapes
-        Displacements for all candidates. These arrays have an axis of length P, also for one candidate.
+        The solution for all candidates. Its arrays have an axis of length P, even if only one candidate was given.
     is_one : bool
         Whether only one candidate was given.
     """
@@ -52,7 +52,7 @@ class BentBeam:
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether the solver succeeded in every state, one value, or (P,) for P candidates; see `Shapes.converged`."""
+        """Whether every state was solved: one bool, or shape (P,) for P candidates; see `Shapes.converged`."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
@@ -72,17 +72,18 @@ class BentBeam:
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
     def positions(self, points_mm: ArrayLike) -> Array:
-        """Return the places of material points in each of K states.
+        """Return the positions of n material points of the beam in each of K states.
 
         Parameters
         ----------
         points_mm : array_like, shape (n, 2) or (n, 3)
-            Places of the points at rest, in mm, in the beam frame. A point without z lies at mid-depth.
+            Positions (x, y) or (x, y, z) of the points at rest, in mm, in the beam frame. A point without z lies at
+            mid-depth.
 
         Returns
         -------
         ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidates
-            Places in mm; NaN where the status is neither CONVERGED nor UNSTABLE.
+            Positions in mm; NaN where the status is neither CONVERGED nor UNSTABLE.
 
         Raises
         ------
@@ -112,13 +113,13 @@ class BentBeam:
         -------
         ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidates
             The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
-            to tip, and each segment is given by three points in mm. NaN where the status is neither CONVERGED nor
+            to tip. Each segment is given by three points (x, y) in mm. NaN where the status is neither CONVERGED nor
             UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 
     def edges(self, per_segment: int = 4, view: View | None = None) -> Array:
-        """Return the outlines as polylines of m points in mm; see `outline`.
+        """Return the left and the right outline of the beam as polylines of m points (x, y) in mm; see `outline`.
 
         Parameters
         ----------
@@ -134,17 +135,20 @@ class BentBeam:
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return values (P, K, ...) with NaN in states whose status is neither CONVERGED nor UNSTABLE."""
+        """Return an array (P, K, ...) with NaN in the states whose status is neither CONVERGED nor UNSTABLE.
+
+        The array has one row for each of P candidates in K states.
+        """
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 
     def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (P, ...) of P candidates, without the first axis if only one candidate was given."""
+        """Return an array (P, ...) for P candidates, without its first axis if only one candidate was given."""
         return values[0] if self.is_one else values
 
 
 class Beam:
-    """The forward model of a specimen: a planar or a solid finite-element model, as the specimen's section specifies.
+    """The forward model of a specimen: the planar or solid finite-element model that the specimen's section selects.
 
     Parameters
     ----------
@@ -157,7 +161,7 @@ class Beam:
     Raises
     ------
     ValueError
-        The magnet leaves no flexible part, or the specimen is a solid with a pressure face.
+        The magnet leaves no flexible part, or the specimen has a solid section and a pressure face.
 
     Examples
     --------

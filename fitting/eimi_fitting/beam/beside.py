@@ -1,9 +1,10 @@
 """The solid model of a specimen, solved with the help of the planar model of the same specimen.
 
-In plane stress a beam bends almost like a solid beam. The difference between the two shapes, the depth effect, is a few
-hundredths of the deflection. Newton's method therefore needs only a few steps from the planar shape to the solid shape,
-in any state. The depth effect is a smooth function of the bending. It is computed in a few states and interpolated in
-the others (`beam.depth_effect`). This saves most of the cost of the solid model.
+The planar model in plane stress bends almost like the solid model. The difference between the shapes of the two models
+is called the depth effect. It is a few hundredths of the deflection. Newton's method therefore needs only a few steps
+from the planar shape to the solid shape, in any state. The depth effect is a smooth function of the bending. It is
+computed in a few states and interpolated in the other states (`beam.depth_effect`). The interpolation saves most of the
+cost of the solid model.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 class SolidOptions:
     """Options for solving a solid model with the help of its planar model, and results of earlier solutions.
 
-    The depth effect is the difference between the shape of the solid and the planar shape (`beam.depth_effect`).
+    The depth effect is the difference between the shapes of the solid and of the planar model (`beam.depth_effect`).
 
     Attributes
     ----------
@@ -49,16 +50,17 @@ class SolidOptions:
         "interpolate": interpolate the depth effect; if this fails, mark all states as diverged. "follow": solve the
         solid model in all states, one after another. "either": interpolate, and follow if the interpolation fails.
     accuracy_mm : float
-        The interpolation ends if the solved shape in a new state differs from the interpolated shape by less than this.
+        Accuracy of the interpolation in mm. No further states are solved if the solved shape in a new state differs
+        from the interpolated shape by less than this distance.
     similar : tuple of DepthEffect
         Depth effects of similar candidates. The difference from one of these depth effects is interpolated. If a
-        similar candidate has the same planar shape within ``accuracy_mm``, its depth effect is used and the solid is
-        not solved.
+        similar candidate has the same planar shape within ``accuracy_mm``, the depth effect of the similar candidate is
+        used and the solid model is not solved.
     effect : DepthEffect or None
         The depth effect, if it is already known. Only the planar model is then solved.
     earlier : DepthEffect or None
-        The depth effect of nearly the same candidate under some of the loads. The solid is then solved only in states
-        outside the range of this depth effect.
+        The depth effect of nearly the same candidate under some of the loads. The solid model is then solved only in
+        states outside the range of this depth effect.
     planar_shapes : Shapes or None
         The shapes of the planar model for the same candidate and loads, if they are already known. The planar model is
         then not solved.
@@ -74,12 +76,12 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid model.
+    """The shapes of a solid model of the beam in K states, with the depth effect that was interpolated.
 
     Attributes
     ----------
     effect : DepthEffect or None
-        The depth effect that was interpolated; None if every state was solved.
+        The interpolated difference from the planar model; None if every state was solved.
     """
 
     effect: DepthEffect | None = None
@@ -105,15 +107,15 @@ class SolidBeside:
         self._column = column.reshape(-1)
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments, like `BeamModel`."""
+        """Pickle only the arguments from which the model is built, like `BeamModel`."""
         return SolidBeside, (self.specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def of(self, specimen: Specimen) -> SolidBeside:
-        """Return a model of another specimen with the same numbers of elements."""
+        """Return a `SolidBeside` of another specimen with the same numbers of elements."""
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether the shapes of the given planar model can be used as ``planar_shapes`` of `SolidOptions`."""
+        """Return whether the shapes of a planar model can be used as `SolidOptions.planar_shapes` for this specimen."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -192,15 +194,15 @@ class SolidBeside:
         )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the tip in degrees, see `SolidModel.tip_angle_deg`."""
+        """Return the rotation of the tip in K states in degrees, (1, K), see `SolidModel.tip_angle_deg`."""
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest stretch in each element, see `SolidModel.element_stretch`."""
+        """Return the largest stretch in each of E elements, (1, K, E), see `SolidModel.element_stretch`."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places of material points in mm, see `SolidModel.positions`."""
+        """Return the positions of n material points in mm, (1, K, n, 3), see `SolidModel.positions`."""
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
@@ -216,7 +218,7 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Interpolate the depth effect through as few solved states as the accuracy needs.
+        """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
         The states are solved in Leja's order: the next state is the one with the largest product of the distances from
         the solved states. The interpolation ends if a solved shape differs by less than ``accuracy_mm`` from the shape
@@ -270,11 +272,12 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid shape minus the planar shape in one state; None if Newton's method does not converge.
+        """Return the shape of the solid model minus the planar shape in one state; None if Newton's method fails.
 
-        Newton's method begins at the planar shape plus ``predicted``. If it does not converge in a few steps, it begins
-        again at the planar shape. This is needed for fields of both signs: the first two solved states are then the
-        outermost states, and a line through their depth effects is a bad start for the states between them.
+        Newton's method begins at the planar shape plus ``predicted``. If Newton's method does not converge in a few
+        steps, it begins again at the planar shape. The second attempt is needed for fields of both signs. The first two
+        solved states are then the outermost states, and a line through the depth effects of these states is a bad start
+        for the states between them.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -294,15 +297,15 @@ class SolidBeside:
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as configurations of the solid without stress, a row per state.
+        """Return the planar shapes in some states as configurations of the solid model without stress, a row per state.
 
-        lift: the result of `_lift`. All nodes of the solid with the same x and y are displaced equally.
+        lift: the result of `_lift`. All nodes of the solid mesh with the same x and y are displaced equally.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid in all states: the planar shapes plus the depth effect."""
+        """Return the shapes of the solid model in all states: the planar shapes plus the depth effect."""
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
         moved, turned = effect.displacements(places)
@@ -336,10 +339,11 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the similar depth effect whose largest absolute place s is nearest to that of the given places.
+    """Return the depth effect of a similar candidate that suits the given values s best; None if there is none.
 
-    `beam.depth_effect` defines s. Only depth effects that are valid at all given places are considered. None if there
-    is no such depth effect.
+    The module `beam.depth_effect` defines the scalar s, which measures the bending. Only depth effects that are valid
+    at all given values s (``places``) are considered. The depth effect is chosen whose largest solved abs(s) is nearest
+    to the largest given abs(s).
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -347,9 +351,10 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return where the loads of K states lie on a line through the first load, (K,); None if they lie on no line.
+    """Return the positions of the loads of K states on a straight line of loads, (K,); None if there is no line.
 
-    The values are distances from the first load, divided by the distance of the load that is farthest from the first.
+    The line begins at the load of the first state. A position is the distance from the first load, divided by the
+    distance of the load that is farthest from the first load.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

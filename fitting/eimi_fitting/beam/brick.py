@@ -33,13 +33,13 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 class Operators:
     """The operators of a mesh of E elements with q Gauss points each, which depend on its geometry only.
 
-    Arrays with another order of the same values are made where they are needed, for a few elements at a time. For the
-    solid of a virtual beam these arrays would fill 34 MB.
+    Arrays that contain the same entries in another order are computed when they are needed, for a few elements at a
+    time. For all elements of a typical solid mesh, these arrays would fill 34 MB.
 
     Attributes
     ----------
     gradient : ndarray, shape (E, 27, 3 q)
-        Derivatives of the shape functions by the three coordinates at the Gauss points, in 1/mm.
+        Derivatives of the 27 shape functions by the three coordinates at the q Gauss points, in 1/mm.
     weighted : ndarray, shape (E, 3 q, 27)
         Transpose of ``gradient`` multiplied by ``weights``.
     basis : ndarray, shape (E, q, 4)
@@ -192,16 +192,16 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of each of E elements for B candidates, (E, B, 81, 81) in N/mm.
+    """Return the tangent stiffness of each of E hexahedra for B candidates, (E, B, 81, 81) in N/mm.
 
     The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
-    geometric part is computed with the predicted stress (6, E, B, q) at q Gauss points, see `beam.equilibrium`.
+    geometric stiffness is computed with the predicted stress (6, E, B, q) at q Gauss points, see `beam.equilibrium`.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the result of `stiffness` in parts of `AT_ONCE` elements."""
+    """Yield the element matrices that `stiffness` returns, for groups of `AT_ONCE` elements."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -226,10 +226,9 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivative (E, B, 81, 4) of the volume residuals by the displacements.
+    """Return the derivatives (E, B, 81, 4) of the four volume residuals by the 81 displacements of an element.
 
-    The mesh has E elements and the batch has B candidates. `eimi_fitting.beam.element.volume_gap` defines the volume
-    residuals.
+    There are E elements and B candidates. `eimi_fitting.beam.element.volume_gap` defines the volume residuals.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
@@ -241,16 +240,16 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices that divide the elements of a mesh into parts of `AT_ONCE` elements; the last may be smaller."""
+    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE` elements."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the stress S + D : dE + J C^-1 dp after a linear step, (6, E, B, q) in MPa.
+    """Return the predicted stress S + D : dE + J C^-1 dp after a linear step, (6, E, B, q) in MPa.
 
-    Here dE is the increment of the Green strain by the step (E, B, 3, 27) in mm, and dp is the increment of the
-    pressure by the pressure step (E, B, 4) in MPa. The mesh has E elements with q Gauss points each, and the batch has
-    B candidates.
+    S, D, J and C are those of `Evaluation`. The increment dE of the Green strain follows from the displacement ``step``
+    (E, B, 3, 27) in mm. The increment dp of the pressure follows from ``pressure_step`` (E, B, 4) in MPa. The mesh has
+    E elements with q Gauss points each, and the batch has B candidates.
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

@@ -1,4 +1,4 @@
-"""Structured meshes of hexahedra with 27 nodes, between the lines of a rectangular grid or mapped to another shape."""
+"""Structured meshes of hexahedra with 27 nodes, on a rectangular grid or mapped to another shape."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ Array = NDArray[np.float64]
 class Bricks:
     """A structured mesh of E hexahedra with N nodes.
 
-    The number of a node increases slowest along the beam. It increases fastest in the direction with fewer nodes, which
-    is either across or in depth. The band of the stiffness matrix is then narrow.
+    Node numbers increase slowest along the beam. They increase fastest across or in depth, in the direction that has
+    fewer nodes. This order makes the band of the stiffness matrix narrow.
 
     Attributes
     ----------
     nodes : ndarray, shape (N, 3)
-        Places of the nodes in mm.
+        Positions (x, y, z) of the nodes in mm.
     elements : ndarray of int, shape (E, 27)
-        Nodes of each element. Local node 9 i + 3 j + k is the i-th along, the j-th across and the k-th in depth.
+        Nodes of each element. The local node with the number 9 i + 3 j + k is the i-th node along the beam, the j-th
+        across and the k-th in depth.
     numbers : ndarray of int, shape (nodes along, nodes across, nodes in depth)
-        Number of the node at each position of the grid.
+        Number of the node at each point of the grid.
     """
 
     nodes: Array
@@ -43,7 +44,7 @@ def brick_mesh(
 ) -> Bricks:
     """Return the hexahedra between the increasing coordinates x_mm, y_mm and z_mm of the grid's lines.
 
-    mapping: function of x, y and z in mm that returns the places of the nodes; None: the nodes stay on the grid.
+    mapping: function of x, y and z in mm that returns the positions of the nodes; None: the nodes stay on the grid.
     """
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)

@@ -1,13 +1,13 @@
 """The field of a coil that is not uniform, with a magnet or magnetised silicone in the field.
 
-The field at the place x in the plane of the beam is B(x) = q(x) F. Here F is the field at the magnet's place at rest. F
-and B are written as complex numbers, F_x + i F_y and B_x + i B_y. The complex factor q(x) is the same for all currents
-and directions of F, and q = 1 at the magnet's place at rest.
+The field at the point x in the plane of the beam is B(x) = q(x) F. Here F is the field at the position of the magnet at
+rest. F and B are written as complex numbers, F_x + i F_y and B_x + i B_y. The complex factor q(x) is the same for all
+currents and directions of F, and q = 1 at the position of the magnet at rest.
 
-A rigid dipole m at the place x has the energy -m . B(x). The torque on the dipole is m x B(x), and component i of the
+A rigid dipole m at the point x has the energy -m . B(x). The torque on the dipole is m x B(x), and component i of the
 force on it is the sum of m_j dB_j/dx_i over j. A magnet that is much smaller than the coil has the energy of a dipole
-in the middle of the magnet. The next terms of the expansion contain the second derivatives of B. For a cube these terms
-add up to zero.
+in the middle of the magnet. The next terms of the expansion of the energy contain the second derivatives of B. For a
+cubic magnet these terms add up to zero.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array,
     Returns
     -------
     radial, axial : ndarray
-        Flux density divided by the current in T/A, in the shape of the distances.
+        Flux density divided by the current, in T/A, in the shape of ``radial_m``.
 
     Notes
     -----
@@ -71,9 +71,9 @@ class FieldTable:
     Parameters
     ----------
     x_mm, y_mm : ndarray, shapes (n,) and (m,)
-        Coordinates of the grid, increasing, at least four of each.
+        Increasing coordinates of the grid's lines; at least four lines in each direction.
     field : ndarray, shape (n, m, 2)
-        The components of the field along x and y, in any unit.
+        The components of the field along x and y at the n m points of the grid, in any unit.
     """
 
     x_mm: Array
@@ -95,8 +95,8 @@ class FieldTable:
         axis : tuple of float
             Unit vector along the axis.
         reach_mm : float
-            The table covers this distance from the clamp toward the tip and to both sides, and a quarter of this
-            distance behind the clamp.
+            Size of the table: it covers ``reach_mm`` from the clamp toward the tip and to both sides, and a quarter of
+            ``reach_mm`` behind the clamp.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the field and its first and second derivatives at points (n, 2) in mm, complex, shape (6, n).
+        """Return the field and its first and second derivatives at n points (x, y), (n, 2) in mm, complex, (6, n).
 
         The rows are the field B_x + i B_y and its derivatives by x, y, xx, xy and yy in mm. A point outside the table
         is replaced by the nearest point of the table's edge.
@@ -135,7 +135,7 @@ class FieldTable:
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
 
     def covers(self, points_mm: Array) -> bool:
-        """Return whether all points (n, 2), in mm, lie inside the table."""
+        """Return whether all n points (x, y), (n, 2) in mm, lie inside the table of the field."""
         x, y = points_mm.T
         inside = (x >= self.x_mm[0]) & (x <= self.x_mm[-1]) & (y >= self.y_mm[0]) & (y <= self.y_mm[-1])
         return bool(inside.all())
@@ -143,20 +143,21 @@ class FieldTable:
 
 @dataclass(frozen=True, eq=False)
 class CoilShape:
-    """The field of a coil as a function of the place, relative to the field at the magnet's place at rest.
+    """The field of a coil as a function of position, relative to the field at the position of the magnet at rest.
 
     Parameters
     ----------
     axis : tuple of float
-        Unit vector along the axis of the coil, in the beam frame. The field that belongs to ``gradient_per_m`` and
-        ``curvature_per_m2`` is symmetric about an axis in this direction.
+        Unit vector (x, y) along the axis of the coil, in the beam frame. The parts of the field that ``gradient_per_m``
+        and ``curvature_per_m2`` describe are symmetric about this axis.
     gradient_per_m : tuple of float
-        Relative change of the field strength per metre along x and along y. The gradient adds to that of the table.
+        Relative change of the field strength per metre along x and along y. It is added to the gradient of the table.
     table : FieldTable or None
-        The field. If it is None, the field is uniform except for gradient and curvature.
+        The field at the points of a grid. None: the field is uniform except for gradient and curvature.
     curvature_per_m2 : float
-        Half of the second derivative of the relative field strength along the axis, in 1/m². It is negative near the
-        middle of a coil: the strength decreases along the axis, and increases across the axis by half of this amount.
+        Half of the second derivative of the relative field strength along the axis, in 1/m². The curvature is negative
+        near the middle of a coil, because the strength decreases along the axis. Across the axis the strength then
+        increases, by half of this amount.
     """
 
     axis: tuple[float, float]
@@ -165,18 +166,19 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the factor q of the field at points (B, 2), and the derivatives of q.
+        """Return the ratio q of the field at B points to the field at a given point at rest, and the derivatives of q.
 
         Parameters
         ----------
         points_mm : ndarray, shape (B, 2)
+            Coordinates x and y of the B points.
         rest_mm : ndarray, shape (2,)
-            The place where the factor is 1.
+            The point (x, y) at which the ratio is 1.
 
         Returns
         -------
         q, first, second : ndarray, complex, shapes (B,), (B, 2) and (B, 2, 2)
-            The factor, its first derivatives in 1/mm, and its second derivatives in 1/mm².
+            The ratio, its first derivatives by x and y in 1/mm, and its second derivatives in 1/mm².
         """
         values = np.zeros((6, len(points_mm)), complex)
         values[0] = 1.0
@@ -190,11 +192,11 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the contribution of the curvature c to the factor q and its derivatives at B points, shape (6, B).
+        """Return the contribution of the curvature c to the field ratio q and its derivatives at B points, (6, B).
 
         The field of the curvature has the components B_s = c (s^2 - t^2 / 2) and B_t = -c s t, with the coordinates s
-        along the axis and t across the axis, measured from the place at rest. The order of the derivatives is that of
-        `FieldTable.derivatives`.
+        along the axis and t across the axis, measured from the position of the magnet at rest. The order of the
+        derivatives is that of `FieldTable.derivatives`.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
@@ -211,11 +213,11 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """Return the derivatives of the factor q by x and y that the gradient causes, complex, shape (2,) in 1/mm.
+        """Return the derivatives of the field ratio q by x and y that the gradient causes, complex, (2,) in 1/mm.
 
-        With the coordinates s along the axis and t across the axis, the gradient of the relative strength is (h, g).
-        The field has neither curl nor divergence and is symmetric about the axis: dB_s/ds = h, dB_s/dt = dB_t/ds = g,
-        dB_t/dt = -h/2.
+        Let s and t be the coordinates along and across the axis, and let h and g be the derivatives of the relative
+        strength by s and t. The field has neither curl nor divergence and is symmetric about the axis: dB_s/ds = h,
+        dB_s/dt = dB_t/ds = g, dB_t/dt = -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
@@ -233,11 +235,12 @@ class DipoleInField:
     dipole : ndarray, shape (2,)
         Magnetic moment at rest in N mm/T.
     arm_mm : ndarray, shape (2,)
-        Vector from the reference point of the body to the dipole, at rest.
+        Vector (x, y) from the reference point of the body to the dipole, at rest.
     reference_mm : ndarray, shape (2,)
-        The reference point at rest.
+        Position (x, y) of the reference point at rest.
     field_T : ndarray, shape (B, 2)
-        The field at the place of the dipole at rest, for each of B candidates, or shape (1, 2) for all candidates.
+        The field (x, y) at the position of the dipole at rest, for each of B candidates, or shape (1, 2) for all
+        candidates.
     """
 
     shape: CoilShape
@@ -285,24 +288,24 @@ class DipoleInField:
 class SiliconeInField:
     """Magnetised silicone in the field of a coil, with one dipole in the middle of each element.
 
-    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest. It
-    is computed as the sum of the places of the nodes, multiplied by ``dipoles``. The dipole lies at the sum of the
-    places of the nodes, multiplied by ``shares``.
+    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest.
+    This dipole is the sum of the nodes' positions, each multiplied by its weight in ``dipoles``. The point at which the
+    dipole lies is the sum of the nodes' positions, each multiplied by its weight in ``shares``.
 
     Parameters
     ----------
     shape : CoilShape
         The ratio of the field at any place to the field at the magnet's place at rest.
     rest_mm : ndarray, shape (2,)
-        The place at rest to which the field strength refers.
+        The point (x, y) at rest at which the field is ``field_T``.
     nodes_mm : ndarray, shape (E, n, 2)
-        Places at rest of the n nodes of each of E elements.
+        Positions (x, y) at rest of the n nodes of each of E elements.
     shares : ndarray, shape (E, n)
-        Weights of the nodes in the place of the dipole.
+        Weights of the nodes' positions in the position of the dipole.
     dipoles : ndarray, shape (E, n)
-        Weights of the nodes in the dipole, in N/T.
+        Weights of the nodes' positions in the dipole, in N/T.
     field_T : ndarray, shape (B, 2)
-        The field at ``rest_mm`` for each of B candidates, or shape (1, 2) for all candidates.
+        The field (x, y) at ``rest_mm`` for each of B candidates, or shape (1, 2) for all candidates.
     """
 
     shape: CoilShape
@@ -350,5 +353,5 @@ class SiliconeInField:
 
 
 def _components(values: Complex) -> Array:
-    """Return complex numbers (...) as vectors (..., 2) of their real and imaginary parts."""
+    """Return an array of complex numbers (...) as an array (..., 2) of real and imaginary parts."""
     return np.stack([values.real, values.imag], axis=-1)

@@ -1,9 +1,10 @@
-"""The depth effect: the difference between a solid and its planar model, as a polynomial in the bending of the beam.
+"""The depth effect: the difference between the solid and the planar model of a beam, as a polynomial in the bending.
 
-Let u_s be the configuration of the solid and u_p the configuration of its planar model under the same loads. The depth
-effect d = u_s - u_p is a smooth function of a scalar s. If the tip turns monotonically along the loads, s is the
-rotation of the planar tip in rad. Otherwise s is the distance along the line of the loads (`beam.beside`). The solid is
-solved in n states, at the places s_i. The depth effect d_i in these states is interpolated by Lagrange's polynomial,
+Let u_s be the configuration of the solid model and u_p the configuration of the planar model under the same loads. The
+depth effect d = u_s - u_p is a smooth function of a scalar s. If the rotation of the tip changes monotonically along
+the loads, s is the rotation of the tip of the planar model in rad. Otherwise s is the distance along the line of the
+loads (`beam.beside`). The solid model is solved in n states, at the values s_i of s. The depth effect d_i in these
+states is interpolated by Lagrange's polynomial,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
@@ -47,9 +48,9 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether another candidate has the same law, ratio of moduli and planar displacements.
+        """Return whether another candidate has the same law, ``bulk_ratio`` and planar displacements.
 
-        within_mm: largest difference between displacements that count as the same.
+        within_mm: two displacements count as the same if they differ by at most this length.
         """
         same = self.law is other.law and abs(self.bulk_ratio / other.bulk_ratio - 1) < _SAME_BULK
         same = same and self.planar.shape == other.planar.shape
@@ -58,20 +59,22 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference between a solid and its planar model, interpolated between the solved states.
+    """The difference between the solid and the planar model of a beam, interpolated between the solved states.
 
-    The symbols are those of the module `beam.depth_effect`.
+    A scalar s measures the bending, and d(s) is the difference; see the module `beam.depth_effect`.
 
     Attributes
     ----------
     places : tuple of float
-        The values s_i of the states in which the solid was solved.
+        The values s_i of the states in which the solid model was solved.
     differences : tuple of Configuration
-        The differences d_i in these states.
+        The differences d_i between the two models in these states.
     by_turn : bool
-        Whether s is the rotation of the planar tip in rad; otherwise s is the distance along the line of the loads.
+        Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the distance along the line of
+        the loads.
     base : DepthEffect or None
-        The depth effect b of a similar candidate. If ``by_turn``, the two depth effects are assumed equal at s = 0.
+        The depth effect b(s) of a similar candidate; only the difference d - b is interpolated. None: d is
+        interpolated. If ``by_turn``, d(0) = b(0) is assumed.
     candidate : BentCandidate or None
         The candidate for which the states were solved.
     """
@@ -83,18 +86,19 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the interpolated difference d(s) at one place s."""
+        """Return the interpolated difference d(s) between the models at one value s (``place``)."""
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated differences at K places s, without stresses and pressures.
+        """Return the interpolated differences d(s) between the models at K values s, without stresses and pressures.
 
         Parameters
         ----------
         places : ndarray, shape (K,)
+            The values s.
 
         Returns
         -------
@@ -116,28 +120,28 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return Lagrange's weights w_i(s) of the solved states at one place s."""
+        """Return Lagrange's weights w_i(s) of the solved states at one value s (``place``)."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) between this depth effect and its base in the solved states."""
+        """The differences d_i - b(s_i) in the solved states; b is the depth effect in ``base``."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The places s at which this depth effect and its base are assumed equal: 0 if ``by_turn``, otherwise none."""
+        """The values s at which d(s) = b(s) is assumed, with b in ``base``: 0 if ``by_turn``, otherwise none."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect without a base, interpolated through its values d(s) at the places s of the base.
+        """The same depth effect with ``base`` None, interpolated through d(s) at the solved values s of the base.
 
-        If ``by_turn``, the places are scaled so that the first place equals the first solved place of this depth
-        effect. If this depth effect has no solved places, the property is the base.
+        If ``by_turn``, these values s are scaled so that the first of them equals the first solved value s of this
+        depth effect. If this depth effect has no solved states, the property is ``base``.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -146,14 +150,14 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect, without its base, is valid at all given places; see `reaches`."""
+        """Return whether `without_base` is valid at all given values s (``places``); see `reaches`."""
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the polynomial is valid at each of K places, shape (K,).
+        """Return whether the polynomial d(s) is valid at each of K values s (``places``), shape (K,).
 
-        The polynomial is valid between the solved places. At both ends it is also valid beyond the solved places, by a
-        tenth of the range of these places.
+        The polynomial is valid in the range of the solved values s, which is extended by a tenth of its length at both
+        ends.
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
@@ -162,8 +166,8 @@ class DepthEffect:
     def thinned(self, most: int) -> DepthEffect:
         """Return this depth effect, interpolated through at most ``most`` of its solved states.
 
-        The kept states have places s that are far apart from each other. A polynomial through many places s at equal
-        distances would be inaccurate between the places. ``base`` must be None.
+        The values s of the selected states are far apart from each other. A polynomial through many equidistant values
+        s would be inaccurate between these values. ``base`` must be None.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -174,5 +178,5 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this depth effect with one more solved state: its place and its difference."""
+        """Return this depth effect with one more solved state: its value s (``place``) and its difference d."""
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -8,14 +8,15 @@ determinant J and the bulk modulus K, the potential of one element is
 
 The three coefficients of the pressure belong to one element only. They are eliminated before assembly.
 
-An element has two Gauss points along the beam and three across. This rule is exact for cubics, which keeps the order of
-convergence of quadratic elements (Ciarlet 1978, section 4.1). Every mode has stiffness, and a bent beam is softer along
-its length than with three by three points.
+An element has two Gauss points along the beam and three across. This integration rule is exact for cubic polynomials,
+and therefore preserves the order of convergence of quadratic elements (Ciarlet 1978, section 4.1). No mode of
+deformation has zero stiffness. A bent beam is softer along its length than with three by three points.
 
-Shapes of arrays: E elements, B candidates of the batch, q Gauss points of an element. The first two axes of a
-deformation gradient are the component i of the place and the coordinate I at rest. The tangent stiffness of the whole
-batch is computed by one matrix product for each element. Its factors are dP/dF, with the first Piola-Kirchhoff stress
-P, and the products of the derivatives of the shape functions at the Gauss points, multiplied by the Gauss weights.
+In the shapes of arrays, E is the number of elements, B the number of candidates of the batch, and q the number of Gauss
+points of an element. The first axis of a deformation gradient is the component of the present position, and the second
+axis is the coordinate at rest. The tangent stiffness of the whole batch is computed by one matrix product for each
+element. Its factors are dP/dF, with the first Piola-Kirchhoff stress P, and the products of the derivatives of the
+shape functions at the Gauss points, multiplied by the Gauss weights.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
     basis : ndarray, shape (E, q, m)
         Values of the orthogonal functions.
     mass : ndarray, shape (E, m)
-        Weighted sums of their squares.
+        Weighted sums of the squares of the orthogonal functions over the Gauss points.
     """
     (n, q), m = weights.shape, raw.shape[1]
     basis, mass = np.empty((n, q, m)), np.empty((n, m))
@@ -136,7 +137,7 @@ def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return whether the pressure is an unknown: in plane strain, but not in plane stress."""
+    """Return whether the pressure is an unknown: True in plane strain, False in plane stress."""
     return batch.section == "plane-strain"
 
 
@@ -262,7 +263,7 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E elements for B candidates, (E, B, 18, 18) in N/mm per mm of depth.
 
     The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
-    geometric part is computed with the predicted stress (3, E, B, q) at q Gauss points, see `beam.equilibrium`.
+    geometric stiffness is computed with the predicted stress (3, E, B, q) at q Gauss points, see `beam.equilibrium`.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -295,7 +296,10 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the result of `stiffness` as one part. The element of the solid yields several parts."""
+    """Yield the element matrices that `stiffness` returns, in one array for all elements.
+
+    The function of the same name in `beam.brick` yields one array for each group of elements.
+    """
     yield stiffness(ops, ev, predicted)
 
 
@@ -310,9 +314,9 @@ def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) ->
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivative (E, B, 18, 3) of the volume residuals by the displacements.
+    """Return the derivatives (E, B, 18, 3) of the three volume residuals by the 18 displacements of an element.
 
-    The mesh has E elements and the batch has B candidates. `volume_gap` defines the volume residuals.
+    There are E elements and B candidates. `volume_gap` defines the volume residuals.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
@@ -322,12 +326,13 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress after a linear step, to first order: components 11, 22, 12, shape (3, E, B, q), in MPa.
+    """Return the predicted stress after a linear step: components 11, 22, 12, shape (3, E, B, q), in MPa.
 
-    The stress is S + D : dE with the derivative D of the stress S by the Green strain. The increment dE of the Green
-    strain is that of the step (E, B, 2, 9) in mm. In plane strain J C^-1 dp is added, with the increment dp of the
-    pressure by the pressure step (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has
-    B candidates.
+    The predicted stress is S + D : dE with the derivative D of the stress S by the Green strain. The increment dE of
+    the Green strain follows from the displacement ``step`` (E, B, 2, 9) in mm. In plane strain J C^-1 dp is added, with
+    the determinant J of the deformation gradient F and C = F^T F. The increment dp of the pressure follows from
+    ``pressure_step`` (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has B
+    candidates.
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

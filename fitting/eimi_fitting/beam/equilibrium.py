@@ -34,7 +34,7 @@ _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains 
 
 
 class Status(IntEnum):
-    """The outcome of the solution for one candidate in one state."""
+    """The outcome of the solution of the equilibrium for one candidate in one state."""
 
     CONVERGED = 0
     DIVERGED = 1
@@ -46,7 +46,7 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh, with one row for each of B candidates or one row for all; see `beam.actuation`.
+    """Loads on a mesh in one state, with one row for each of B candidates or one row for all; see `beam.actuation`.
 
     All loads are per mm of depth if the mesh is planar. The mesh has N nodes with d coordinates.
 
@@ -55,8 +55,9 @@ class SolidLoads:
     nodal : ndarray, shape (B, N, d)
         Dead forces on the nodes in N.
     force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
-        Load on the rigid body in N, N mm and N mm. With the body's translation U and the matrix R(theta) of its
-        rotation theta, the potential of the load is -force . U - tensor : R(theta) - moment theta.
+        Load on the rigid body in N, N mm and N mm. Let U be the translation of the body, theta its rotation and
+        R(theta) the matrix of this rotation. The potential of the load is -force . U - tensor : R(theta) - moment
+        theta.
     pressure : ndarray, shape (B,)
         Pressure on the face in N/mm².
     in_coil : DipoleInField or None
@@ -85,9 +86,9 @@ class Configuration:
     displacement : ndarray, shape (B, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (B, 3)
-        Translation of the rigid body in mm and its rotation in rad.
+        Translation (x, y) of the rigid body in mm, and rotation of the rigid body in rad.
     pressure : ndarray, shape (E, B, d + 1)
-        Coefficients of the elements' pressures in N/mm².
+        Coefficients of the pressure functions of each element in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
         The stress at the Gauss points in N/mm² with which the next tangent stiffness is computed.
     """
@@ -98,11 +99,11 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return the configuration of the candidates ``rows`` only."""
+        """Return the configuration of only the candidates whose numbers are in ``rows``."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configuration of the candidates ``rows``."""
+        """Overwrite the configuration of the candidates whose numbers are in ``rows`` with another configuration."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -114,7 +115,7 @@ class Configuration:
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the weighted sum of configurations."""
+    """Return the weighted sum of several configurations of the same mesh and candidates."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -126,7 +127,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Return the configurations of several batches, one after another, as the configuration of one batch."""
+    """Join the configurations of several batches of candidates, in the given order, into one configuration."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -136,7 +137,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Return the loads on several batches, one after another, as the loads on one batch."""
+    """Join the loads on several batches of candidates into the loads on one batch, in the given order."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:
@@ -158,11 +159,11 @@ class _Step:
     nodal : ndarray, shape (B, N, d)
         Change of the displacements of the N nodes in mm, in d dimensions.
     rigid : ndarray, shape (B, 3)
-        Change of the body's translation in mm and of its rotation in rad.
+        Change of the rigid body's translation (x, y) in mm and of its rotation in rad.
     pressure : ndarray
-        Change of ``Configuration.pressure``.
+        Change of ``Configuration.pressure`` in N/mm².
     stress : ndarray
-        The predicted stress after the step, in the shape of ``Configuration.stress``.
+        The stress in N/mm² that the linear step predicts, in the shape of ``Configuration.stress``.
     sound : ndarray of bool, shape (B,)
         Whether the linear system could be solved.
     indefinite : ndarray of bool, shape (B,)
@@ -185,7 +186,7 @@ class Solid:
     mesh : Mesh or Bricks
         Mesh with N nodes in d dimensions.
     fixed : ndarray of bool, shape (N, d)
-        Which displacements are zero.
+        True for the displacements that are zero.
     rigid_nodes : ndarray of int or None
         Nodes that move with the rigid body; None without a body.
     rigid_centre : tuple of float
@@ -229,7 +230,7 @@ class Solid:
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return the configuration at rest for ``batch`` candidates."""
+        """Return the configuration at rest for the given number of candidates (``batch``)."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -239,7 +240,7 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Return nodal values (B, N, d) by element, (E, B, d, n).
+        """Return a nodal array (B, N, d), for example displacements, by element: (E, B, d, n).
 
         There are B candidates and N nodes in d dimensions, and E elements with n nodes each.
         """
@@ -248,7 +249,7 @@ class Solid:
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
     def stretch(self, displacement: Array) -> Array:
-        """Return the largest principal stretch (E, B, q) for displacements (B, N, d) in mm.
+        """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (B, N, d) in mm.
 
         There are B candidates and N nodes in d dimensions, and E elements with q Gauss points each.
         """
@@ -311,7 +312,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the configuration after a step, and the largest displacement of any node in the step, (B,) in mm."""
+        """Return the configuration after a Newton step, and the largest displacement of a node, (B,) in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -331,9 +332,9 @@ class Solid:
 
         After the elimination of the pressures, the tangent stiffness of the last step is the second derivative of the
         potential. If this matrix is not positive definite, the equilibrium is unstable and the candidate is marked as
-        BUCKLED. A pressure that follows its face has no potential, and stability is then not checked. Only motions that
-        the mesh can represent are checked: not buckling out of the plane of a planar mesh, and for a solid mesh only
-        buckling that is symmetric about mid-depth.
+        BUCKLED. The stability is not checked if a pressure acts on a face, because such a pressure has no potential.
+        Only motions that the mesh can represent are checked: not buckling out of the plane of a planar mesh, and for a
+        solid mesh only buckling that is symmetric about mid-depth.
 
         Parameters
         ----------
@@ -341,16 +342,16 @@ class Solid:
             B candidates.
         loads : SolidLoads
         start : Configuration
-            Where Newton's method begins.
+            The configuration at which Newton's method begins.
         tolerance_mm : float
         few : int or None
-            Largest number of iterations from a start that should be close to the solution. A candidate gets the status
+            Largest number of iterations, if ``start`` is close to the solution. A candidate gets the status
             OUT_OF_ITERATIONS if it needs more iterations, or if its tangent stiffness is not positive definite before
-            Newton's method has converged. None: 25 iterations, whether or not the tangent stiffness is positive
+            Newton's method has converged. None: at most 25 iterations, and the tangent stiffness need not be positive
             definite.
         only_try : bool
-            Mark candidates as DIVERGED if the tangent stiffness of their nodes is not positive definite, which saves a
-            factorisation.
+            True: mark a candidate as DIVERGED if its tangent stiffness without the rigid body is not positive definite.
+            This saves a factorisation.
 
         Returns
         -------
@@ -394,7 +395,7 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add a further stiffness to the tangents of the elements, and yield the sums part by part.
+    """Add a further stiffness to the tangents of the elements, and yield the sums for one group of elements at a time.
 
     further: function that returns the further stiffness of the elements in a slice.
     """

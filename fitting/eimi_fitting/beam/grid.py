@@ -30,9 +30,10 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the lines across silicone, magnet and silicone in mm, and a number of elements.
+    """Return the lines that divide the width at the magnet, in mm, and the number of elements beside the magnet.
 
-    The number is that of the elements in the silicone on one side of the magnet.
+    The width consists of silicone, the magnet and silicone. The number counts the elements in the silicone on one side
+    of the magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -43,7 +44,7 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, times: float) -> int:
-    """Return the number of elements, at least 2 and at most 2 * along, along a part of the beam.
+    """Return the number of elements along a part of the beam, at least 2 and at most 2 * along.
 
     times: length of the part divided by the length of the flexible part, which has ``along`` elements.
     """
@@ -53,8 +54,9 @@ def _count(along: int, times: float) -> int:
 class Grid:
     """The planar mesh of a specimen.
 
-    Elements are shorter near the clamp, and also near the magnet if there is a magnet. This refinement decays over half
-    a width of the beam, like the disturbance of a clamped end.
+    Elements are shorter near the clamp, and also near the magnet if there is a magnet. Away from the clamp and the
+    magnet, the size of the elements approaches the normal size over half a width of the beam. The disturbance of a
+    clamped end decays over a similar distance.
 
     Parameters
     ----------
@@ -71,14 +73,14 @@ class Grid:
     Attributes
     ----------
     strip : Strip
-        The geometry at rest.
+        The map from the straight strip to the specimen at rest.
     straight_mm : ndarray, shape (N, 2)
-        Places of the N nodes in the straight strip.
+        Positions (x, y) of the N nodes in the straight strip.
     mesh : Mesh
         The elements of silicone. The nodes cover the whole specimen with the magnet, column by column from clamp to
         tip.
     face_mm : tuple of float
-        Middle of the magnet's inner face at rest. Without a magnet: middle of the tip.
+        Middle (x, y) of the magnet's inner face at rest. Without a magnet: middle of the tip.
     turn_rad : float
         Angle of the magnet at rest from +x toward +y.
     block_mm : tuple of float
@@ -86,7 +88,7 @@ class Grid:
     magnet_nodes : ndarray of int or None
         Nodes on and in the block; None without a magnet.
     inside : ndarray of bool, shape (cells along, cells across)
-        Which cells between the lines lie in the block.
+        Whether each cell between the lines lies in the rigid block.
     per_specimen : float
         The fraction of a load on the whole specimen that acts on the mesh: 1 / depth in 1/mm.
     """
@@ -141,11 +143,11 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that correspond to points (n, 2) of the rest shape, in mm."""
+        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return, for points (n, 2) of the straight strip in mm, whether each moves with the magnet, shape (n,).
+        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,).
 
         A face of the magnet may have no silicone beyond it. Points outside the specimen beyond such a face move with
         the magnet.
@@ -159,9 +161,9 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement at points (n, 2) of the strip.
+        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement at n points of the straight strip.
 
-        points_mm: places in the straight strip.
+        points_mm: coordinates x and y of the points in the straight strip, (n, 2).
 
         Raises
         ------
@@ -187,7 +189,7 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (2,) of the straight strip."""
+        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (x, y) of the straight strip."""
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:

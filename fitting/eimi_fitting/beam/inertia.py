@@ -1,4 +1,4 @@
-"""The inertia of a specimen on its mesh: consistent mass of the silicone, mass and rotary inertia of the magnet.
+"""The inertia of a specimen: consistent mass matrix of the silicone, mass and rotary inertia of the magnet.
 
 Let U be the translation of a rigid body's reference point, theta its rotation and R(theta) the matrix of the rotation.
 The centre of mass lies at the vector s from the reference point at rest. Its velocity is U' + R'(theta) s theta'. The
@@ -46,11 +46,11 @@ class Inertia:
     body_rotary : float
         Rotary inertia of the rigid body about its centre of mass, in N s² mm.
     body_arm_mm : ndarray, shape (2,)
-        Vector from the reference point of the rigid body to its centre of mass, at rest.
+        Vector (x, y) from the reference point of the rigid body to the centre of mass of the body, at rest.
     point_mass : float
-        The point mass; zero if the point lies on the magnet, because its mass is then part of the rigid body.
+        The point mass. It is zero if the point lies on the magnet, because the mass is then included in ``body_mass``.
     point_shares : ndarray, shape (N,)
-        Weights of the nodes. The displacement of the point is the weighted sum of the nodes' displacements.
+        Weights of the nodes. The displacement of the point mass is the weighted sum of the nodes' displacements.
     """
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
@@ -87,7 +87,7 @@ class Inertia:
             np.add.at(self.point_shares, nodes, weights)
 
     def of_body(self, angle_rad: Array) -> Array:
-        """Return the mass matrices (B, 3, 3) of the rigid body at rotations (B,) in rad; see `beam.inertia`."""
+        """Return the mass matrices (B, 3, 3) of the rigid body at B rotations (B,) in rad; see `beam.inertia`."""
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         x, y = self.body_arm_mm
         matrix = np.zeros((len(angle_rad), 3, 3))
@@ -99,7 +99,7 @@ class Inertia:
 
 
 def _squares(model: BeamModel | SolidModel) -> Array:
-    """Return the integrals of the products of the shape functions of each of E elements with n nodes, (E, n, n).
+    """Return the integrals of the products of two shape functions over each of E elements with n nodes, (E, n, n).
 
     The integrals use three Gauss points in each direction.
     """

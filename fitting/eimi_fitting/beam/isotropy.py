@@ -1,8 +1,8 @@
 """Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points at once.
 
 A symmetric tensor is an array whose first axis has the six components 11, 22, 33, 12, 23, 13. The other axes number the
-points. The strain energy of a law is isochoric, and the stress of the pressure is added to the stress of the law. Two
-exact methods compute stress and tangent:
+points. The strain energy of a law depends on the isochoric deformation only. The stress of the pressure is added to the
+stress of the law. Two exact methods compute stress and tangent:
 
 invariants           for a law that gives the derivatives of its energy by the invariants I1 and I2 (Holzapfel,
                      Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6);
@@ -34,19 +34,25 @@ _EQUAL = 1e-5
 
 @runtime_checkable
 class InvariantLaw(Protocol):
-    """A law that gives the derivatives of its strain energy by the invariants."""
+    """A hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...)."""
+    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...).
+
+    The six components are 11, 22, 33, 12, 23, 13.
+    """
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
 def right_cauchy_green(F: Array) -> Array:
-    """Return the right Cauchy-Green tensor C = F^T F, (6, ...), of the deformation gradient F (3, 3, ...)."""
+    """Return the right Cauchy-Green tensor C = F^T F, (6, ...), of the deformation gradient F (3, 3, ...).
+
+    The six components are 11, 22, 33, 12, 23, 13.
+    """
     return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
 
 
@@ -71,13 +77,13 @@ def _inverse_product(B: Array) -> Array:
 
 
 def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
-    """Return the isochoric stress, its derivative by the Green strain, and J C^-1.
+    """Return the isochoric stress of a law, the derivative of this stress by the Green strain, and J C^-1.
 
     Parameters
     ----------
     law : Law
     parameters : ndarray, shape (..., n)
-        The n parameters of the law at each point, or for all points (they are broadcast against J).
+        The n parameters of the law at each point, or for all points. The leading axes are broadcast against J.
     F : ndarray, shape (3, 3, ...)
         Deformation gradient.
     J : ndarray, shape (...)

@@ -21,8 +21,8 @@ class UniformField:
     """A uniform magnetic field on the magnet and on magnetised silicone.
 
     The energy of hard-magnetic silicone is the integral of -B . F M, with the field B, the deformation gradient F and
-    the magnetisation M at rest. It is linear in the displacements, and therefore the nodal forces are dead loads (Zhao,
-    Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
+    the magnetisation M at rest. This energy is linear in the displacements, and therefore the nodal forces are dead
+    loads (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class CoilField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components of the magnetic flux density in T at the magnet's place at rest, in K states.
+        Components of the magnetic flux density in T at the position of the magnet at rest, in K states.
     shape : CoilShape
         The ratio of the field at any place to the field at the magnet's place at rest.
     """
@@ -82,7 +82,7 @@ class CoilField:
 
 @dataclass(frozen=True)
 class Gravity:
-    """The acceleration of gravity.
+    """The acceleration of gravity as a load on the specimen.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Gravity:
     numbers: Array
 
     def take(self, states: States) -> Gravity:
-        """Return gravity in the given states only."""
+        """Return the acceleration of gravity in the given states only."""
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
@@ -128,7 +128,7 @@ class TipForce:
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on the specimen's pressure face; see `beam.pressure`.
+    """A pressure on the face of the specimen that ``Specimen.pressure_face`` describes; see `beam.pressure`.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Pressure:
         Raises
         ------
         ValueError
-            The specimen has no face for a pressure, or is solved as a solid.
+            The specimen has no pressure face, or the beam model is solid.
         """
         if mesh.is_solid:
             raise ValueError(
