@@ -51,7 +51,7 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """If there are several workers, run the files that take longest first; otherwise keep the order given."""
+    """If there are several workers, run the slowest test files first; otherwise keep the order of the files."""
     if not hasattr(config, "workerinput"):
         return
     place = {name: k for k, name in enumerate(_LONGEST)}
@@ -59,9 +59,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def started_in(test: str) -> list[int]:
-    """Return the processes that were started during a test, directly or indirectly; none on a system without /proc.
+    """Return the numbers of the processes that a test started, directly or indirectly; none on a system without /proc.
 
-    Processes of multiprocessing are left out: they end with their parent, and may serve another test.
+    Processes of multiprocessing are left out. They end with their parent, and may serve another test.
     """
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
     processes = []
@@ -75,7 +75,7 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Kill the processes that a failed test has left behind; a guardian would otherwise run for an hour."""
+    """After a failed test, kill the processes that the test left behind. A guardian would otherwise run for an hour."""
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):

@@ -1,8 +1,7 @@
-"""Files and command lines of the release 0.1.0 still work: they are opened, fitted, resumed and accepted.
+"""Files and command lines of the release 0.1.0 still work with the present version.
 
-The folder `release` holds files that this release wrote: a dataset with edges (`run.h5`), the dataset of a run that was
-killed after two of its four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and its command
-lines.
+The folder `release` holds files that the release wrote: a dataset with edges (`run.h5`), the dataset of a run that was
+killed after two of four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and command lines.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ Run = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Copy the files of the release to a working directory."""
+    """Copy the files of the release 0.1.0 to a working directory, and return the directory."""
     folder = shutil.copytree(RELEASE, tmp_path / "release")
     monkeypatch.chdir(folder)
     return folder
@@ -47,7 +46,7 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
-    """Run a command line in this process; it must succeed."""
+    """Return a function that runs a command line in this process and fails if the exit status is not 0."""
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
 
     def run(line: str) -> None:
@@ -60,7 +59,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_its_calibration_has_the_same_hash() -> None:
-    """The dataset names the calibration of its edges and uncertainties by the hash."""
+    """The hash of the release's calibration has not changed. Edges in a dataset name their calibration by this hash."""
     with open_dataset(RELEASE / "run.h5") as dataset:
         edges, calibration = dataset.edges(), dataset.calibration
     assert edges is not None
@@ -69,7 +68,7 @@ def test_its_calibration_has_the_same_hash() -> None:
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every number and text of a JSON value with its path of keys."""
+    """Yield every number and text of a JSON value, with the path of keys that leads there."""
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(inner, f"{path}.{key}")
@@ -78,7 +77,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_same_numbers(now: Any, then: Any) -> None:
-    """Check that every number of the release still exists under its key with the same value; new keys are ignored."""
+    """Check that `now` contains every number of `then` under the same keys; keys that only `now` has are ignored."""
     today = dict(leaves(now))
     for path, value in leaves(then):
         if isinstance(value, float) and not path.endswith("wall_s"):
@@ -135,9 +134,10 @@ def test_its_edges_are_found_again(release: Path, eimi: Callable[[str], None]) -
 
 
 def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """The header gets today's versions, because a checkpoint is continued by the same versions only.
+    """A checkpoint of the release, in which one generation is missing, is continued.
 
-    One generation of the checkpoint is missing.
+    A checkpoint is continued only by the versions that its header names. The test therefore writes the present versions
+    into the header.
     """
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})
@@ -183,7 +183,7 @@ def test_its_killed_run_is_resumed(release: Path, eimi: Callable[[str], None]) -
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_its_command_lines_are_accepted(line: str) -> None:
-    """The lines are the examples in the release's help and documentation, and each command with all of its options."""
+    """Command lines of the release are accepted: the examples in its help and documentation, and every option."""
     _, name, *arguments = shlex.split(line)
     command: Any = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
     command.make_context(name, arguments)

@@ -67,26 +67,26 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """Each link of all drivers in turn."""
+    """The link of each driver in turn, "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp"."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """Each link of all drivers in turn. Fewer of them run by default, for checks that wait for seconds."""
+    """The link of each driver in turn, for checks that wait for seconds. By default only some links are used."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """The open bench of the fixture `waiting_link`."""
+    """The open bench of a supply on the link of the fixture `waiting_link`."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """The open bench of the fixture `link`."""
+    """The open bench of a supply on the link of the fixture `link`."""
     with open_bench(link) as opened:
         yield opened
 

@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class BenchDialect:
-    """Emulated supply for the driver in docs/howto/add_a_supply.md."""
+    """Emulated supply with the commands of the driver in docs/howto/add_a_supply.md."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -56,7 +56,7 @@ def blocks(language: str) -> list[str]:
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
-    """Write the metadata of an installed package that announces these entry points."""
+    """Write the metadata of an installed package that announces the entry points `points` of a group."""
     information = folder / "some_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")

@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this one."""
+    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
     with only_gige_camera():
         yield
 

@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this module."""
+    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
     with only_gige_camera():
         yield
 
@@ -45,7 +45,7 @@ _opened: list[AravisCamera] = []
 
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    """Close all open cameras after a test. After a failed test, the next test could not open the camera otherwise."""
+    """Close all open cameras after a test. A camera that stays open could not be opened by the next test."""
     yield
     while _opened:
         _opened.pop().close()
@@ -53,7 +53,7 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """A list with the emulated camera that several tests share, because the start of its process takes long."""
+    """A list with the emulated camera that several tests share. The start of its process takes long."""
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -62,7 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """The shared emulated camera, whose pictures contain their number. A camera that has ended is started again."""
+    """The shared emulated camera, whose pictures contain their number. If its process has ended, a new one starts."""
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -211,7 +211,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that returns a picture after half a second."""
+    """Return a function that returns a picture after half a second, as a slow camera does."""
     picture = numbered()
 
     def slowly() -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The drivers switch automatic exposure and gain off before they set a value, and only if a value is requested.
+"""Camera drivers switch automatic exposure and gain off before they set a value, and only if a value is requested.
 
 An automatic control would change the value after the driver has read it back. The tests use objects that contain only
 the settings of a camera.
@@ -19,7 +19,7 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """Object that takes the place of Aravis and records the calls that set a value.
+    """Object that takes the place of an Aravis camera and records the calls that set a value.
 
     `automatic` contains the quantities with an automatic control: "exposure", "gain" or both.
     """
@@ -74,7 +74,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A feature of a GenICam camera that records each new value in a log."""
+    """A feature of a GenICam camera. It records each new value in a log."""
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value
@@ -91,7 +91,7 @@ class Node:
 
 
 class Nodes:
-    """The features of a GenICam camera, by their names."""
+    """The features of a GenICam camera, by the names of the features."""
 
     def __init__(self, **values: Any) -> None:
         self.log: list[tuple[str, Any]] = []
@@ -136,7 +136,7 @@ def test_gentl_switches_automatic_controls_off(automatic: dict[str, str]) -> Non
 
 
 def test_a_gentl_region_is_set_with_its_offsets_at_zero_first() -> None:
-    """With the old offsets a larger region may not fit into the sensor."""
+    """With the old offsets, a larger region of the sensor might exceed the sensor."""
     nodes = Nodes(**FEATURES)
     read_back = gentl(nodes)._set_up(CameraSettings(region=(8, 16, 700, 500)))
     assert read_back.region == (8, 16, 700, 500)

@@ -38,7 +38,7 @@ class Slow(TextLine):
 
 
 class LastValue(TextLine):
-    """Faulty driver that returns the last value if the instrument does not answer."""
+    """Faulty sensor driver that returns the last value if the instrument does not answer."""
 
     errors: tuple[type[Exception], ...] = (InstrumentTimeout,)
     last: SensorReading | None = None
@@ -62,7 +62,7 @@ class LastValueForGarbage(LastValue):
 
 
 class Offended(TextLine):
-    """Faulty driver that reads no more values after one error."""
+    """Faulty sensor driver that reads no more values after one error."""
 
     failed: Exception | None = None
 
@@ -77,7 +77,7 @@ class Offended(TextLine):
 
 
 class KeepsLateAnswers(TextLine):
-    """Faulty driver that uses an answer after the time limit for the next query."""
+    """Faulty sensor driver that uses a late answer as the answer to the next query."""
 
     late: SensorReading | None = None
 
@@ -94,13 +94,13 @@ class KeepsLateAnswers(TextLine):
 
 
 class Hasty(TextLine):
-    """Faulty driver that waits only 0.1 s for an answer."""
+    """Faulty sensor driver that waits only 0.1 s for an answer."""
 
     timeout_s = 0.1
 
 
 class RaisesAnything(TextLine):
-    """Faulty driver that raises RuntimeError instead of an InstrumentError."""
+    """Faulty sensor driver that raises RuntimeError instead of an InstrumentError."""
 
     def read(self) -> SensorReading:
         try:

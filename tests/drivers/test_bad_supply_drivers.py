@@ -16,7 +16,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class GivesUpAfterTheFirst(Scpi):
-    """Faulty driver that sends nothing more if the first message of `safe_off` fails."""
+    """Faulty supply driver that sends nothing more if the first message of `safe_off` fails."""
 
     def safe_off(self) -> Any:
         self.set_current(0.0)
@@ -34,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """Faulty driver that switches the output off when the line is closed."""
+    """Faulty supply driver that switches the output off when the line is closed."""
 
     def close(self) -> None:
         self._send_output(False)
@@ -42,7 +42,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """Faulty driver that returns the last measured values if the instrument does not answer."""
+    """Faulty supply driver that returns the last measured values if the instrument does not answer."""
 
     last: Reading | None = None
 

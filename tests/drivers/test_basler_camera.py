@@ -24,7 +24,7 @@ from tests.patience import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def two_cameras():
-    """Request two emulated cameras from pypylon, which reads the environment variable when it is first used."""
+    """Request two emulated cameras from pypylon, by an environment variable that pypylon reads at its first use."""
     before = os.environ.get("PYLON_CAMEMU")
     os.environ["PYLON_CAMEMU"] = "2"
     pytest.importorskip("pypylon.pylon", reason="needs pypylon: pip install 'eimi-lab[basler]'")

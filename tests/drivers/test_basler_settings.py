@@ -24,7 +24,7 @@ class OutOfRange(Exception):
 
 
 class Node:
-    """A feature of a camera that accepts a new value, or keeps the old value."""
+    """A feature of a Basler camera that accepts a new value, or keeps the old value."""
 
     def __init__(self, value: Any, stuck: bool = False) -> None:
         self._value, self._stuck = value, stuck
@@ -67,9 +67,9 @@ class Result:
 
 
 class Device:
-    """A camera with an exposure of 10 ms, which delivers one frame for each trigger.
+    """A Basler camera with an exposure of 10 ms, which delivers one frame for each trigger.
 
-    If `late` is True, the next wait for a frame returns without the frame.
+    If `late` is True, the next wait for a frame ends without the frame.
     """
 
     def __init__(self, stuck: str = "") -> None:

@@ -1,4 +1,4 @@
-"""The instrument classes of the package dcps, and messages from the manuals, work with the emulated supplies over TCP.
+"""The emulated supplies over TCP obey the instrument classes of the package dcps, and messages from the manuals.
 
 dcps is installed with the extra `bench`. Without dcps the tests of its classes are skipped.
 """

@@ -1,4 +1,4 @@
-"""The emulated supply with its coil: in the same process, on a pseudo-terminal and on a TCP port."""
+"""The emulated supply and its coil behave alike in the same process, on a pseudo-terminal and on a TCP port."""
 
 from __future__ import annotations
 

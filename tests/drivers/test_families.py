@@ -1,4 +1,4 @@
-"""Behaviour of single families of supplies."""
+"""Behaviour that only one family of supplies has."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ LEVELS = {
     "bk-xln": b"OISET 1.100\r\n",
     "owon-spe": b"CURR:LIM 1.100\n",
 }
-"""The message that sets the level of a protection, by family. A separate test checks Genesys."""
+"""The message that sets the level of a protection, by family of supplies. Another test checks Genesys."""
 
 SWITCHES = {
     "keysight-e3632a": b"CURR:PROT:STAT ON\n",
@@ -202,7 +202,7 @@ SWITCHES = {
     "keithley-2200": b"VOLT:PROT:STAT 1\n",
     "bk-xln": b"OCP 1\r\n",
 }
-"""The message that switches a protection on, by family."""
+"""The message that switches a protection on, by family of supplies."""
 
 
 def test_every_family_with_protections_is_covered():

@@ -1,6 +1,6 @@
-"""Compare the tables in the drivers with tables that were written here from the manuals and standards.
+"""Compare the tables in the drivers with tables that this file copies from manuals and standards.
 
-If a driver has a new family, format, unit or model, the tests fail until its numbers are added here.
+If a driver has a new family, format, unit or model, a test fails until its numbers are added to this file.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from eimi_drivers.supplies.transport import InProcessTransport
 
 @dataclass(frozen=True)
 class Family:
-    """The numbers of a family of supplies.
+    """The numbers of one family of supplies.
 
     channels : the lowest and the highest channel
-    off_A : the largest current with which an emulated supply counts as off, A
+    off_A : the largest current (A) with which an emulated supply counts as off
     line : the speed (bit/s) and the number of stop bits of the serial line
-    watchdog_s : the time of the timer inside the supply, s; None without a timer
-    steps : the steps of the set-points of current (A) and voltage (V)
+    watchdog_s : the time (s) of the timer inside the supply; None without a timer
+    steps : the smallest step of the current set-point (A) and of the voltage set-point (V)
     """
 
     channels: tuple[int, int] = (1, 1)
@@ -112,7 +112,7 @@ def test_a_channel_beyond_those_of_the_family_is_refused(driver: str) -> None:
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """The driver asks for every level that it has set, and for every switch of a protection."""
+    """The driver reads back every level and every switch of a protection that it has set."""
     for profile in PROFILES:
         asked = {question for question, _ in profile.armed}
         for message in profile.protect:
@@ -235,7 +235,7 @@ def test_the_units_of_gaussmeters() -> None:
 
 
 def test_the_numbers_of_usb_devices() -> None:
-    """Sources: the USB ID Repository (usb.ids), and cp210x.c of Linux for the gaussmeters."""
+    """Sources of the USB identifiers: the USB ID Repository (usb.ids); for gaussmeters, cp210x.c of Linux."""
     assert {(0x0416, 0x5011)} == KORAD_USB_IDS
     assert SENSOR_USB_IDS == {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
     assert BOARD_USB_VENDORS == {

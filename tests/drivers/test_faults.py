@@ -29,9 +29,9 @@ SWITCHED_OFF = {
 
 
 class ReopenedTransport(InProcessTransport):
-    """Line on which every message fails after a cut, until the line is reopened.
+    """Line on which every message fails after the line was cut, until the line is reopened.
 
-    If the emulated line is lost permanently, reopening raises InstrumentDisconnected.
+    If the emulated line is cut permanently, reopening raises InstrumentDisconnected.
     """
 
     def __init__(self, line: FaultyInstrument, clock: SimulatedClock) -> None:
@@ -171,7 +171,7 @@ def eimi_emulate(*arguments: str) -> subprocess.Popen[str]:
 
 
 def line_with(emulator: subprocess.Popen[str], pattern: str) -> str:
-    """Return the first group of `pattern` in the next line of the emulator's output that matches."""
+    """Read the emulator's output up to the first line that matches `pattern`; return the first group of the match."""
     assert emulator.stdout is not None
     for text in emulator.stdout:
         if match := re.search(pattern, text):

@@ -1,4 +1,4 @@
-"""Damaged replies never lead to a wrong set-point: a driver returns the value in the reply or raises an error in time.
+"""Damaged replies never lead to a wrong set-point: a driver returns the value in the reply, or raises an error in time.
 
 The emulated supply obeys every message, or no message if its front panel is locked. The replies are damaged on the
 line. The long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
@@ -98,7 +98,7 @@ class FuzzedLine:
 
 
 def said(reply: bytes, driver: str) -> float:
-    """Return the number in a complete reply, independently of the drivers."""
+    """Return the number in a complete reply, without the code of the drivers."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")
@@ -140,9 +140,9 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     reset = (0.0,) if has_modes else ()  # a change of the mode sets both set-points to zero
 
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
-        """Call `act`, and return its value or None after an InstrumentError.
+        """Call `act`; return its result, or None after an InstrumentError.
 
-        The call must end within the time in which `questions` queries time out.
+        The call must end within the time after which `questions` queries have timed out.
         """
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()
@@ -182,7 +182,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Call the methods of a driver until the given number of replies was damaged."""
+    """Call the methods of a driver until `replies` replies were damaged; return the number of each outcome."""
     figures: Counter[str] = Counter()
 
     @given(

@@ -20,7 +20,7 @@ GRAB_S = 20.0
 
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Set the environment variable of the GenTL producers as an installer does, and return the producer's file."""
+    """Set the environment variable of the GenTL producers as an installer does, and return the path of the producer."""
     genicam = pytest.importorskip("genicam", reason="needs harvesters: pip install 'eimi-lab[gentl]'")
     folder = Path(genicam.__file__).parent
     if not list(folder.glob("*.cti")):

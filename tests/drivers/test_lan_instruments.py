@@ -27,9 +27,9 @@ TTI = announced(
 
 
 def announce_and_list(deadline: float) -> tuple[LanInstrument, ...]:
-    """Announce an Aim-TTi supply on the loopback interface, and repeat the search until it lists an instrument.
+    """Announce an Aim-TTi supply on the loopback interface; repeat the search until an instrument is listed.
 
-    The search ends without an instrument at the time `deadline` (s, clock of `time.monotonic`).
+    At the time `deadline` (s, clock of `time.monotonic`) the search ends and returns no instrument.
     """
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)

@@ -1,4 +1,4 @@
-"""After a single fault of the line or of a driver the output is off, and no other program can use the port."""
+"""After a single fault of the line or of a driver the output is off. Only one program can use a serial port."""
 
 from __future__ import annotations
 

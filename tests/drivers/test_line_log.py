@@ -1,6 +1,6 @@
-"""The log of a line counts messages and faults without a change of the messages.
+"""The log of a line counts messages and faults, and does not change the messages.
 
-An incomplete answer appears in the message of its error.
+An incomplete answer appears in the message of the error that it causes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """Line that returns the answers in a list one after the other. An error in the list is raised."""
+    """Line that returns the answers in a list one after the other. If an element is an error, the error is raised."""
 
     address = "/dev/ttyX"
 

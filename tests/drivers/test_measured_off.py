@@ -45,9 +45,10 @@ def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("driver", DIALECTS)
 def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
-    """The offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA) are assumed.
+    """A supply with the largest offset of its measured current still counts as off.
 
-    The offset of the E3631A is from its manual.
+    The offset of the E3631A is from its manual. The offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA)
+    are assumed.
     """
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
@@ -109,7 +110,7 @@ def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil
 
 
 class Line(InProcessTransport):
-    """Line that leads to another instrument after it was reopened."""
+    """Line that is connected to another instrument after the line was reopened."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)

@@ -1,4 +1,4 @@
-"""Compare the decoding of pixel formats with data whose bits were placed here as the standards define them."""
+"""Compare the decoding of pixel formats with data whose bits were arranged by hand as the standards define them."""
 
 from __future__ import annotations
 

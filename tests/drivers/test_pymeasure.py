@@ -28,7 +28,7 @@ CLIENTS = {
     "keithley-2260b": ("keithley", "Keithley2260B"),
 }
 DEPRECATED = frozenset({"enabled", "error"})
-"""Properties of Keithley2260B that PyMeasure has replaced. Their use ends in an error of PyMeasure's message."""
+"""Properties of Keithley2260B that PyMeasure has replaced. Reading one of them raises an error of PyMeasure."""
 
 UNREADABLE = (LookupError, NotImplementedError)
 """The errors that PyMeasure raises for a property that its class does not have."""
@@ -47,7 +47,7 @@ def open_client(driver: str, address: str) -> Any:
 
 
 def asked(client: Any) -> dict[str, object]:
-    """Return the values of all properties of the client."""
+    """Return the values of all properties of a PyMeasure instrument, by the names of the properties."""
     answers = {}
     for name in dir(type(client)):
         if name in DEPRECATED or not isinstance(inspect.getattr_static(type(client), name), property):
@@ -107,7 +107,7 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_the_class_for_the_pl_series_drives_an_aim_tti() -> None:
-    """The PL series has the same commands as the other series, except for the range of its currents."""
+    """The commands of the PL series are those of the other Aim-TTi series; only the range of currents differs."""
     aimtti = importlib.import_module("pymeasure.instruments.aimtti")
     coil = CoilSupply(WallClock(), resistance_ohm=1.0)
     with serve_tcp(emulate("aim-tti", coil)) as address:

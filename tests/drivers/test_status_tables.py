@@ -77,7 +77,7 @@ NO_TRIPS = {
     ("keysight-rp7900", 0): (128, 256, 1024),
     ("keysight-rp7900", 1): (2, 4),
 }
-"""Bits of the same registers that do not report a trip but, for example, constant current."""
+"""Bits of the registers in `REGISTERS` that report no trip but, for example, constant current."""
 
 TTI_MODELS = {"QL": QL355TP, "MX": MX100TP, "QPX": QPX1200SP, "CPX": CPX400DP}
 TTI_TRIPS = {
@@ -128,7 +128,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Replace the answer of the emulated instrument to one query, from now on."""
+    """Replace the answer of the emulated instrument to one query for the rest of the test."""
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 
@@ -152,7 +152,7 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the query for a register, which is given by the driver and the index of the register in the profile."""
+    """Return the query for a register: `register` is the driver and the register's index in the driver's profile."""
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
     return profile.registers[place].question.format(channel=1).encode() + b"\n"

@@ -23,7 +23,7 @@ WAITING = (
     supply_checks.understands_no_half_answers,
     supply_checks.takes_no_late_answer_for_the_next,
 )
-"""Checks that take seconds on a real port."""
+"""Checks of the conformance suite that take seconds on a real port."""
 
 
 @pytest.mark.parametrize("check", [check for check in SUPPLY_CHECKS if check not in WAITING])

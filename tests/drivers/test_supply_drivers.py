@@ -48,7 +48,7 @@ STAGES = {
     "bk-xln": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUT 0",), "verify": (b"STATUS?",)},
     "owon-spe": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
 }
-"""The first bytes of the messages of each stage of switching off, by driver.
+"""The first bytes of the messages in each stage of switching off, by driver.
 
 `test_families` tests Kepco supplies, which are switched off by a current of zero.
 """
@@ -132,7 +132,7 @@ def test_binary_fractions_do_not_cost_a_step(quick_bench):
 
 
 class Babbler:
-    """Emulated instrument that returns the answers in a list one after the other, whatever the message is."""
+    """Emulated instrument that returns the answers in a list one after the other, whatever the messages are."""
 
     def __init__(self, answers: list[bytes]) -> None:
         self._answers = answers

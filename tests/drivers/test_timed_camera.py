@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """Camera whose method with the name in `stuck` does not return until the event `release` is set."""
+    """Camera with one method that does not return until the event `release` is set; `stuck` is the method's name."""
 
     settings = NO_SETTINGS
 
@@ -136,7 +136,7 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """After a sleep of the computer the time limit has passed, but the driver of the camera is not the cause."""
+    """After a sleep of the computer the time limit has passed, although the camera's driver caused no delay."""
     inner, now = StubbornCamera("grab"), [0.0]
 
     def refuse() -> None:

@@ -1,4 +1,4 @@
-"""The serial number of a USB port identifies a supply, whatever name of the port is in the rig file."""
+"""The serial number of a USB port identifies a supply, whatever name the rig file gives to the port."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_drivers.supplies.transport import usb_serial_number
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a link to /dev/ttyACM7 like the links in /dev/serial/by-id. Three ports are attached."""
+    """Return a link to /dev/ttyACM7, as in /dev/serial/by-id. Three ports are attached to the computer."""
     ports = [
         SimpleNamespace(device="/dev/ttyACM7", serial_number="A1"),
         SimpleNamespace(device="/dev/ttyACM8", serial_number="B2"),

@@ -1,4 +1,4 @@
-"""The driver arms and verifies the watchdog of a supply, and the watchdog switches off after the last message."""
+"""The driver arms and verifies the watchdog of a supply, which switches the supply off after the last message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fixtures: commands that run in this process, which saves the start of a program, and a tracked strip."""
+"""Fixtures: commands that run in this process to save the start of a program, and datasets of a tracked strip."""
 
 from __future__ import annotations
 
@@ -70,7 +70,10 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
 
 def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
-    """Import points on the middle line of a strip of a known law under tip forces as `name`.h5."""
+    """Import points on the middle line of a strip under tip forces (N), as the dataset `name`.h5.
+
+    The strip has a law of the initial shear modulus `modulus_Pa`.
+    """
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads)
@@ -91,7 +94,7 @@ def track_points(done: Done, folder: Path, name: str, forces_N: list[float], mod
 
 @pytest.fixture(scope="module")
 def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write two datasets of one strip, a fit of the first one, and tensile fits of a stiffer curve."""
+    """Write two datasets of one strip, a fit of the first dataset, and tensile fits of a stiffer material."""
     folder = tmp_path_factory.mktemp("validate")
     track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
     track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)

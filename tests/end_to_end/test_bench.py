@@ -28,13 +28,13 @@ pytestmark = needs_aravis
 
 
 def commands() -> list[str]:
-    """Return the commands of the how-to: that of the bench, and those of the run and its fit."""
+    """Return the commands of the how-to: the command that serves the bench, and those of the run and of its fit."""
     return re.findall(r"```sh\n(.*?)```", HOWTO.read_text(encoding="utf-8"), re.S)
 
 
 @contextmanager
 def bench_served(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run the command of a bench until the bench has announced its rig file; end it with Ctrl-C afterwards."""
+    """Run the command that serves a bench, yield when its rig file is announced, and end the command with Ctrl-C."""
     with (
         only_gige_camera(),
         subprocess.Popen(

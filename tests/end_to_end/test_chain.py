@@ -31,7 +31,7 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Return the shipped virtual rig with another hidden material."""
+    """Write the shipped virtual rig with the hidden material `model`, and return the path."""
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
     materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'
@@ -41,7 +41,7 @@ def rig_of(folder: Path, model: str, parameters: str) -> Path:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Return the folder of a quick demonstration and its output."""
+    """Return the folder of a quick demonstration (`eimi demo`) and the output of the command."""
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
@@ -144,7 +144,10 @@ def test_edges_become_labelled_arrays(demonstration):
 
 
 def test_a_validation_includes_the_freed_quantities(demonstration, done, tmp_path):
-    """On its own dataset the errors equal those of the fit; elsewhere all quantities have their stated values."""
+    """On the dataset of the fit, the validation has the errors of the fit, because it uses the freed quantities.
+
+    On any other dataset all quantities have their stated values.
+    """
     dataset = demonstration[0] / "dataset.h5"
     free = ["--free", "moment=0.02", "--free", "roll=0.1", "--free", "clamp=0.02"]
     plane = ["--section", "plane-stress"]  # for speed

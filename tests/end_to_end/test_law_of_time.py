@@ -1,4 +1,4 @@
-"""Ring-downs and creep of the virtual rig: one fit identifies the viscoelastic (Prony) law of the hidden material."""
+"""Ring-downs and creep of the virtual rig: a single fit identifies the viscoelastic (Prony) law of the material."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run with an emulated gaussmeter: the fit uses the measured field, because the typed coil constant is wrong."""
+"""A run with an emulated gaussmeter: the fit uses the measured field and not the coil constant, which is wrong."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def write_bench(folder: Path, sensors: str) -> None:
 
 
 def modulus_Pa(folder: Path) -> float:
-    """Return the modulus of the fit in a folder."""
+    """Return the initial shear modulus (Pa) of the fit in a folder."""
     (fit,) = json.loads((folder / "fits.json").read_text())["fits"]
     return float(fit["initial_shear_modulus"]["value"])
 

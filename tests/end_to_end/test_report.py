@@ -123,7 +123,7 @@ def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
 
 
 def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
-    """With workers the panels of the fits are drawn before the other panels; the page must be the same nevertheless."""
+    """With workers, the panels of the fits are drawn before the other panels. The page is still the same."""
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
     pages, totals = [], []
@@ -155,9 +155,9 @@ def test_a_report_starts_one_worker_for_each_dataset_unless_the_option_says_othe
 
 
 class WellFormed(HTMLParser):
-    """A page whose elements are closed in order, whose attributes and ids are unique, and whose images have `alt`.
+    """A parser of a page that checks its form, and collects the text of the page in `text`.
 
-    `text` is the text of the page.
+    All elements must be closed in order, attributes and ids must be unique, and every image must have `alt`.
     """
 
     VOID = frozenset({"meta", "img", "br"})
@@ -229,7 +229,7 @@ def test_the_references_agree_with_the_citation_file() -> None:
 def test_one_new_file_adds_a_panel_to_the_report(
     done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The example of CONTRIBUTING.md works if its file is in a folder of panels and nothing else is changed."""
+    """The panel in CONTRIBUTING.md appears in a report as soon as its file is in a folder of panels."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
@@ -292,7 +292,7 @@ def test_bands_of_stress_follow_from_the_intervals_of_the_parameters(folder: Pat
 
 
 def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
-    """Compare with the Mooney-Rivlin law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
+    """Compare the stresses with the Mooney-Rivlin law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
     law, strain = LAWS["mooney-rivlin"], np.linspace(0, 1, 11)
     c10, c01, stretch = 20e3, 4e3, 1 + strain
     uniaxial, planar, shear = (mode.stress_Pa(law, np.array([c10, c01]), strain) for mode in MODES)

@@ -18,7 +18,7 @@ MU_PA = 46e3
 
 @dataclass(frozen=True)
 class TipMoment:
-    """A moment on the magnet about the axis in depth, one value in N mm for each state."""
+    """A moment (N mm) on the magnet about the axis in depth, with one value for each state."""
 
     moment_N_mm: np.ndarray
 
@@ -35,7 +35,10 @@ class TipMoment:
 
 @dataclass(frozen=True)
 class GradientForce:
-    """The force of a field gradient (K, 2) in T/mm on the dipole of the magnet, at its centre."""
+    """The force on the magnet's dipole, at its centre, in a field gradient.
+
+    The gradient has shape (K, 2): the derivatives along x and y in T/mm in each of K states.
+    """
 
     numbers: np.ndarray
 

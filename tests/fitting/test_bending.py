@@ -1,4 +1,4 @@
-"""`Beam(specimen).solve`: one forward model for every section, for one candidate or many."""
+"""`Beam(specimen).solve` is the forward model for every section of a beam, for one candidate or many."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_solid_specimen_is_solved_as_a_solid():
 
 
 def test_the_section_of_a_specimen_selects_its_model():
-    """At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 as a solid (26 x 3 elements)."""
+    """At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 with a solid section (26 x 3 elements)."""
     specimen = replace(BEAM, magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     loads = Loads.along([4.0])
     as_solid = Beam(specimen, 13, 2).solve("neo-hookean", [46e3], loads)

@@ -1,4 +1,4 @@
-"""Replicates of the data: the states that a replicate draws."""
+"""Replicates of the data (bootstrap): the states that a replicate draws."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STATES = 8
 
 
 def experiments() -> list[Experiment]:
-    """Return experiments with edges and with points, whose coordinates all equal the number of their state."""
+    """Return an experiment with edges and one with tracked points; all coordinates equal the index of their state."""
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))

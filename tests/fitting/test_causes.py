@@ -1,4 +1,4 @@
-"""The causes of residuals are compared: virtual benches with one error each, and linear models."""
+"""The comparison of causes of residuals: virtual benches with one error each, and linear models."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ def fit_of(
     stiffness: np.ndarray | float = 1.0,
     stated: tuple[StatedSource, ...] = (),
 ) -> Fit:
-    """Return the fit of the stated beam to the edges of a true beam, whose stiffness has a factor in each state."""
+    """Return the fit of the stated beam to the edges of a true beam, whose stiffness has the factor `stiffness`.
+
+    The factor is one number for all states, or one for each state.
+    """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
     shapes = model.solve(LAWS["neo-hookean"], moduli[:, None], loads)

@@ -1,4 +1,4 @@
-"""The field of two loops, and the torque and the force on a magnet in it, against formulas of textbooks."""
+"""The field of two current loops, and the torque and the force on a magnet in it, compared with textbook formulas."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def helmholtz(radius_mm: float, centre_mm: tuple[float, float] = (28.0, 0.0)) ->
 
 
 def field_at(shape: CoilShape, points_mm: np.ndarray, rest_mm: tuple[float, float] = (28.0, 0.0)) -> np.ndarray:
-    """Return the components of the field at points (n, 2), relative to the strength at the magnet at rest along y."""
+    """Return the field (x, y) at n points (n, 2) in mm, divided by the field along y at the magnet at rest."""
     field = 1j * shape.ratio(np.asarray(points_mm, float), np.array(rest_mm))[0]
     return np.stack([field.real, field.imag], axis=1)
 
@@ -62,7 +62,10 @@ def test_the_radial_field_near_the_axis_joins_its_series():
 
 
 def test_the_table_of_a_helmholtz_coil_has_its_published_uniformity():
-    """On the axis B/B0 = 1 - 144/125 (z/R)^4 to fourth order, and across it 1 - 54/125 (rho/R)^4."""
+    """Along the axis, B/B0 = 1 - 144/125 (z/R)^4 to fourth order; across the axis, 1 - 54/125 (rho/R)^4.
+
+    B0 is the field in the centre, R the radius, z and rho the distances from the centre along and across the axis.
+    """
     shape = helmholtz(100.0)
     along = field_at(shape, [[28.0, 10.0]])[0, 1]
     across = field_at(shape, [[18.0, 0.0]])[0, 1]
@@ -154,7 +157,7 @@ def test_magnetised_silicone_in_a_wide_coil_bends_as_in_a_uniform_field(model):
 
 
 def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever():
-    """A moment along the field has no torque: the field pulls with m dB/dx, and the thin beam bends by F L^3 / 3 EI."""
+    """A field along the moment m exerts no torque. The force F = m dB/dx bends the thin beam by F L^3 / (3 E I)."""
     thin = replace(BEAM, length_mm=60.0, width_mm=1.0, magnet=replace(MAGNET, length_mm=1.0, width_mm=1.0))
     field_T = 1e-4
     shape = CoilShape((1.0, 0.0), (0.0, 5.0))  # stronger toward +y: the force is sideways
@@ -173,7 +176,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
 
 
 def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
-    """Return the estimate from the edges of a beam under hidden loads, if the fit assumes other loads."""
+    """Return the estimate from the edges of a beam under the loads `hidden`, if the fit assumes the loads `told`."""
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(1).normal(0, 1e-3, sides.shape)
@@ -186,7 +189,7 @@ def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
 
 
 def test_an_unstated_coil_moves_the_modulus_as_an_independent_solver_has_it():
-    """An independent solver with 27-node hexahedra gives +8.5 % for a field that is 2 % low 15 mm off the centre."""
+    """27-node hexahedra give a modulus error of +8.5 % for a field that is 2 % low 15 mm off the centre."""
     uniform = Loads.along(np.linspace(0.0, 7.05, 6))
     small = helmholtz(41.0)
     assert field_at(small, [[28.0, 15.0]])[0, 1] == pytest.approx(0.98, abs=3e-3)

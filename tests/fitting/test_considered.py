@@ -1,4 +1,4 @@
-"""Stated uncertainties in the intervals: the effect of each source on a fit, shared or not, considered or freed."""
+"""Uncertainties of the inputs in the intervals of a fit: the effect of each source, considered or freed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def seen(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Return the noisy edges of a beam of 46 kPa."""
+    """Return the noisy edges of a beam; by default the beam has a modulus of 46 kPa."""
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -48,7 +48,7 @@ def seen(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment with the dimensions of a specimen file and stated uncertainties."""
+    """Return an experiment with the dimensions of `beam` and with standard uncertainties by source."""
     stated_sources = tuple(
         StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
     )
@@ -74,13 +74,13 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 @pytest.fixture(scope="module")
 def thicker() -> Fit:
-    """Return the fit of a beam that is thicker than stated by 1.5 times the stated uncertainty."""
+    """Return the fit of a beam whose width differs from the stated width by 1.5 standard uncertainties."""
     return fitted(experiment(seen(THICKER), width=0.02))
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Fit:
-    """Return the fit of the beam as stated with a magnet that is known to two per cent."""
+    """Return the fit of a beam with the stated values and a magnet that is known to 2 per cent."""
     return fitted(experiment(seen(), remanence=0.02))
 
 
@@ -192,7 +192,7 @@ def test_intervals_are_the_quantiles_of_the_draws(magnetic):
 
 
 def estimated(law: str, *seen_so: Experiment) -> Estimate:
-    """Return the estimate of a fit that starts at a modulus 10 % off, without a search."""
+    """Return the estimate of a fit without a search. The fit starts at a modulus that is 10 % too large."""
     space = search_space(LAWS[law])
     unit = np.full(len(space.names), 0.5)
     unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
@@ -268,7 +268,7 @@ def test_a_wrong_width_favours_no_law(law, parameters):
 
 
 def test_laws_are_compared_with_one_error_where_datasets_share_it():
-    """One beam is wider and one narrower than stated; this is possible for two specimens, but not for one."""
+    """One beam is wider and one is narrower than stated. Two specimens can have these errors, but one cannot."""
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
     one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
     apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))

@@ -1,4 +1,4 @@
-"""Choice of the states of the next run: no exchange improves it, and its interval is as wide as predicted."""
+"""Choice of the states of the next run: no exchange of states improves it, and its interval is as wide as predicted."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return candidate states of equally spaced fields with these sources of uncertainty."""
+    """Return `count` candidate states of equally spaced fields, with the uncertainties `sources`."""
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
 
 def test_the_exchange_finds_the_best_of_all_choices() -> None:
-    """Compare with all 120 choices of three states in ten, with a source that affects some states more than others."""
+    """All 120 choices of three states in ten are computed. One source affects some states more than others."""
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))
     assert plan.variance(exchange(plan, 3)[None])[0] == pytest.approx(plan.variance(every).min())
@@ -45,7 +45,7 @@ def test_the_exchange_finds_the_best_of_all_choices() -> None:
 
 
 def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
-    """Without gravity the edges depend on field over modulus only: 1 % of the coil constant is 1 % of the modulus."""
+    """Without gravity the edges depend on field / modulus only: 1 % of the coil constant changes the modulus by 1 %."""
     plan = of_fields(8, StatedSource("coil", 0.01, "coil"), gravity_angle_deg=None)
     assert plan.least_percent(1000) == pytest.approx(1.96, rel=1e-2)
     assert plan.effects_percent(exchange(plan, 3))["coil constant"] == pytest.approx(1.0, rel=5e-3)
@@ -58,7 +58,7 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
-    """The half-width is within 20 % of the plan, which used an earlier run of equally spaced fields."""
+    """The half-width of the interval is within 20 % of the plan, which used an earlier run of equally spaced fields."""
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))
@@ -87,7 +87,7 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
 
 
 def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
-    """The error is a half-width; its square is added to that of the interval."""
+    """The remaining error is a half-width. Its square is added to the squared half-width of the interval."""
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     without, with_error = (
         candidates(NEO_HOOKEAN, replace(BEAM, section="solid"), loads, (), replace(NOISE, left_percent=left))
@@ -100,7 +100,7 @@ def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
 
 
 def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
-    """A solid specimen is fitted on the mesh of the solid, whose error is in the remaining error of the solid."""
+    """For a solid section, the remaining error of the solid model already contains the error of the mesh."""
     loads = Loads.along([2.0, 4.0])
     sources = (StatedSource("width", 0.02, "here"),)
     of_section = {
@@ -120,7 +120,7 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 
 
 def test_the_noise_of_a_plan_is_that_of_the_earlier_fit() -> None:
-    """The noise falls as the root of the number of independent points; Student's factor is 2.2 at four states."""
+    """The noise falls with the root of the number of independent points. Student's factor is 2.2 for four states."""
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))
         for points in (200, 800)

@@ -17,7 +17,7 @@ from tests.shared.hidden_laws import Hidden
 
 
 def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):
-    """Return a tensile curve with normal noise; ``noise`` is a share of the largest stress."""
+    """Return a tensile curve with normal noise, whose standard deviation is ``noise`` times the largest stress."""
     strain = np.linspace(largest / rows, largest, rows)
     stress = engineering_stress(law, np.array(parameters), strain)
     return TensileCurve(strain, stress + np.random.default_rng(1).normal(0, noise * stress.max(), rows))

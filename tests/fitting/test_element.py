@@ -1,4 +1,4 @@
-"""The element: forces, tangent and predicted stress as derivatives of one energy, and its symmetries."""
+"""The planar element: forces, tangent and predicted stress as derivatives of one energy, and its symmetries."""
 
 from __future__ import annotations
 
@@ -35,13 +35,19 @@ def one_element(name: str, section: str) -> tuple[Mesh, Operators, Batch]:
 
 
 def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacements (1, 1, 2, 9) with stretches of some tens of per cent, and pressures (1, 1, 3)."""
+    """Return random displacements (1, 1, 2, 9) of one element, and pressures (1, 1, 3).
+
+    The displacements are x and y at nine nodes, and stretch the element by some tens of per cent.
+    """
     rng = np.random.default_rng(seed)
     return rng.normal(0, 0.05, (1, 1, 2, 9)), rng.normal(0, 0.1, (1, 1, 3))
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the integral of psi(F) + p (J - 1), whose derivatives at a given pressure are the forces."""
+    """Return the integral of psi(F) + p (J - 1) over the element; its derivatives at a fixed pressure are the forces.
+
+    psi is the energy of the law, F the deformation gradient, J its determinant and p the pressure.
+    """
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
     if batch.section == "plane-strain":
@@ -50,7 +56,7 @@ def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndar
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Return central differences of function(nodal) with respect to the 18 nodal displacements."""
+    """Return central differences of `function` with respect to the 18 nodal displacements of a planar element."""
     steps = (np.eye(18) * H).reshape(18, 1, 1, 2, 9)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 
@@ -115,7 +121,7 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return the forces (2, 9) of the element with its nodes at places (2, 9)."""
+    """Return the forces (x, y) on the nine nodes of the element, shape (2, 9), with the nodes at `places` (2, 9)."""
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]
 

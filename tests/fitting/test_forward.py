@@ -21,7 +21,10 @@ MU = np.array([[0.05e6]])
 
 
 def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
-    """Return a beam of 30 x 3 mm with a rigid end of 4 mm, and the field (mT) for m B = 0.0323 N mm per mm of depth."""
+    """Return a beam of 30 x 3 mm with a rigid magnet of 4 mm, and a field (mT).
+
+    In this field, moment times field is 0.0323 N mm per mm of depth.
+    """
     magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
     depth = 1.0 / depth_share
     specimen = Specimen(30.0, 3.0, depth, 1070.0, "plane-strain", magnet)

@@ -1,4 +1,4 @@
-"""Recovering known materials from simulated edges with noise."""
+"""Identification of known materials from simulated edges with noise."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, 
 
 
 def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correction(neo_hookean):
-    """The optimum of the coarse mesh may be unstable on the finer one; the correction leads away from it."""
+    """The optimum on the coarse mesh may be unstable on the finer mesh. The correction leads to a stable optimum."""
 
     def compared(experiments, unstable=False):
         return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))

@@ -1,4 +1,4 @@
-"""Widths of intervals, part by part: compared with repeated measurements and with sums computed by hand."""
+"""Widths of intervals and their contributions, compared with repeated measurements and with sums by hand."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return unit noise (D, K, 2, m): the moving mean of white noise over neighbouring points and states."""
+    """Return correlated noise of unit variance: the moving mean of white noise over `along` points and `states` states.
+
+    The shape is (draws, K, 2, m): K states, left and right edge, m points.
+    """
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
     both = np.lib.stride_tricks.sliding_window_view(over_edge, states, axis=1).mean(axis=-1)
@@ -49,9 +52,9 @@ def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Arra
 
 
 def linear_states(residuals: Array, level: Array) -> LinearStates:
-    """Return states with one unknown that moves all points similarly.
+    """Return K states whose m points on each edge move linearly with one unknown, by similar amounts.
 
-    The residuals (K, 2, m) have the standard deviations noise (K,).
+    `residuals`, shape (K, 2, m), are those of left and right edge. `level`, shape (K,), is the noise in each state.
     """
     slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
     counts = np.full(STATES, 2.0 * POINTS)
@@ -60,7 +63,7 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the linearisation of the linear states about the optimum."""
+    """Return the linearisation of an objective about the optimum, with one unknown and a prior of precision `prior`."""
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,
@@ -87,7 +90,7 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
     """Correlated points count as one point, and a prior counts with its variance.
 
-    share: precision of the prior relative to that of the data.
+    share: precision of the prior relative to the precision of the data.
     """
     rng = np.random.default_rng(along + 10 * states)
     level = np.linspace(0.5, 2.0, STATES)  # some states are noisier
@@ -138,7 +141,7 @@ def test_tracked_points_of_a_state_share_their_stated_error() -> None:
 
 
 def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
-    """Four edges determine the noise with three degrees of freedom.
+    """The four edges of two states determine the noise with three degrees of freedom.
 
     The noise is so large that the error of the mesh does not matter.
     """
@@ -165,7 +168,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
-    """The unknown is the logarithm of a modulus; two sources move it by 1 and by 3 %."""
+    """The unknown is the logarithm of a modulus. Two sources change the modulus by 1 % and by 3 %."""
     sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
@@ -224,7 +227,7 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
 
 
 def test_a_freed_number_is_held_by_its_prior_alone() -> None:
-    """A deviation of a freed quantity by one standard deviation costs as much as that of any other quantity."""
+    """A deviation of one standard deviation costs the same for every freed quantity."""
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])

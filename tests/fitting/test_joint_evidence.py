@@ -1,4 +1,4 @@
-"""Fits to edges together with tensile curves, freed nuisances, points or a free bulk modulus; fits to wrong edges."""
+"""Fits to edges together with tensile curves, freed inputs, points or a free bulk modulus, and fits to wrong edges."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Return the edges of a known law with noise, in a field that is off by a factor, seen by a rolled camera."""
+    """Return an experiment with noisy edges of a known law.
+
+    The true field is `field_factor` times the stated field. The camera is rolled by `turned_deg`.
+    """
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)
     fine = BeamModel(SPECIMEN, 52, 6)
@@ -54,7 +57,7 @@ def relative_width(fit) -> float:
 
 
 def ends(fit) -> list[tuple[float, float]]:
-    """Return the ends of the intervals of the parameters."""
+    """Return the lower and upper end of the interval of each parameter."""
     return [quantity.interval_95 for quantity in fit.parameters.values()]
 
 

@@ -1,4 +1,4 @@
-"""Compare each load with an exact result: the elastica by its differential equation, and the thick cylinder."""
+"""Compare the bending under each load with exact results: the equation of the elastica, and a thick cylinder."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0, per mm of depth.
+    """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0; rad and mm.
 
-    couple(theta): N, per mm of length; dead: N/mm², per mm; pressure: (p, from, to) on the side below the rod, whose
-    face is longer or shorter than the rod by half its width times the curvature; force and end_couple act at the tip.
-    The shooting method starts at the clamp, with five steps of all loads.
+    couple: function of the rotation, moment (N) per mm of length. dead: force (x, y) in N/mm² per mm of length.
+    pressure: (value, start, end) on the side below the rod; with curvature this side is longer or shorter than the rod
+    by half the width times the curvature. force and end_couple act at the tip. All loads are per mm of depth. The
+    shooting method starts at the clamp, with five steps of all loads.
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
@@ -69,7 +70,7 @@ def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0,
 
 
 def beam(loads, **specimen):
-    """Return (rotation, x, y) at the tip of a slender plane-stress beam."""
+    """Return (rotation, x, y) at the tip of a slender plane-stress beam (rad and mm)."""
     model = BeamModel(Specimen(LENGTH, WIDTH, DEPTH, specimen.pop("density", 0.0), "plane-stress", **specimen), 40, 1)
     shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-7)
     assert shapes.converged[0]
@@ -79,7 +80,7 @@ def beam(loads, **specimen):
 
 
 def check(computed, exact, accuracy=1e-3):
-    """Check that rotation and place of the tip agree with the exact ones."""
+    """Check that rotation and position of the tip, (rotation, x, y), agree with the exact solution."""
     assert abs(exact[0]) > 0.3  # a large deflection
     assert computed[0] == pytest.approx(exact[0], rel=accuracy)
     assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
@@ -140,7 +141,10 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
 @pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
 def test_a_tip_force_on_a_magnet_has_its_lever(section, beyond_face, across):
-    """A small force on the rigid magnet turns the tip by F l^2 / (2 E I), plus its moment about the inner face."""
+    """A small force F on the rigid magnet turns the tip by F l^2 / (2 E I), plus the part of the lever.
+
+    l is the length of the flexible part. The lever gives a moment about the inner face of the magnet.
+    """
     magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))
     stiffness = 3 * 46e3 * 1e-6 * 5.0 * 3.0**3 / 12  # E I in N mm2
@@ -165,7 +169,7 @@ def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_li
 
 
 def cylinder(n):
-    """Return a quarter of a cylinder from radius 1 to 2 with a pressure on its inner face."""
+    """Return a mesh of a quarter of a cylinder, from radius 1 to 2, with a pressure on the inner face."""
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
     )

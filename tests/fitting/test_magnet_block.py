@@ -1,4 +1,4 @@
-"""A magnet with silicone around it: compared with a very stiff part of the mesh, and in its limits."""
+"""A magnet with silicone beside it: compared with a very stiff part of the mesh, and in limiting cases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FIELDS = np.linspace(0, 7.05, 8)
 
 
 def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "plane-strain") -> Specimen:
-    """Return beams with magnets of different width and the same moment and weight."""
+    """Return a beam with a magnet of the given width; moment and weight of the magnet do not depend on its width."""
     share = 3.0 / width_mm
     magnet = Magnet(4.0, width_mm, 2.0, 1.2 * share, 7500.0 * share, tip_offset_mm)
     return Specimen(30.0 + tip_offset_mm, 3.0, 5.0, 1070.0, section, magnet)
@@ -32,12 +32,12 @@ def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "pla
 
 @dataclass(frozen=True)
 class TwoStiffnesses(NeoHookean):
-    """A Neo-Hookean law with a shear modulus for each element."""
+    """A Neo-Hookean law with a separate shear modulus for each element, `mu`."""
 
     mu: np.ndarray | None = None
 
     def planar(self, parameters, a, J, section):
-        """Return the energy; the parameters of the batch are not used."""
+        """Return the energy with the moduli `mu` of the elements; `parameters` is not used."""
         return super().planar(self.mu[:, None, None, None], a, J, section)
 
 

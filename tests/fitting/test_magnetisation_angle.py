@@ -39,7 +39,10 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return an experiment with the edges of a tilted magnet's beam, whose file states a magnet without a tilt."""
+    """Return an experiment with the edges of a beam whose magnet is tilted, and a file that gives no tilt.
+
+    `stated_deg` is the stated standard uncertainty of the tilt (degrees); None without one.
+    """
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
     sides = points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -51,7 +54,7 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return the estimate without a search: the fit starts at a modulus that is a tenth too large."""
+    """Return the estimate of a fit without a search. The fit starts at a modulus that is a tenth too large."""
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))

@@ -1,4 +1,4 @@
-"""Memory for many states: it grows with the stored results only, not with the intermediate arrays."""
+"""Memory of solutions with many states: only the stored results grow with the states, not the intermediate arrays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """Return how much the largest memory grows per state, from few states to many."""
+    """Return the growth of the largest memory per state (bytes), between a run of few states and a run of many."""
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()

@@ -20,7 +20,7 @@ BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0
 
 
 def seen(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
-    """Return the noisy edges of a beam in some fields."""
+    """Return an experiment with the noisy edges of a beam in the given fields (mT)."""
     is_solid = specimen.section == "solid"
     model = SolidBeside(specimen, 24, 2) if is_solid else BeamModel(specimen)
     loads = Loads.along(fields_mT, gravity_angle_deg=0.0)
@@ -79,7 +79,7 @@ def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_no
 
 
 def test_the_remaining_error_of_the_solid_is_in_the_interval_however_exact_the_edges_are() -> None:
-    """The mesh of the solid leaves 0.15 per cent of the modulus at least, as a half-width."""
+    """The mesh of the solid model leaves a half-width of at least 0.15 per cent of the modulus."""
     experiment = seen([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
     half_width = 0.5 * float(np.ptp(modulus_so_far(experiment).interval_95_Pa))
     assert 0.0014 * TRUE_PA < half_width < 0.006 * TRUE_PA

@@ -19,7 +19,7 @@ NOISE_MM = 0.05
 
 
 def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
-    """Return nine noisy markers on a horizontal strip of a known law under tip forces."""
+    """Return an experiment with nine noisy markers on a horizontal strip of a known law under tip forces (N)."""
     beam = BeamModel(STRIP)
     loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -35,18 +35,18 @@ SEEN = tracked("neo-hookean", [46e3])
 
 @pytest.fixture(scope="module")
 def alone():
-    """Return the fit of one parameter without a prior."""
+    """Return the fit of a law with one parameter, without a prior."""
     return identify("neo-hookean", [SEEN])
 
 
 def spread(fit) -> float:
-    """Return the standard deviation of the only parameter, computed from its interval."""
+    """Return the standard deviation of the only parameter, computed from the width of its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """Return the objective along the only parameter."""
+    """Return the objective (mm) at each modulus in `moduli_Pa`, for a fit with one parameter and a prior."""
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
     problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))
@@ -55,7 +55,7 @@ def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float)
 
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0], ids=["firm", "equal", "loose"])
 def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
-    """The posterior mean is weighted by inverse variances, and the posterior variance is their inverse sum."""
+    """The value is the mean weighted by inverse variances. The inverse of its variance is the sum of both inverses."""
     measured, noise = alone.values[0], spread(alone)
     mean, deviation = measured - 2 * noise, share * noise
     fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, deviation)])
@@ -103,7 +103,7 @@ def test_a_prior_on_the_initial_shear_modulus_is_one_on_the_sum(alone):
 
 
 def test_a_prior_goes_with_a_freed_nuisance(alone):
-    """A change of stiffness has the same effect as a change of width; a prior on one of them determines the other."""
+    """A change of stiffness acts like a change of width. A prior on the modulus therefore determines the width."""
     freed = [NuisancePrior("width", 0.1)]
     open_fit = identify("neo-hookean", [SEEN], free=freed)
     constrained = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])

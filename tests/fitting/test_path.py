@@ -1,4 +1,4 @@
-"""The path to an equilibrium: coarse load steps lead to the same equilibrium as fine ones, for any mesh and law."""
+"""The path of load steps to an equilibrium: coarse steps lead to the same equilibrium as fine steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Return random parameters with the moduli of common silicones."""
+    """Return the parameters of `count` random candidates of a law, with the moduli of common silicones."""
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
@@ -32,7 +32,10 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Return how many runs of stable candidates in 12 to 2 steps differ from 72 steps, how many fail, and all runs."""
+    """Solve each stable candidate in 12, 6, 4, 3 and 2 load steps, and compare with 72 steps.
+
+    Return how many solutions reach another equilibrium, how many fail, and how many there are.
+    """
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
     stable = fine.converged
@@ -79,7 +82,7 @@ def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(se
 
 
 def test_shapes_on_a_mesh_with_other_nodes_are_no_start():
-    """Solve the states in order: a magnet that is narrower than the beam has elements beside it."""
+    """The states are solved in order. The mesh of a magnet that is narrower than the beam has more elements."""
     law, loads, modulus = LAWS["neo-hookean"], Loads.along([0.0, 4.0]), np.array([[46e3]])
     wide = type3("plane-stress")
     assert wide.magnet is not None
@@ -103,7 +106,10 @@ def test_none_of_a_thousand_candidates_leaps_to_another_equilibrium(name, sectio
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Return how many runs of the solid in 6 and 3 steps differ from 24 steps, how many fail, and all runs."""
+    """Solve each candidate of a solid beam model in 6 and in 3 load steps, and compare with 24 steps.
+
+    Return how many solutions reach another equilibrium, how many fail, and how many there are.
+    """
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
     elsewhere = failed = total = 0
@@ -140,7 +146,7 @@ def test_none_of_a_hundred_solids_leaps_to_another_equilibrium(name, magnet):
 
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
-    """With a layer beside or beyond the magnet, whole steps fail, and extrapolation fails to predict small steps."""
+    """With a thin layer beside or beyond the magnet, big steps fail, and extrapolation predicts small steps badly."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
         model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
@@ -151,7 +157,7 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """Extrapolation from two states overshoots by the square of the rotation, which small elements cannot bear."""
+    """Extrapolation from two states predicts too much rotation. The error is too large for small elements."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (
         model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)

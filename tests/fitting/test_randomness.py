@@ -1,4 +1,4 @@
-"""Residuals of noise pass the tests for randomness, and systematic residuals fail them."""
+"""Tests for randomness of residuals: noise passes them, and systematic residuals fail them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What a correction by the solid leaves: a share of its effect, or of a pass that did not settle, and never nothing."""
+"""The error that the correction by the solid beam model leaves in the modulus: never zero.
+
+The error is a share of the effect of the correction, or of a pass that did not settle.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum and the effects of a correction whose passes reach these optima, from 0."""
+    """Return the optimum and the effects of a correction whose passes reach `optima` in turn, starting from 0."""
     passes = iter(optima)
     problem: Any = SimpleNamespace(
         experiments=(), unknowns=SimpleNamespace(modulus_percent=lambda move: PERCENT * float(move))

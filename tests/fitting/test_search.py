@@ -37,7 +37,7 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Return Rastrigin's function, with many local minima around that at OPTIMUM (Mühlenbein et al. 1991)."""
+    """Return Rastrigin's function, which has many local minima around OPTIMUM (Mühlenbein et al. 1991)."""
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 
@@ -125,7 +125,7 @@ def test_the_record_of_another_search_is_refused():
 
 @dataclass(frozen=True)
 class Line:
-    """Residuals of a linear model in two unit coordinates and one state."""
+    """Residuals of a linear model that has two unit coordinates and one state."""
 
     residuals: Array
 

@@ -1,4 +1,4 @@
-"""Beams that are fitted as solids: the modulus from edges that no planar model reproduces, and the depth effect."""
+"""Fits with a solid section: the modulus from edges that no planar model reproduces, and the depth effect."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return a solid on a mesh that is finer than that of a fit in all three directions."""
+    """Return a solid beam model on a mesh that is finer than that of a fit in all three directions."""
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 
@@ -196,7 +196,7 @@ def test_without_a_depth_effect_the_planar_model_predicts_the_next_solid_state(m
 
 
 def test_a_solid_far_from_its_planar_model_is_followed_if_allowed():
-    """Solve every state separately if the loads do not lie on one ray; the check itself is free."""
+    """The loads do not lie on one ray, so every state is solved separately. The check costs no solution."""
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)
     given_up = beside.solve(NEO, np.array(modulus), loads, options=SolidOptions("interpolate"))

@@ -23,12 +23,12 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """Return the edges (K, 2, m, 2) of one candidate."""
+    """Return the edges of one candidate, (K, 2, m, 2): K states, left and right edge, m points, and x and y in mm."""
     return points_on(edge_curves(model, model.solve(law, parameters[None], loads, tolerance_mm=1e-9)), 2)[0]
 
 
 def derivative(function, size: float) -> np.ndarray:
-    """Return the derivative of function(h) at zero, to fourth order with the step ``size``."""
+    """Return the derivative of `function` at zero by differences of fourth order with the step ``size``."""
     near, far = (function(k * size) - function(-k * size) for k in (1, 2))
     return (8 * near - far) / (12 * size)
 

@@ -1,4 +1,4 @@
-"""The solid element and model: derivatives, exact solutions, plane strain as a limit, and an independent program."""
+"""The solid element and beam model: derivatives, exact solutions, plane strain as a limit, an independent program."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ def one_brick(name: str) -> tuple[brick.Operators, Batch]:
 
 
 def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the integral of psi + p (J - 1), computed from the principal stretches."""
+    """Return the integral of psi + p (J - 1) over a solid element, computed from the principal stretches.
+
+    psi is the energy of the law, J the volume ratio and p the pressure.
+    """
     F = brick.gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = np.linalg.det(np.moveaxis(F, (0, 1), (-2, -1)))
@@ -48,7 +51,7 @@ def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: n
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Return central differences of function(nodal) in the 81 nodal displacements."""
+    """Return central differences of `function` with respect to the 81 nodal displacements of a solid element."""
     steps = (np.eye(81) * H).reshape(81, 1, 1, 3, 27)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 

@@ -133,7 +133,7 @@ def test_a_bend_at_rest_has_its_largest_offset_in_mm(mode: int) -> None:
 
 
 def turn(vector: np.ndarray, angle_deg: float) -> np.ndarray:
-    """Return vectors (K, 2) turned from +x toward +y."""
+    """Return K vectors (x, y), shape (K, 2), rotated by `angle_deg` from +x toward +y."""
     as_complex = (vector[:, 0] + 1j * vector[:, 1]) * np.exp(1j * np.radians(angle_deg))
     return np.column_stack([as_complex.real, as_complex.imag])
 
@@ -142,7 +142,7 @@ def turn(vector: np.ndarray, angle_deg: float) -> np.ndarray:
     ("source", "field_deg", "gravity_deg"), [("field", 3.0, 0.0), ("gravity", 0.0, 3.0), ("axis", -3.0, -3.0)]
 )
 def test_directions_turn_from_x_toward_y(source: str, field_deg: float, gravity_deg: float) -> None:
-    """Weights at the tip turn with gravity. A beam whose axis is turned sees field and gravity turned back."""
+    """Weights at the tip rotate with gravity. If the axis of the beam is rotated, field and gravity rotate back."""
     turned = loads_under(LOADS, {source: np.array([3.0])})
     assert turned.field_T == pytest.approx(turn(LOADS.field_T, field_deg))
     assert turned.gravity == pytest.approx(turn(LOADS.gravity, gravity_deg))

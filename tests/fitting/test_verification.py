@@ -1,4 +1,4 @@
-"""Compare the element and the solver with exact or published solutions, and check the orders of convergence."""
+"""Compare the planar element and the solver with exact or published solutions, and check orders of convergence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Return the consistent nodal forces (N, 2) of a dead traction(x) (n, 2) in N/mm² on an edge with ordered nodes."""
+    """Return the consistent forces (x, y) on N nodes, shape (N, 2), of a dead traction on an edge with ordered nodes.
+
+    `traction` maps coordinates (x, y) of n points, shape (n, 2), to the traction in N/mm², shape (n, 2).
+    """
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
         x = mesh.nodes[[a, b, c]]
@@ -29,7 +32,7 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the Neo-Hookean equilibrium under dead nodal forces."""
+    """Return the equilibrium of a Neo-Hookean body under dead nodal forces, applied in `steps` equal steps."""
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
@@ -48,7 +51,7 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a quarter of a cylinder with inner radius 1 and outer radius 2, symmetric on both straight sides."""
+    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and the nodes on its inner face."""
     mesh = mapped_mesh(
         2 * n,
         n,
@@ -61,7 +64,10 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate the cylinder by a dead radial traction; return the pressure, which is the traction times the stretch."""
+    """Inflate the cylinder by a dead radial traction; return the mesh and its deformed shape.
+
+    The traction is the pressure in the deformed shape times the stretch of the inner radius.
+    """
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)
@@ -108,7 +114,7 @@ def test_convergence_orders_of_displacement_and_pressure():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the exact pressure (mu = 1) of the mixed form at the reference radius R of the cylinder of `inflate`."""
+    """Return the exact hydrostatic pressure (mu = 1) at the reference radii R of the inflated cylinder of `inflate`."""
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.

@@ -14,10 +14,10 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the picture of places by a camera that is turned about the centre, in mm at that distance.
+    """Return the picture of points by a camera that is rotated about the centre, in mm at the distance of the centre.
 
-    The axes are right, down and away. A turn about the downward axis brings the right side nearer; a turn about the
-    axis to the right brings the lower side nearer.
+    The axes are right, down and away. A rotation about the downward axis brings the right side nearer; a rotation about
+    the axis to the right brings the lower side nearer.
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]

@@ -1,4 +1,4 @@
-"""Profiles, directions, comparison of laws and coverage, in cases whose result is known."""
+"""The worth of an estimate: likelihood profiles, directions, comparison of laws and coverage, for known results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from tests.shared.virtual_measurements import Case, outcome, row
 
 
 def valley(bend: float):
-    """Return the rise of a narrow valley v = bend u^2 about (0.5, 0.5); the profile of u is (u / 0.05)^2."""
+    """Return an objective with a narrow curved valley v = bend u² in two coordinates, and its Hessian at the minimum.
+
+    u and v are the coordinates minus 0.5. The profile of u is (u / 0.05)².
+    """
 
     def rise(unit):
         u, v = (unit - 0.5).T
@@ -125,8 +128,8 @@ def test_information_criteria_follow_their_definition():
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
     """Draw every source of uncertainty in several measurements, and count the intervals that contain the truth.
 
-    Intervals of 95 % contain the truth in less than 6 of 8 or 88 of 100 cases once in a thousand times. The short test
-    uses Neo-Hookean beams, one of them a solid; the long one uses all laws.
+    With a probability of 1 in 1000, fewer than 6 of 8 or 88 of 100 correct 95 % intervals contain the truth. The short
+    test uses Neo-Hookean beams, one of them with a solid section; the long test uses all laws.
     """
     numbers = (0, 4, 8, 12, 16, 20, 24, 36) if experiments == 8 else range(experiments)
     coverage = row("all", [outcome(Case(number, seed=7)) for number in numbers])

@@ -15,7 +15,7 @@ from examples.arruda_boyce import ArrudaBoyce
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A law and the values that its tests need.
+    """A law and the inputs that the tests of this law use.
 
     Parameters
     ----------
@@ -28,12 +28,13 @@ class Row:
     candidates
         Hypothesis strategy for parameters of any sign.
     recovered
-        Relative tolerance to which a tensile fit recovers parameters from their own curve; None if the fit recovers
-        only the curve.
+        Relative tolerance within which a tensile fit returns the parameters of a simulated curve. None if the fit only
+        reproduces the curve.
     refused
-        Programs without the law.
+        Names of the programs that have no card for the law.
     volume_pressure
-        Pressure as a function of the bulk modulus and J, from the volume term of the cards of Abaqus and CalculiX.
+        Pressure as a function of the bulk modulus and the volume ratio J, from the volume term of the cards of Abaqus
+        and CalculiX.
     """
 
     law: Law

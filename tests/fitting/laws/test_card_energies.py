@@ -1,9 +1,10 @@
-"""Read every material card back: the energy that the program computes from the card is the energy of the law.
+"""Read every material card back: the energy that a program computes from a card is the energy of the law.
 
-The energies of the programs are written here from their manuals, not from the code that writes the cards: Abaqus
+This file takes the energies of the programs from their manuals, not from the code that writes the cards: Abaqus
 Analysis User's Guide, hyperelastic behavior of rubberlike materials (CalculiX reads the same cards); ANSYS Material
 Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic materials; FEBio User's Manual,
-uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField. Stretches s are isochoric.
+uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField. The letter s stands for the three isochoric
+principal stretches.
 """
 
 from __future__ import annotations
@@ -50,12 +51,12 @@ def arruda_boyce(mu: float, locking: float, s: np.ndarray) -> float:
 
 
 def two_over(numbers: Numbers) -> float:
-    """Return the bulk modulus of a volume term (J - 1)^2/D, or of another one with D = 2/K."""
+    """Return the bulk modulus K = 2/D of a volume energy (J - 1)²/D, from the constants D of a card."""
     return 2 / numbers[-1]
 
 
 def two_over_first_of_three(numbers: Numbers) -> float:
-    """Return the bulk modulus of sum (J - 1)^(2i)/D_i, whose other terms must be absent."""
+    """Return the bulk modulus 2/D_1 of the volume energy sum (J - 1)^(2i)/D_i; D_2 and D_3 must be absent."""
     assert list(numbers[-2:]) == [0.0, 0.0]
     return 2 / numbers[-3]
 
@@ -72,7 +73,10 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return how Abaqus or ANSYS reads the constants of each law; they differ in the constants of the moduli."""
+    """Return one `Reading` for each law, from the constants of a card as Abaqus or ANSYS reads them.
+
+    The two programs scale some constants differently. `of_yeoh` and `of_ogden` return the bulk modulus of these laws.
+    """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)
     more = 0 if ansys else 2
@@ -118,7 +122,7 @@ READINGS: dict[tuple[str, str], Reading] = {
 
 
 def read(solver: str, card: str) -> tuple[str, Numbers]:
-    """Return the name of the law in a card, and its numbers in the order of the program, moduli in MPa."""
+    """Return the name of the law in a card, and the constants in the order of the program; moduli are in MPa."""
     if solver in ("abaqus", "calculix"):
         name, _, rows = card.partition("*HYPERELASTIC, ")[2].partition("\n")
         return name, [float(x) for row in rows.splitlines() for x in row.split(",")]
@@ -142,7 +146,10 @@ def read(solver: str, card: str) -> tuple[str, Numbers]:
 
 
 def febio_expression(card: str, s: np.ndarray) -> float:
-    """Return the energy (MPa) of FEBio's material "uncoupled hyperelastic", which states it as an expression."""
+    """Return the energy (MPa) of FEBio's material "uncoupled hyperelastic" at the stretches s.
+
+    The card gives the energy as an expression.
+    """
     text = (ET.fromstring(card).findtext("W") or "").replace("^", "**")
     assert re.fullmatch(r"[-+*() .\dI]+", text)
     return float(eval(text, {"I1": first(s)}))

@@ -47,7 +47,7 @@ def numbers(lines: list[str]) -> list[float]:
 
 
 def keyword_constants(card: str) -> list[float]:
-    """Return the constants below *HYPERELASTIC."""
+    """Return the constants below the line *HYPERELASTIC of a card."""
     return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
 
 
@@ -70,7 +70,7 @@ HELD = {1: (1, 4, 5, 8), 2: (1, 2, 5, 6), 3: (1, 2, 3, 4)}  # axis: nodes of the
 
 
 def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
-    """Run CalculiX and return the forces (MPa mm²) that pull a cube of 1 mm to STRETCHES."""
+    """Run CalculiX, and return the forces (N) that pull a cube of 1 mm to the stretches in STRETCHES."""
     held = "".join(f"{node}, {axis}\n" for axis, face in HELD.items() for node in face)
     steps = "".join(
         "*STEP, NLGEOM, INC=1000\n*STATIC\n0.05, 1.0, 1e-5, 0.1\n*BOUNDARY\n"
@@ -111,7 +111,10 @@ def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) 
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Return the uniaxial engineering stress (Pa) with free sides and the pressure of the card's volume term."""
+    """Return the engineering stress (Pa) in uniaxial tension of a compressible material.
+
+    The free sides carry no stress. `pressure` is the derivative of the volume term in the card.
+    """
 
     def kirchhoff(side: float) -> np.ndarray:
         stretches = np.array([stretch, side, side])
@@ -187,7 +190,7 @@ def test_sofa_constants_and_refusals() -> None:
 
 
 def test_the_sofa_card_names_versions_and_the_later_element() -> None:
-    """SOFA v25.12 changed the Ogden law and the order of its constants; v26.06 is the last without the new element."""
+    """SOFA v25.12 changed its Ogden law and the order of the constants; v26.06 is the last without the new element."""
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     for chosen, component in (
         (material("neo-hookean"), "NeoHookeanMaterial"),
@@ -270,7 +273,7 @@ def test_a_bulk_modulus_below_two_thirds_of_the_shear_modulus_is_refused() -> No
     ],
 )
 def test_a_card_holds_the_prony_series_or_states_that_the_program_takes_none(solver: str, lines: list[str]) -> None:
-    """Abaqus and ANSYS take instantaneous moduli, FEBio and programs without a series long-term ones."""
+    """Abaqus and ANSYS take instantaneous moduli. FEBio and programs without a Prony series take long-term moduli."""
     series = Prony(np.array([0.2]), np.array([1.5]))
     material = Material(LAWS["neo-hookean"], np.array([50e3]), 50e6, "SILICONE", (), series)
     card = material_card(solver, material)

@@ -1,4 +1,4 @@
-"""Conversion of points of the unit cube into parameters of a law."""
+"""Conversion of coordinates between 0 and 1, which the search uses, into parameters of a law."""
 
 from __future__ import annotations
 

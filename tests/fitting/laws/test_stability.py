@@ -15,14 +15,17 @@ BASIS = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
 
 
 def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.ndarray:
-    """Return whether the restricted Hessian is positive definite at states (..., 3), by its eigenvalues."""
+    """Return whether Drucker's criterion holds for three log principal stretches, shape (..., 3).
+
+    The criterion holds if the Hessian of the energy, restricted to isochoric changes, has positive eigenvalues only.
+    """
     _, _, hessian = law.principal(parameters, np.exp(log_stretches))
     projected = np.einsum("ai,...ij,bj->...ab", BASIS, hessian, BASIS)
     return np.linalg.eigvalsh(projected)[..., 0] > 0
 
 
 def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, float]:
-    """Return the last stretch of a grid up to which all states are stable, and the first one with an unstable state."""
+    """Return two stretches of a grid: the last one up to which the law is stable, and the first unstable one."""
     largest = np.linspace(0, np.log(most), GRID)[:, None]
     share = np.linspace(-0.5, 1, SHARES)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -51,7 +54,7 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Return the smallest ratio of eigenvalues among states whose largest stretch is at most 1 % beyond the limit."""
+    """Return the smallest eigenvalue over the largest, if the largest stretch is at most 1 % beyond the limit."""
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -95,7 +98,7 @@ def test_yeoh_with_negative_c20_is_stable_up_to_the_maximum_equibiaxial_stress()
 
 
 def narrow_pocket() -> tuple[np.ndarray, float]:
-    """Return Yeoh parameters whose equibiaxial stress falls over a very narrow range of stretches, and its start."""
+    """Return Yeoh parameters that are unstable in a very narrow range of stretches, and the start of this range."""
     law, c20 = LAWS["yeoh"], -0.1
     stiff, soft = 0.1, 0.001  # C30 that makes the law stable everywhere, and C30 that does not
     for _ in range(40):

@@ -121,7 +121,7 @@ ecoflex_00-50 full: 87.18 [223]; 62.40 -220.8 [123]; 13.86 0.1109 -8.76e-5 [4.8]
 
 
 def as_printed(value: float, printed: str) -> bool:
-    """Return whether a value rounds to the printed digits; a tie may round up or down."""
+    """Return whether a number, rounded to the digits of `printed`, equals `printed`; a tie may round up or down."""
     mantissa, _, exponent = printed.partition("e")
     last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(value - float(printed)) <= 0.51 * last

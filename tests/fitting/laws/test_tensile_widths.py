@@ -1,4 +1,7 @@
-"""Widths of the intervals of a tensile fit against direct calculation: level, correlation, degrees of freedom."""
+"""Widths of the intervals of a tensile fit, compared with calculations by hand.
+
+The tests vary the noise, its correlation and the degrees of freedom.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,10 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """The half width is t sigma sqrt(tau) / |slope|, with t for n/tau - 1 degrees of freedom.
+    """The half-width is t sigma sqrt(tau) / |slope|, with Student's t for n/tau - 1 degrees of freedom.
 
-    sigma² is the sum of squares divided by n - 1.
+    n is the number of rows of the curve, tau the number of rows that count as one independent row, and sigma² the sum
+    of the squared residuals divided by n - 1.
     """
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
@@ -40,7 +44,7 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """The curve has one term; the intervals of the absent terms' moduli are as wide as the noise could hide."""
+    """The curve has one Ogden term. The interval of another term's modulus is as wide as the noise could hide."""
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
     truth = np.array([30e3, 2.0, 0.0, 6.0, 0.0, -2.0])
@@ -61,7 +65,7 @@ def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
 
 
 def test_exponents_that_the_data_do_not_determine_are_limited_by_their_range() -> None:
-    """Small strains hardly depend on the exponents, but they determine the initial shear modulus."""
+    """Small strains hardly depend on the Ogden exponents, but they determine the initial shear modulus."""
     law = LAWS["ogden"]
     strain = np.linspace(0.005, 0.06, 30)
     noise = np.random.default_rng(6).normal(0, 40, 30)

@@ -1,4 +1,4 @@
-"""Frequency and loss of recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
+"""Frequency and loss from recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def recorded(
     rising_loss: float = 0.0,
     seed: int = 0,
 ) -> Motion:
-    """Return a motion of ten points in the first shape of a cantilever, released at ``begins_s``."""
+    """Return the motion of ten points on a cantilever that vibrates in its first mode, released at ``begins_s``."""
     rng, points = np.random.default_rng(seed), 10
     x = np.linspace(6, LENGTH_MM, points)
     omega = 2 * np.pi * frequency_Hz

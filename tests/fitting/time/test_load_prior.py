@@ -1,6 +1,6 @@
-"""The prior of the factor on the magnetic loads.
+"""The prior of the factor on the magnetic loads in the fit of a viscoelastic (Prony) law.
 
-The prior contains the stated uncertainty of the magnetic moment. It affects the moduli of the viscoelastic (Prony) law.
+The prior contains the stated uncertainty of the magnetic moment. It affects the moduli of the Prony law.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def test_an_exact_moment_has_no_uncertainty_and_a_moment_that_is_not_stated_is_f
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal evidence for ln(modulus) plus a multiple of the logarithm of the load factor."""
+    """Normally distributed evidence for ln(modulus) + `of_load` ln(load factor), with `mean` and `sigma`."""
 
     of_load: float
     mean: float

@@ -1,4 +1,4 @@
-"""The table of complex frequencies that a fit interpolates, and the amplitude behind an exposure."""
+"""The table of complex frequencies that a fit interpolates, and the effect of the exposure on the amplitude."""
 
 from __future__ import annotations
 

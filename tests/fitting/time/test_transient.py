@@ -1,4 +1,4 @@
-"""The motion in time with inertia and internal variables, compared with the theory of small vibrations."""
+"""The motion of a beam in time, with inertia and internal variables, compared with the theory of small vibrations."""
 
 from __future__ import annotations
 
