@@ -8,7 +8,7 @@ frame_chunk       storage of a frame as one compressed chunk of HDF5
 frame_stream      compression and writing of frames in threads while the camera takes further frames
 recorded_frames   the frames of a ring-down or of creep, read one at a time
 steps             the set-points of a run, and the current steps that began its ring-downs
-state             the value `State`: the loads and flags of one state
+state             the class `State`: the loads and flags of one state
 points            datasets of tracked material points instead of frames
 tip_force_angles  the directions of the tip forces in the file
 opened_file       open an HDF5 file that is finished, in use or left open by a crash
@@ -17,7 +17,7 @@ containment       refusal of files that refer to other files, or whose data woul
 rewriting         safe change of a finished file by way of a copy
 restating         correction of specimen and calibration after a run; the replaced files stay in the dataset
 segmentation      search for the edges of every state
-logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and its readings
+logged_sensor     the classes `LoggedSensor` (a sensor) and `SensorLog` (the readings of a sensor)
 sensor_logs       the readings of the sensors in the file
 measured_heating  comparison of the measured coil temperature with the thermal model of the coil
 measured_field    a straight line through the measured fields against the current, with uncertainties

@@ -1,4 +1,4 @@
-"""Check that a dataset file contains all its data itself, and that each array would fit into memory.
+"""Check that a dataset file does not refer to other files, and that each array would fit into memory.
 
 A file may come from an unknown source. An HDF5 file can refer to other files, and a few damaged bytes can declare an
 array of any size. A file with such references or sizes is refused before its data are read.
@@ -45,8 +45,8 @@ def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     """Raise InputError if a dataset refers to data outside the file, or declares an array that is too large.
 
     An array is too large if a table, or one frame of a stack, exceeds `MOST_BYTES` or a quarter of the free memory.
-    Only the places that the program reads are checked: `READ`, the motions and the sensors. A user may have added
-    other data to the file.
+    Only the groups and arrays that the program reads are checked: the paths in `READ`, the motions and the sensors. A
+    user may have added other data to the file.
     """
     for place in READ:
         _refuse_members(path, file, place)
@@ -74,7 +74,7 @@ def _refuse_members(path: Path, file: h5py.File, place: str) -> None:
 
 
 def _member(path: Path, parent: h5py.Group, name: str) -> Any:
-    """Return a member of an HDF5 group. Raises InputError if the member is a soft or external link."""
+    """Return the group or array `name` in an HDF5 group. Raises InputError if it is a soft or external link."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
         raise InputError(

@@ -20,13 +20,16 @@ GROUP = "correction"
 BRIGHTEST_DARK = 0.5  # a dark frame brighter than this fraction of the back-light was taken with light
 
 Images = Mapping[str, NDArray[Any]]
-"""Images of shape (H, W) or (H, W, 3) with the keys "dark" and "flat", of which one or both may be absent."""
+"""A dark frame (key "dark") and a flat field (key "flat") of H rows and W columns; each key may be absent.
+
+The shape of an image is (H, W), or (H, W, 3) for an image with colours.
+"""
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from image files. Raises InputError if they are unsuitable for a correction.
+    """Read a dark frame and a flat field from image files, and return the images with the keys "dark" and "flat".
 
-    The result has the keys "dark" and "flat"; the key of a file that is None is absent.
+    If a file is None, its key is absent. Raises InputError if the images are unsuitable for a correction of frames.
     """
     from eimi_lab.vision.image_files import (
         read_image,
@@ -108,7 +111,10 @@ def forget_correction(path: str | Path) -> None:
 
 
 def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
-    """Return the dark frame and the flat field of a dataset with the keys "dark" and "flat"; empty without them."""
+    """Return the dark frame (key "dark") and the flat field (key "flat") that a dataset contains.
+
+    The key of an image that the dataset does not contain is absent.
+    """
     return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
 
 

@@ -46,9 +46,9 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of both edges of every state, in mm to the right and up in the camera's picture.
+    """Write the plot of both edges of every state; the axes point right and up in the camera's picture, in mm.
 
-    A NaN between two edges makes a viewer draw them as separate curves.
+    A NaN between two edges makes a viewer draw the edges as separate curves.
     """
     gap = np.full((1, 2), np.nan)
     parts = [

@@ -35,7 +35,8 @@ def empty_file(header: Header, image: NDArray[Any]) -> bytes:
     header
         Description of the run.
     image
-        An example frame (H, W) or (H, W, 3), which has the shape and the type of all frames.
+        An example frame, which has the shape and the type of all frames: (H, W) for H rows and W columns, or (H, W, 3)
+        with colours.
     """
     memory = io.BytesIO()
     with h5py.File(memory, "w", libver=WRITTEN_AS) as file:

@@ -35,8 +35,8 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
     Returns
     -------
     str or None
-        The type; None for a local file system, or if the system has no table of mounts. Windows states only that a
-        drive is a network drive.
+        The type of the file system, such as "nfs". None for a local file system, or if the system has no table of
+        mounts. Windows reports only that a drive is a network drive, and not the type.
     """
     if sys.platform == "win32":
         share = followed(folder).anchor  # a drive, or a share of a server

@@ -20,7 +20,7 @@ _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
 
 
 def compressed(image: NDArray[Any]) -> bytes:
-    """Return the chunk of an image: the compressed bytes, followed by their Fletcher-32 checksum (4 bytes).
+    """Return the HDF5 chunk of an image: the compressed bytes, followed by the Fletcher-32 checksum of these bytes.
 
     The colours of the image must be in the order of the file (red, green, blue).
     """
@@ -31,15 +31,16 @@ def compressed(image: NDArray[Any]) -> bytes:
 def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
     """Write the chunk of a compressed image as one row of a stack of frames.
 
-    The stack was created by `layout.frame_stack`, and was lengthened to more than ``row`` rows before.
+    The stack must be one that `layout.frame_stack` created, and must already have more than ``row`` rows.
     """
     stack.id.write_direct_chunk((row, *(0 for _ in stack.shape[1:])), chunk)
 
 
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
-    """Append an image to a stack of frames. The colours of the image must be in the order red, green, blue.
+    """Append an image to a stack of frames in a dataset file.
 
-    If another program rewrote the stack with other filters than `layout.frame_stack` uses, HDF5 compresses the image.
+    The colours of the image must be in the order red, green, blue. If another program rewrote the stack with filters
+    that `layout.frame_stack` does not use, HDF5 compresses the image.
     """
     row = len(stack)
     stack.resize(row + 1, axis=0)

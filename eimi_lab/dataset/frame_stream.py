@@ -1,9 +1,9 @@
 """Compress frames in several threads, and write the compressed frames while the camera takes further frames.
 
-HDF5's own filters are slower, because HDF5 compresses one chunk after another in the thread that writes. Here several
-threads compress frames (`frame_chunk`), and another thread writes the finished chunks in the order of the frames.
+Several threads compress frames (`frame_chunk`), and another thread writes the compressed frames in their order. HDF5's
+own filters are slower, because HDF5 compresses one frame after another in the thread that writes.
 
-The bytes of frames in memory have an upper limit. If the disk or the processors are too slow, `FrameStream.put` waits.
+The bytes of frames in memory have an upper limit. If this limit is reached, `FrameStream.put` waits.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from eimi_lab.dataset.frame_chunk import compressed, write_chunk
 from eimi_lab.dataset.layout import to_stored
 
 RING_BYTES = 512 << 20
-"""Default limit of the bytes in memory: about three seconds at 120 frames of 1.3 MB per second."""
+"""Default limit of the bytes of frames in memory: about three seconds at 120 frames of 1.3 MB per second."""
 
 COMPRESSING = 2
 """Number of threads that compress frames; they run in parallel, because igzip releases Python's interpreter lock."""
@@ -73,7 +73,8 @@ class FrameStream:
         Parameters
         ----------
         image : ndarray
-            The frame, (H, W) or (H, W, 3: blue, green, red). The caller must not change the array afterwards.
+            The frame of H rows and W columns: (H, W), or (H, W, 3) with the colours blue, green, red. The caller must
+            not change the array afterwards.
         meanwhile : callable, optional
             Function that is called every 0.1 s during the wait.
 

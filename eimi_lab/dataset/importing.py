@@ -81,7 +81,7 @@ def import_frames(
     correction
         Dark frame and flat field to store with the frames.
     every
-        The number n, to take every n-th frame of a video. Each load of the table then acts until the next load.
+        The number n, to import every n-th frame of a video. Each load of the table then acts until the next load.
 
     Returns
     -------
@@ -181,10 +181,10 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags of a state that follow from its images and from the last image of the previous state.
+    """Return the flags of a state that follow from the images of the state.
 
-    ``last`` is this last image; None for the first state. If it is identical with the first image of the state, the
-    state gets a flag.
+    ``last`` is the last image of the previous state; None for the first state. If ``last`` is identical with the first
+    image of the state, the state gets a flag.
     """
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
@@ -198,9 +198,9 @@ def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | N
 
 
 def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
-    """Return the mean of images as an image of 16 bits.
+    """Return the mean of several images as an image of 16 bits.
 
-    Values of 8 bits are multiplied by 257, so that 255 becomes 65535.
+    The grey values of images of 8 bits are multiplied by 257, so that 255 becomes 65535.
     """
     scale = 257.0 if images[0].dtype == np.uint8 else 1.0
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
@@ -209,7 +209,7 @@ def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
 def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
     """Check whether the clamp and the beam lie within the first picture of an import.
 
-    Raises InputError if the clamp is outside the picture, or if the beam is too large for it at the scale of the
+    Raises InputError if the clamp is outside the picture, or if the beam is larger than the picture at the scale of the
     calibration. Prints a warning if a part of the straight beam is outside the picture.
     """
     beam, scale = specimen.specimen, calibration.pixels_per_mm

@@ -88,7 +88,10 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Stack arrays of different lengths n_i into one array (number of arrays, largest n_i, ...), padded with NaN."""
+    """Stack arrays of different lengths into one array, and fill the missing entries with NaN.
+
+    The first axis of the result is the index of the array. The second axis has the length of the longest array.
+    """
     longest = max((len(a) for a in arrays), default=0)
     filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)
     for row, values in zip(filled, arrays, strict=True):

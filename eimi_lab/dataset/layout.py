@@ -50,13 +50,15 @@ if TYPE_CHECKING:  # these modules import every driver, which is slow, and readi
 
 WRITTEN_AS = ("v110", "latest")
 """Oldest and newest version of the HDF5 structures in a file. HDF5 1.10 is the first version with the
-single-writer-multiple-reader mode. With a newer lower bound, older releases of HDF5 could not read the files."""
+single-writer-multiple-reader mode. With a newer lower bound, older releases of HDF5 could not read the files.
+"""
 FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
 KIND_ATTRIBUTE = "eimi_kind"
 START_ATTRIBUTE = "eimi_start_time"
 """Name of the attribute with the start of the run. Its text has a fixed length, because HDF5 may allocate 4 GiB for a
-damaged text of variable length."""
+damaged text of variable length.
+"""
 PROGRAM = "eimi-lab"
 PROGRAM_URL = "https://doi.org/10.3389/frobt.2021.790571"
 """Paper with the method of the program. NXprocess requires a URL, and the program has no site of its own."""
@@ -130,7 +132,7 @@ class Header:
 
     @property
     def documents(self) -> dict[str, Document | None]:
-        """The input files, by the name of the group in the dataset that stores the text; None for an absent file."""
+        """The input files of a run, by the name of the group that stores the text; None for an absent file."""
         return {
             "specimen": self.specimen,
             "calibration": self.calibration,
@@ -173,7 +175,8 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
 def to_stored(image: NDArray[Any]) -> NDArray[Any]:
     """Convert an image from the order blue, green, red to the order red, green, blue, or back.
 
-    The program uses the first order and dataset files use the second. An image (H, W) is returned unchanged.
+    The program uses the order blue, green, red. Dataset files use the order red, green, blue. An image without colours
+    is returned unchanged.
     """
     return image if image.ndim == 2 else image[..., ::-1]
 
@@ -206,7 +209,7 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
 
 
 def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
-    """Create empty columns, which can be lengthened, and return them by name.
+    """Create empty columns, which can be lengthened, and return the columns by name.
 
     Parameters
     ----------
@@ -235,7 +238,7 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
 def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
     """Create an empty stack of frames, which can be lengthened, and return it.
 
-    Every frame has the shape, (H, W) or (H, W, 3), and the type of ``image``.
+    Every frame has the shape and the type of ``image``.
     """
     frames = parent.create_dataset(
         name,
@@ -321,7 +324,10 @@ def now() -> str:
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Convert the flags of a state into JSON in UTF-8. Raises ValueError if it is too long for the column of flags."""
+    """Return the flags of a state as JSON in UTF-8.
+
+    Raises ValueError if the JSON is too long for the column of flags.
+    """
     text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
@@ -330,8 +336,8 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """Return the flags that `flags_to_text` converted into JSON.
+    """Return the flags of a state from JSON that `flags_to_text` returned.
 
-    Flags that early versions stored have no severity. They get the severity `Severity.UNUSABLE`.
+    Flags that early versions stored have no severity, and get the severity `Severity.UNUSABLE`.
     """
     return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

@@ -62,7 +62,8 @@ class Listing:
     def images(self) -> Iterator[NDArray[Any]]:
         """Read the listed pictures one after another, from the first to the last.
 
-        Each picture has the shape (H, W) or (H, W, 3: blue, green, red). Raises InputError for an unreadable picture.
+        Each picture of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red.
+        Raises InputError for an unreadable picture.
         """
         if is_video(self.source):
             return read_video(self.source, [int(frame.path.name) for frame in self.frames])
@@ -97,8 +98,9 @@ def list_frames(source: Path, states: Path, every: int | None = None) -> Listing
     states
         The table of states.
     every
-        The number n, to take every n-th frame of a video. A row then specifies the beginning of its load. The load
-        acts until the time in the column ``until_s`` or, without this column, until the next row.
+        The number n, to take every n-th frame of a video. A row of the table then gives the time at which a load
+        begins. The load acts until the time in the column ``until_s`` or, without this column, until the time of the
+        next row.
 
     Raises
     ------
@@ -174,7 +176,10 @@ def _beside(row: Row) -> list[Path]:
 
 
 def last_number(stem: str) -> int | None:
-    """Return the number at the end of a file's name without the ending; None if it does not end with a number."""
+    """Return the number at the end of a text; None if the text does not end with a number.
+
+    The text is the name of a file without the ending.
+    """
     digits = re.search(r"[0-9]+$", stem)
     return int(digits.group()) if digits else None
 
@@ -203,9 +208,9 @@ def _listed_times(video: Path, rows: list[Row]) -> Listing:
 
 
 def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
-    """List every n-th frame (``every``) of a video together with the row of the table whose load acts at its time.
+    """List every n-th frame of a video, with the row of the table whose load acts at the time of the frame.
 
-    Frames at which no load acts are left out.
+    The number n is ``every``. Frames at whose times no load acts are left out.
     """
     times = frame_times(video)
     by_time = "time_s" in rows[0].cells

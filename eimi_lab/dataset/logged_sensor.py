@@ -27,7 +27,8 @@ class LoggedSensor:
     uncertainty
         Standard uncertainty of one reading, in the unit of the readings; None if the rig file does not give it.
     uncertainty_share
-        Relative standard uncertainty of a factor that is common to all readings; None if the rig file does not give it.
+        Relative standard uncertainty of a factor that is common to all readings; None if the rig file does not give
+        this uncertainty.
     """
 
     name: str
@@ -48,13 +49,14 @@ class SensorLog:
     sensor
         The sensor.
     state
-        (n,) the number of the state to which the frame belongs.
+        (n,) for each frame, the number of the state to which the frame belongs.
     time_s
-        (n,) the time of the reading on the clock of the run, s.
+        (n,) for each frame, the time of the reading on the clock of the run, s.
     value
-        (n,) the reading; NaN if the sensor was not read with this frame.
+        (n,) for each frame, the reading; NaN if the sensor was not read with this frame.
     standard_uncertainty
-        (n,) the standard uncertainty that the sensor reported with the reading; NaN if it reported none.
+        (n,) for each frame, the standard uncertainty that the sensor reported with the reading; NaN if the sensor
+        reported none.
     """
 
     sensor: LoggedSensor

@@ -1,4 +1,4 @@
-"""Store and read two measured quantities of imported states: field uncertainty and specimen temperature."""
+"""Store and read two quantities of imported states: uncertainty of the field, and temperature of the specimen."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature
 
 
 class Measured(Protocol):
-    """The measured quantities of an imported state; None for a quantity that was not measured."""
+    """The measured quantities of an imported state: uncertainty of the field, and temperature of the specimen.
+
+    A quantity that was not measured is None.
+    """
 
     @property
     def field_sigma_mT(self) -> float | None:
@@ -45,8 +48,8 @@ def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> Non
 
 
 def measured_column(states: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return a measured quantity of all states from the table of states, shape (count,); NaN if it was not measured.
+    """Return a measured quantity of all states, shape (count,); NaN for a state in which it was not measured.
 
-    ``name`` is a key of `COLUMNS`, and ``count`` is the number of states.
+    ``states`` is the table of states, ``name`` is a key of `COLUMNS`, and ``count`` is the number of states.
     """
     return np.asarray(states[name][()]) if name in states else np.full(count, np.nan)

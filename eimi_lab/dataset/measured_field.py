@@ -45,7 +45,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """The slope and the offset with their standard uncertainties, as text."""
+        """A text with the slope and the offset of the line, and their standard uncertainties."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"
@@ -68,10 +68,12 @@ def field_line(
     sensor
         The gaussmeter.
     current_A, field_mT
-        (n,) currents and readings; a pair with NaN is left out.
+        (n,) the current (A) and the reading (mT) of each of n readings. Readings for which one of the two is NaN are
+        left out.
     stated_mT
-        (n,) or a number: the standard uncertainty that the gaussmeter reported with each reading; NaN if it reported
-        none. It is used only if the rig file gives no uncertainty of the gaussmeter.
+        (n,) or one number for all readings: the standard uncertainty that the gaussmeter reported with each reading;
+        NaN if it reported none. These uncertainties are used only if the rig file gives no uncertainty of the
+        gaussmeter.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Compare the measured temperature of the coil with the thermal model of the coil.
 
-The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0². The quantity h follows from
-the current I by τ dh/dt = I² − h. T0 is the temperature without heating, τ is the thermal time constant, I0 is the
+The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0². The quantity h (A²) follows
+from the current I by τ dh/dt = I² − h. T0 is the temperature without heating, τ is the thermal time constant, I0 is the
 continuous current, and R is the temperature rise at I0. T0 and R are fitted to the readings by least squares.
 
 The coil is assumed to be cold (h = 0) at the first reading. The current of a state is assumed to begin at the last
@@ -30,7 +30,7 @@ SEARCHED = np.geomspace(0.1, 10.0, 201)
 """Trial time constants, divided by the time constant in the rig file."""
 
 DIFFERENT = 0.3
-"""Smallest relative difference between the fitted time constant and that of the rig file which is reported."""
+"""Relative difference of the fitted time constant from the time constant in the rig file above which it is reported."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class MeasuredHeating:
     def contradicts(self) -> bool:
         """Whether the readings contradict the thermal time constant in the rig file.
 
-        They do if the best time constant differs from it by more than the fraction `DIFFERENT` and leaves less than
-        0.7 of its root mean square difference.
+        They do if two conditions hold: the best time constant differs from the time constant in the rig file by more
+        than the fraction `DIFFERENT`, and `best_rms_K` is less than 0.7 times `rms_K`.
         """
         far = abs(self.best_time_constant_s / self.time_constant_s - 1) > DIFFERENT
         return far and self.best_rms_K < 0.7 * self.rms_K
@@ -109,7 +109,8 @@ def measured_heating(
     Returns
     -------
     MeasuredHeating or None
-        The comparison; None for fewer than `LEAST_READINGS` readings, or a range of them below `LEAST_RISE_K`.
+        The comparison. None if there are fewer than `LEAST_READINGS` readings, or if the highest and the lowest reading
+        differ by less than `LEAST_RISE_K`.
     """
     order = np.argsort(log.time_s, kind="stable")
     known = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
@@ -140,7 +141,9 @@ def measured_heating(
 def _shares(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heating h / I0² at n readings for m time constants, shape (m, n); see the module for h and I0.
+    """Return the heating h / I0² for m time constants (first axis) at n readings (second axis), shape (m, n).
+
+    The docstring of the module defines h and I0.
 
     Parameters
     ----------

@@ -63,7 +63,10 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
 
 
 def _not_a_dataset(path: Path) -> str:
-    """Return a text for the user that says what a file is, judged by its ending, and how to make a dataset instead."""
+    """Return a text for the user about a file that is not a dataset.
+
+    The text tells the kind of the file, judged by its ending, and how to make a dataset.
+    """
     from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
     from eimi_lab.vision.image_files import ENDINGS as IMAGES
 
@@ -78,8 +81,8 @@ def _not_a_dataset(path: Path) -> str:
 def _has_a_writer(path: Path) -> bool:
     """Return whether an HDF5 file is marked as open for writing. A writer that crashed leaves this mark.
 
-    The version is byte 8 of the superblock and the consistency flags are byte 11 (HDF5 File Format Specification 3.0,
-    section II.A, superblock versions 2 and 3).
+    The mark is one of the consistency flags in byte 11 of the superblock. Byte 8 gives the version of the superblock
+    (HDF5 File Format Specification 3.0, section II.A, superblock versions 2 and 3).
     """
     with path.open("rb") as raw:
         superblock = raw.read(12)

@@ -29,7 +29,8 @@ def drawn_places(
     states
         The K states.
     places
-        For each of the K states, one or more arrays (n, 2) of points in mm.
+        For each of the K states, one or more arrays of edge points or tracked points, shape (n, 2): the two coordinates
+        of n points in mm.
     axes_names
         Names of the two axes.
     lines

@@ -53,11 +53,11 @@ class TrackedPoints:
     names
         Names of the n points.
     rest_mm, points_mm
-        (n, 2) positions at rest, and in the state.
+        (n, 2) x and y of each point at rest, and in the state, mm.
     sigma_mm
-        (n,) standard deviation of one coordinate of each point.
+        (n,) standard deviation of a coordinate of each point, mm.
     depth_mm
-        (n,) distance of each point at rest from the plane at mid-depth of the beam; None if all distances are 0.
+        (n,) distance of each point at rest from the plane at mid-depth of the beam, mm; None if all distances are 0.
     """
 
     names: tuple[str, ...]
@@ -69,7 +69,9 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """The loads of one state. Two loads are equal if everything except the temperature is equal.
+    """The loads and measured conditions of one state.
+
+    Two objects are equal if everything except the temperature is equal.
 
     Parameters
     ----------
@@ -154,7 +156,7 @@ def write_points(
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
     """Return the tracked points of every state of a dataset.
 
-    Files of early releases do not contain the distance from mid-depth; this distance is then 0.
+    Files of early releases do not contain the distance of the points from mid-depth. This distance is then 0.
     """
     table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
     depth = table.get("z0", np.zeros(len(table["state"])))

@@ -1,4 +1,4 @@
-"""Read a dataset. Every completely stored state can be read, also during the run and after a crash."""
+"""Read a dataset. Every completely stored state can be read, even while a run writes the file and after a crash."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Dataset:
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
         """Read the specimen, the calibration and the states from an open file.
 
-        ``finished`` says whether the file was closed properly. ``if_damaged`` is the advice to the user in the message
+        ``finished`` tells whether the file was closed properly. ``if_damaged`` is the advice to the user in the message
         about a damaged file.
         """
         self.path = path
@@ -88,11 +88,14 @@ class Dataset:
             self._open(path, file)
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of the dataset."""
         self._file.close()
 
     def reopen(self) -> None:
-        """Open the file again, to see what was written since it was opened. Raises InputError if this fails."""
+        """Open the file again, so that states that were written in the meantime can be read.
+
+        Raises InputError if the file cannot be opened.
+        """
         self._file.close()
         file, finished = open_file(self.path)
         self.__init__(self.path, file, finished, self._if_damaged)  # type: ignore[misc]
@@ -105,7 +108,7 @@ class Dataset:
 
     @contextmanager
     def _naming_damage(self) -> Iterator[None]:
-        """Convert any error inside the block into an InputError with the path of the file.
+        """Convert any error inside a ``with`` block into an InputError with the path of the dataset.
 
         HDF5 raises errors of nearly every kind for damaged files.
         """
@@ -228,10 +231,11 @@ class Dataset:
             return tuple(lines)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
-        """Return the frames of a state, shape (n, H, W) or (n, H, W, 3: blue, green, red), type uint8 or uint16.
+        """Return the n frames of a state, type uint8 or uint16, of H rows and W columns.
 
-        If ``most`` is given, only the first ``most`` frames are returned. Raises InputError with the numbers of the
-        damaged frames if a frame cannot be read.
+        The shape is (n, H, W), or (n, H, W, 3) with the colours blue, green, red. If ``most`` is given, only the first
+        ``most`` frames are returned. Raises InputError with the numbers of the damaged frames if a frame cannot be
+        read.
         """
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)[:most]
@@ -248,7 +252,8 @@ class Dataset:
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
         """Yield the frames of a state one after another, so that only one frame is in memory at a time.
 
-        Each frame has the shape (H, W) or (H, W, 3: blue, green, red). Raises InputError for a damaged frame.
+        Each frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red. Raises
+        InputError for a damaged frame.
         """
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
@@ -333,7 +338,10 @@ class Dataset:
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Return the rows of the frames that cannot be read. Every frame of the states is read for this."""
+        """Return the row, in the stack of frames, of each frame that cannot be read.
+
+        Every frame of the states is read for this.
+        """
         return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
 
     def _readable(self, row: int) -> bool:
@@ -344,7 +352,10 @@ class Dataset:
         return True
 
     def frame_format(self) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        """Return the shape of a frame, (H, W) or (H, W, 3), and the type of its values."""
+        """Return the shape of a frame, and the data type of its pixels.
+
+        The shape is (rows, columns), or (rows, columns, 3) for frames with colours.
+        """
         frames = self._entry["data/frames"]
         return frames.shape[1:], frames.dtype
 
@@ -422,10 +433,11 @@ class Dataset:
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Return points (..., 2) of the beam frame rotated to the axes (right, up), as the beam is seen.
+        """Return points of the beam frame in coordinates (right, up), in which the beam looks as it was seen.
 
-        With a calibration, right and up are those of the picture. For tracked points, gravity points down; without
-        gravity, the points are not rotated.
+        The last axis of the argument, shape (..., 2), holds x and y in the beam frame, and the last axis of the result
+        holds right and up. With a calibration, these are the directions in the picture. For tracked points, gravity
+        points down; without gravity, the points are not rotated.
         """
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
@@ -475,7 +487,7 @@ class Dataset:
     def truth(self) -> dict[str, Any] | None:
         """Return the true materials of a virtual rig; None for a real rig or an import.
 
-        They serve only to judge the results of fits. A fit must not read them.
+        The true materials serve only to judge the results of fits. A fit must not read them.
         """
         with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None

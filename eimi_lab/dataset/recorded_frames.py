@@ -42,9 +42,10 @@ class RecordedFrames:
         return len(self._rows)
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Yield the frames one at a time, (H, W) or (H, W, 3: blue, green, red).
+        """Yield the recorded frames one at a time.
 
-        HDF5 raises OSError for a damaged frame.
+        A frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red. HDF5
+        raises OSError for a damaged frame.
         """
         for row in self._rows.tolist():
             yield to_stored(self._frames[row])
@@ -53,8 +54,8 @@ class RecordedFrames:
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
     """Return the step of the current and the frames of each recorded ring-down.
 
-    Early versions recorded a group `release` instead. It is returned as one ring-down from the current of the last
-    state, and the standard uncertainty of the time of its step is the interval between two frames.
+    Early versions recorded a group `release` instead. This group is returned as one ring-down from the current of the
+    last state. The standard uncertainty of the time of the current step is then the interval between two frames.
 
     Parameters
     ----------

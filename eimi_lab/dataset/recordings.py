@@ -43,18 +43,18 @@ COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of a recording, with its times and the set-point of the current.
+    """A frame of a recording, with the times of the frame and the set-point of the current.
 
     Parameters
     ----------
     frame
         The frame.
     time_s
-        Time on the clock of the run.
+        Time of the frame on the clock of the run, s.
     elapsed_s
-        Time since the last change of the set-point.
+        Time of the frame since the last change of the set-point, s.
     set_A
-        The set-point of the current.
+        The set-point of the current, A.
     """
 
     frame: Frame
@@ -70,7 +70,7 @@ class Recording:
     Parameters
     ----------
     images
-        (n, H, W) or (n, H, W, 3: blue, green, red), the n frames.
+        The n frames of H rows and W columns: (n, H, W), or (n, H, W, 3) with the colours blue, green, red.
     belongs_to
         (n,) number of the state, the cycle or the ring-down of each frame.
     time_s, elapsed_s
@@ -134,8 +134,8 @@ def append_moments(
     recording
         Name of the recording.
     store
-        The frames and columns of the recording, by name. The caller must keep them open. HDF5 writes the last rows of
-        a column when it is closed, and an error at that time, such as a full disk, would not be noticed.
+        The frames and columns of the recording, by name. The caller must keep them open. HDF5 writes the last rows of a
+        column when the column is closed, and an error at that time, such as a full disk, would not be noticed.
     images
         The frames, with colours in the order of the file (red, green, blue).
     belongs_to
@@ -214,7 +214,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the numbers of the complete rows of a recording: those with a stored frame and a value in every column.
+    """Return the numbers of the complete rows of a recording: rows with a stored frame and a value in every column.
 
     Rows of states that were not stored completely are left out.
 

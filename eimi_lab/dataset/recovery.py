@@ -50,8 +50,8 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     """Copy everything readable of a crashed or damaged dataset to a new file.
 
     Single flipped bits are corrected with the help of HDF5's checksums. Every frame of the copy is tested. Damaged
-    frames are left out, and their states get the flag DROPPED. If all frames of a state are damaged, the state gets one
-    black frame, so that the numbers of later states do not change.
+    frames are left out, and the states of these frames get the flag DROPPED. If all frames of a state are damaged, the
+    state gets one black frame, so that the numbers of later states do not change.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: d
     Parameters
     ----------
     source, copy
-        The group, and the new group.
+        The group to copy, and the new group.
     lost
         List to which the names of unreadable members are added.
     copied
@@ -241,12 +241,10 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Restore damaged columns of the table of states from the columns of the table of frames.
+    """Restore damaged columns of the table of states, and return a line of text for each restored column.
 
-    Tip forces and flags are not in the table of frames: the forces become 0, and the flags are lost. If the table of
-    frames is damaged too, the error of HDF5 is raised.
-
-    Returns a line of text for each restored column.
+    The contents are taken from the table of frames. Tip forces and flags are not in this table: the forces become 0,
+    and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []
@@ -271,7 +269,10 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read a part: a column of a group, or a frame of a stack."""
+    """Return whether HDF5 can read a column of a group, or a frame of a stack.
+
+    ``part`` is the name of the column or the row of the frame.
+    """
     try:
         return len(parent[part][()]) >= 0
     except HDF5_RAISES:
@@ -309,7 +310,8 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
     """Remove damaged frames of the states, add the flag DROPPED to these states, and return their numbers.
 
-    ``damaged`` are the rows of the damaged frames. A state without an undamaged frame gets a black frame.
+    ``damaged`` gives the rows of the damaged frames in the stack of frames. A state whose frames are all damaged gets a
+    black frame.
     """
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]

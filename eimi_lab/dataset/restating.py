@@ -1,7 +1,8 @@
 """Correct the specimen or the calibration of a finished dataset.
 
-The dataset keeps the replaced texts. The edges are removed, because they were found with the replaced texts. If the
-coil constant changes, all stored fields are multiplied by the ratio of the new constant to the old constant.
+The dataset keeps the replaced texts. The edges are removed, because they were found with the replaced specimen or
+calibration. If the coil constant changes, all stored fields are multiplied by the ratio of the new coil constant to the
+old coil constant.
 """
 
 from __future__ import annotations
@@ -102,7 +103,8 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
     """Return the factor by which the fields of all states change: the new coil constant over the stored coil constant.
 
-    Raises InputError if the coil constant of an import changes, because its fields may not follow from currents.
+    Raises InputError if the coil constant of an imported dataset changes, because imported fields may not have been
+    computed from currents.
     """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0

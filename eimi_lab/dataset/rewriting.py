@@ -1,4 +1,4 @@
-"""Change a finished dataset safely: a copy is changed and then replaces the file, so a crash cannot damage the file."""
+"""Change a finished dataset so that a crash cannot damage the file: a copy is changed, and then replaces the file."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
     path
         The dataset.
     content_bytes
-        Number of bytes that the block will write. They are reserved on the disk before, because HDF5 may crash the
-        program if the disk becomes full.
+        Number of bytes that the block will write. This space is reserved on the disk before the block runs, because
+        HDF5 may crash the program if the disk becomes full.
 
     Raises
     ------
@@ -54,7 +54,10 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
 
 
 def _make_room(file: Path, size: int) -> None:
-    """Lengthen a file to ``size`` bytes, if the operating system supports this. HDF5 removes the unused bytes later."""
+    """Lengthen a file to ``size`` bytes, if the operating system can reserve space on the disk.
+
+    HDF5 removes the unused bytes later.
+    """
     if hasattr(os, "posix_fallocate"):
         with file.open("r+b") as opened:
             os.posix_fallocate(opened.fileno(), 0, size)

@@ -47,8 +47,8 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags of a state are
     the flags of the run (such as NOT_SETTLED), followed by the flags of the image.
 
-    If ring-downs or creep were recorded, the beam is also found in every frame of these recordings, and its motion is
-    stored.
+    If ring-downs or creep were recorded, the beam is also found in every frame of these recordings, and the motion of
+    the beam is stored.
 
     Parameters
     ----------
@@ -89,14 +89,17 @@ class Frames:
     """The mean image of each state of a dataset, corrected by the stored dark frame and flat field."""
 
     def __init__(self, dataset: Dataset) -> None:
-        """Read the dark frame and the flat field. Raises InputError for a dataset of tracked points."""
+        """Read the dark frame and the flat field of a dataset. Raises InputError for a dataset of tracked points."""
         if dataset.calibration is None:
             raise InputError(f"{dataset.path}: holds tracked points, which have no images")
         self.dataset, self.calibration = dataset, dataset.calibration
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """Return the corrected mean of the frames of a state, (H, W), or (H, W, 3) for frames with colours."""
+        """Return the corrected mean of the frames of a state, of H rows and W columns.
+
+        The shape is (H, W), or (H, W, 3) for frames with colours.
+        """
         image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)
 
@@ -142,8 +145,8 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
     The beam moves little from one state to the next. Therefore the middle line of the nearest reliable state is used as
     the expected middle line: first of the nearest earlier state, and then of the nearest later state.
 
-    The search is also repeated in states before the first reliable state. If several bodies in their images may be the
-    beam, the next reliable state decides. ``edge_sets`` is changed in place.
+    The search is also repeated in states before the first reliable state. If several bodies in the image of such a
+    state may be the beam, the next reliable state decides. ``edge_sets`` is changed in place.
     """
     states = range(len(edge_sets))
     first_reliable = next((index for index in states if _is_reliable(edge_sets[index])), len(edge_sets))
@@ -162,7 +165,7 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states after a correction of the flags for a wrong position of the clamp.
+    """Return the edges of all states, with corrected flags for a wrong position of the clamp.
 
     The check of the clamp extrapolates the edges to the line of the clamp. If the beam is strongly curved there, the
     extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with this flag gets the flag of
@@ -193,7 +196,10 @@ def _in_words(flags: Sequence[Flag]) -> str:
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
-    """Return the points (n, 2) along the beam that the user clicked, in mm in the beam frame; None without clicks."""
+    """Return x and y of n points along the beam that the user clicked, shape (n, 2), in mm in the beam frame.
+
+    Return None if the calibration contains no clicked points.
+    """
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
     return BeamFrame(calibration).to_mm(np.array(calibration.picture.along_px))
@@ -206,10 +212,10 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each state, which worker processes find without knowledge of other states.
+    """Yield the edges of each state in the order of the states, found by worker processes.
 
-    None is yielded for a state whose beam can be identified only by means of an earlier state. Without an executor,
-    None is yielded for every state. The order is that of the states.
+    The workers have no knowledge of other states. None is yielded for a state whose beam can be identified only by
+    means of an earlier state. Without an executor, None is yielded for every state.
     """
     states = range(len(dataset.states))
     if executor is None:
@@ -304,7 +310,8 @@ def _edges_in(
     earlier
         Function that returns the edges of an earlier state. It is called only if several bodies may be the beam.
     expected_mm
-        (n, 2) expected middle line of the beam; None if it is unknown.
+        (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame; None if the line is
+        unknown.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
@@ -334,7 +341,7 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
     advice : str
         A text with the probable cause.
     picture : bytes
-        A PNG of the first frame of the state, with rulers in pixels. It shows the straight beam where calibration and
+        A PNG of the first frame of the state, with rulers in pixels. The straight beam is drawn where calibration and
         specimen place it. If the text suggests another value in the calibration, the edges that are found with this
         value are drawn in green.
     """
@@ -411,7 +418,7 @@ def write_explained(folder: Path, path: Path) -> None:
 
 
 def _followed(frames: Frames, image: NDArray[np.float32]) -> FollowedBeam:
-    """Follow the beam from the clamp to the tip in the mean image of one state.
+    """Follow the beam from the clamp to the tip in the mean image of one state, and return the result.
 
     The coordinates of the result are pixels of the whole picture, even if the calibration has a region of interest.
     """

@@ -1,7 +1,7 @@
 """Store and read the readings of sensors in a dataset.
 
-The group entry/sample/environment (NXenvironment) has an NXsensor for each sensor, whose log has one row for each
-frame (https://manual.nexusformat.org/classes/base_classes/NXsensor.html).
+The group entry/sample/environment (NXenvironment) has an NXsensor for each sensor. The log in this NXsensor has one row
+for each frame (https://manual.nexusformat.org/classes/base_classes/NXsensor.html).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: in
 
 
 def log_of(entry: h5py.Group, name: str) -> dict[str, h5py.Dataset]:
-    """Return the columns of the log of the sensor ``name``, by the names of the columns."""
+    """Return the columns of the log of the sensor ``name``, by name of the column."""
     return {column: entry[PLACE][name]["value_log"][column] for column in LOG_COLUMNS}
 
 

@@ -16,7 +16,8 @@ class State:
     index
         Number of the state, from 0.
     current_A, measured_A
-        The set-point of the coil current, and the mean of the measured currents; None if unknown.
+        The set-point of the coil current, and the mean of the currents that were measured in the state; each is None if
+        unknown.
     field_mT
         Field at the magnet.
     tip_force_N
@@ -26,7 +27,8 @@ class State:
     tip_force_angle_deg
         Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
     field_sigma_mT
-        Standard uncertainty of a field that was measured in this state; None if the field follows from the current.
+        Standard uncertainty of a field that was measured in this state; None if the field was computed from the
+        current.
     temperature_degC
         Measured temperature of the specimen; None if it was not measured.
     """

@@ -95,7 +95,9 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return the loads of each state of tracked points by its number in the column ``state``, in increasing order.
+    """Return the loads of each state of tracked points, by the number of the state in the column ``state``.
+
+    The numbers are in increasing order.
 
     Raises InputError if a row is wrong, or if two rows have the same number.
     """

@@ -3,9 +3,9 @@
     set_points         one row for each set-point that was sent: `time`, `current`, `uncertainty`
     ring_down_steps    one row for each recorded ring-down: the step of the current, and the number and rate of frames
 
-All times are on the clock of the run. A set-point takes effect between the moment at which it is sent and the moment at
-which the supply answers. `time` is the middle of this interval, and `uncertainty` is the standard deviation of a
-uniform distribution over the interval.
+All times are on the clock of the run. A set-point takes effect after it is sent and before the supply answers. `time`
+is the middle of this interval, and `uncertainty` is the standard deviation of a uniform distribution over the
+interval.
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ _STEP_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A set-point of the current (A), its time on the clock of the run (s), and the uncertainty of this time (s)."""
+    """A set-point of the current (A), with its time on the clock of the run (s).
+
+    The last field is the standard uncertainty of this time (s).
+    """
 
     time_s: float
     current_A: float
@@ -54,7 +57,7 @@ class RingDownStep:
     from_A, to_A : float
         Current before and after the step.
     time_s, uncertainty_s : float
-        Time of the step on the clock of the run, and its standard uncertainty.
+        Time of the step on the clock of the run, and standard uncertainty of this time.
     frames : int
         Number of stored frames.
     lost : int

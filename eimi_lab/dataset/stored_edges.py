@@ -56,7 +56,7 @@ def write_edges(
         The projection from colours to grey values with which the edges were found; None for frames without colours.
     motions
         Ring-downs and creep that were found in recorded frames. New ring-downs replace the stored ring-downs, and new
-        creep the stored creep.
+        creep replaces the stored creep.
     length_mm
         Length of the beam, from which the amplitudes of the motions are computed.
 
@@ -140,7 +140,7 @@ def _comply_with_definition(entry: h5py.Group) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """Return the stored edges of every state of a dataset, whose group `entry` is given."""
+    """Return the stored edges of every state of a dataset; ``entry`` is the group `entry` of the file."""
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]

@@ -1,4 +1,7 @@
-"""Store and read the directions of the tip forces in a dataset. They are absent if all forces are along gravity."""
+"""Store and read the directions of the tip forces in a dataset.
+
+A dataset contains no directions if all tip forces have the direction of gravity.
+"""
 
 from __future__ import annotations
 

@@ -49,14 +49,15 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
     path
         The video.
     every
-        Number n: every n-th frame is returned. While this gives more than 16 frames, n is doubled.
+        The number n: every n-th frame is returned. If this gives more than 16 frames, n is doubled until it does not.
 
     Returns
     -------
     times
         Times of all frames, in seconds from the beginning of the video.
     kept
-        The returned frames (H, W, 3: blue, green, red) by number, counted from 0.
+        The returned frames by number, counted from 0. A frame of H rows and W columns has the shape (H, W, 3), with the
+        colours blue, green, red.
 
     Raises
     ------
@@ -81,7 +82,9 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
 
 
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """Yield selected frames (H, W, 3: blue, green, red) of a video.
+    """Yield selected frames of a video.
+
+    A frame of H rows and W columns has the shape (H, W, 3), with the colours blue, green, red.
 
     The video is read from its beginning, because in many formats a jump to a frame is not exact.
 
@@ -110,7 +113,9 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
 
 
 def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
-    """Yield every frame (H, W, 3: blue, green, red) of a video, and its time in seconds from the beginning.
+    """Yield every frame of a video, and the time of the frame in seconds from the beginning of the video.
+
+    A frame of H rows and W columns has the shape (H, W, 3), with the colours blue, green, red.
 
     Raises
     ------
@@ -130,7 +135,9 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return (a, b, c), by which the row of the camera sensor at the pixel (x, y) of a frame is a x + b y + c.
+    """Return the numbers a, b and c of the equation row = a x + b y + c.
+
+    The equation gives the row of the camera sensor that took the pixel (x, y) of a frame of the video.
 
     A phone stores its video in the orientation of the sensor, together with an angle by which OpenCV rotates each
     frame. If the phone was held upright, the rows of the sensor are therefore columns of the frame.

@@ -1,9 +1,9 @@
 """Write a dataset of frames so that every stored state survives a crash.
 
-The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which it is readable at every moment. For
-each state, the arrays of the file are flushed one after another, the table of states last. Then the file is
+The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which the file is readable at every moment.
+For each state, the arrays of the file are flushed one after another, the table of states last. Then the file is
 synchronised to the disk. All arrays are created before the file is opened in this mode (The HDF Group, SWMR user
-guide). The file is created under a temporary name. Therefore a file with the requested name is never without the
+guide). The file is created under a temporary name. Therefore every file with the requested name contains the
 description of the run.
 
 Only one writer may use a path at a time. After each state, the writer checks that the path still leads to its file. If
@@ -205,10 +205,11 @@ class DatasetWriter:
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Close the file without further writes; it stays as a crash would leave it.
+        """Close the file without further writes, so that it stays as a crash would leave it.
 
-        HDF5 writes its remaining data when it closes a file. Here this would fail, and crash the program at its end.
-        Therefore the remaining data are sent to the null device. A file without a state is removed.
+        HDF5 writes its remaining data when it closes a file. After a failed write this would fail again, and would
+        crash the program at its end. Therefore the remaining data are sent to the null device. A file without a state
+        is removed.
         """
         taken_away = _taken_away(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:
@@ -280,7 +281,7 @@ class DatasetWriter:
         current_A, field_mT, tip_force_N
             The loads of the state.
         measured_A, time_s
-            For each frame, the measured current, and the time on the clock of the run.
+            For each frame, the measured current (A), and the time on the clock of the run (s).
         flags
             Flags of the state.
         transient
@@ -288,7 +289,8 @@ class DatasetWriter:
         sensed
             For each frame, the readings of the sensors by name, with times on the clock of the run.
         set_points
-            Set-points that were sent after the previous state was stored; ignored if the file has no table for them.
+            Set-points that were sent after the previous state was stored; ignored if the file has no table of
+            set-points.
 
         Raises
         ------
@@ -338,7 +340,7 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames of a recording. When this function returns, they survive a crash.
+        """Store frames of a recording. When this function returns, the frames survive a crash.
 
         Raises the same errors as `append_state`.
 
@@ -367,8 +369,8 @@ class DatasetWriter:
     def ring_down(self) -> Iterator[FrameStream]:
         """Yield a stream that writes the frames of a ring-down while the camera takes further frames.
 
-        Use it in a ``with`` statement, at whose end all frames are written, and then call `end_ring_down`. Raises the
-        same errors as `append_state`.
+        Use this method in a ``with`` statement. At the end of the block all frames are written. Then call
+        `end_ring_down`. Raises the same errors as `append_state`.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
@@ -490,7 +492,7 @@ def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -
     Returns
     -------
     path, lock
-        The path of the copy, and the lock that keeps other writers from it.
+        The path of the copy, and the lock that keeps other writers from the copy.
 
     Raises
     ------

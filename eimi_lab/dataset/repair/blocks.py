@@ -7,7 +7,7 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 
 LONGEST_BLOCK = 1 << 14
 MOST_SEARCHED_BYTES = 1 << 30
-"""Limit of the work that unsuccessful searches for flipped bits may do in one file, in bytes that are hashed.
+"""Limit of the work of unsuccessful searches for flipped bits in one file, as the number of hashed bytes.
 
 The search for a single flipped bit stays far below this limit. For a truncated file the search would take hours.
 """

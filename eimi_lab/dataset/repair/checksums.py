@@ -20,9 +20,9 @@ def lookup3(block: bytes) -> int:
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Return m blocks of n bytes, shape (m, n), as little-endian words of 32 bits, shape (m, k).
+    """Return m blocks of n bytes, shape (m, n), as m rows of k little-endian words of 32 bits, shape (m, k).
 
-    The blocks are padded with zeros to a multiple of 12 bytes.
+    Each block is padded with zeros to a multiple of 12 bytes, that is to 4 k bytes.
     """
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)
@@ -36,7 +36,7 @@ def lookup3_of_many(words: Words, length: int) -> Words:
     Parameters
     ----------
     words : (m, k) array of uint32
-        The blocks as little-endian words, padded with zeros to a multiple of 12 bytes.
+        For each block, its k little-endian words, padded with zeros to a multiple of 12 bytes.
     length : int
         Length of each block without the padding, bytes; at least 1.
 

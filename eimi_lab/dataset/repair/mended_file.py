@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 class MendedFile(io.RawIOBase):
-    """A file that is open for reading and in which some bytes are replaced. `h5py.File` accepts this object as a file.
+    """A file that is open for reading and whose bytes are partly replaced. `h5py.File` accepts this object as a file.
 
     Attributes
     ----------
@@ -82,6 +82,6 @@ class MendedFile(io.RawIOBase):
         self.patches |= {at + offset: byte for offset, byte in enumerate(content)}
 
     def flip(self, at: int, bit: int) -> None:
-        """Flip one bit. `bit` is its index, counted from the lowest bit of the byte at the position `at`."""
+        """Flip one bit of the file; `bit` is the index of the bit, counted from the lowest bit of the byte at `at`."""
         place = at + bit // 8
         self.patch(place, bytes([self.bytes_at(place, 1)[0] ^ 1 << bit % 8]))

@@ -1,4 +1,4 @@
-"""Correct single flipped bits in the metadata of an HDF5 file by means of its checksums.
+"""Correct single flipped bits in the metadata of an HDF5 file by means of the checksums of the metadata.
 
 In the HDF5 format that this program uses, every block of metadata has a checksum. A block is located by the four bytes
 of its signature, of which one bit may also be wrong. The length of the block follows from its first bytes or from its
@@ -20,7 +20,7 @@ _OTHERS = re.compile(b"EAHD|EAIB|EADB|FRHP|FHDB|BTHD|BTLF")
 
 
 def mend_metadata(file: MendedFile) -> int:
-    """Correct one flipped bit in each damaged block of metadata; return the number of corrected blocks."""
+    """Correct one flipped bit in each damaged block of metadata of a file; return the number of corrected blocks."""
     mended = 0
     for any_bit in (False, True):  # usually the signature itself is sound, and the first search is short
         for at in file.find(_with_one_wrong(OBJECT_HEADER) if any_bit else OBJECT_HEADER):
@@ -41,7 +41,10 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature in `pattern` that differs from `content` (4 bytes) by at most one bit, or None."""
+    """Return the block signature that differs from `content` (4 bytes) by at most one bit; None without one.
+
+    `pattern` is the regular expression that lists all signatures.
+    """
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
             return name
@@ -98,8 +101,8 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 def _header_length(head: bytes) -> int:
     """Return the length in bytes of an object header of version 2, including its checksum.
 
-    ``head`` are the first bytes of the header. The result is 0 if they do not belong to an object header of version 2
-    (HDF5 File Format Specification 3.0, section IV.A.1.b).
+    ``head`` contains the first bytes of the header. The result is 0 if these bytes do not belong to an object header of
+    version 2 (HDF5 File Format Specification 3.0, section IV.A.1.b).
     """
     if len(head) < 34 or head[4] != 2:
         return 0
@@ -115,7 +118,7 @@ def _width_at(head: bytes) -> int:
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
     """Yield the position in the file and the length of each continuation block of an object header.
 
-    ``messages`` are the bytes of the messages in the header, and ``flags`` is the byte of its flags.
+    ``messages`` contains the bytes of the messages in the header, and ``flags`` is the byte of the header's flags.
     """
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):

@@ -24,7 +24,7 @@ def why_unreadable(path: Path) -> str:
     Raises
     ------
     InputError
-        If reading took too long, or if the process that read the file was killed or crashed.
+        If the check exceeded the limit of processor time, or if the process that read the file was killed or crashed.
     """
     done = run_limited(path, [sys.executable, "-P", "-m", __name__, str(path)], WITHIN_S)
     if done.returncode == 0:
@@ -33,9 +33,9 @@ def why_unreadable(path: Path) -> str:
 
 
 def read_all_but_frames(path: str | Path) -> None:
-    """Read every table of a file, and the position of every frame in it.
+    """Read every table of a file, and the position of every frame in the file.
 
-    For a damaged file, h5py may raise any error, or the function may never return.
+    For a damaged file, h5py may raise any error, or this function may never return.
     """
 
     def read(name: str, item: h5py.Group | h5py.Dataset) -> None:
