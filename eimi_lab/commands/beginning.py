@@ -39,7 +39,7 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """Return the text of a states.csv without currents.
+    """Return the text of a states.csv in which the user has to fill in the currents.
 
     The table has a row for each image in the folder, or one example row if the folder has no images.
     """

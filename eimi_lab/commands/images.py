@@ -168,7 +168,7 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The files of an import: source, table of states, specimen and output."""
+    """The inputs and the output of an import of states: source, table of states, specimen and dataset."""
 
     source: Path
     states: Path

@@ -20,7 +20,7 @@ _NOT_NEGATIVE = ("hanging", "removed")
 
 @dataclass(frozen=True)
 class MotionOptions(PictureOptions):
-    """Options of `eimi import` about the recording of a motion, with facts that the recording does not contain."""
+    """Options of `eimi import` for facts about the recording of a motion that the recording does not contain."""
 
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="SOURCE shows a beam that swings freely after a flick or a release")

@@ -14,7 +14,10 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """Options about position and appearance of the beam in images. The dataset stores them with the calibration."""
+    """Options on the position and the appearance of the beam in images.
+
+    The dataset stores the values of these options with the calibration.
+    """
 
     clamp: Annotated[
         str | None, typer.Option(metavar="X,Y", help="middle of the line at which the beam leaves the clamp, in px")
@@ -55,14 +58,14 @@ class PictureOptions:
     ] = None
 
     def changes(self) -> dict[str, Any]:
-        """Return the new values for a calibration that the options give, by key.
+        """Return the values that the options give for keys of a calibration, by key.
 
         For the form of the result see `eimi_lab.config.calibration.Changes`.
 
         Raises
         ------
         InputError
-            If the text of an option does not contain the right number of numbers.
+            If the text of an option contains too few or too many numbers.
         """
         picture = {
             "region_px": self.region and _numbers("--region", self.region, 4, whole=True),
@@ -104,7 +107,7 @@ def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
 def ask_where(
     missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path, every: int | None = None
 ) -> InputError:
-    """Write an image with rulers, and return an error that asks the user to read missing values from this image.
+    """Write an image of the beam with rulers, and return an error that asks the user to read values from this image.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The result of a command, which is printed as text for the user or, with --json, as JSON for a program."""
+"""The result of a command, and how it is printed: as text for the user or, with --json, as JSON for a program."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _reachable(argument: Any) -> Any:
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """Return a command that prints the result of ``command``, and has the additional options --json and --quiet."""
+    """Return a command that prints the result of ``command``, and that also has the options --json and --quiet."""
     parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
     printing_options = [

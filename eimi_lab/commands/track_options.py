@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImportOptions(MotionOptions):
-    """All options of `eimi import` about the beam, a motion, and the file of a tracking program."""
+    """The options of `eimi import` on the beam in images, on a motion, and on the file of a tracking program."""
 
     format: Annotated[
         str | None,
@@ -45,12 +45,12 @@ class ImportOptions(MotionOptions):
     ] = None
 
     def placing(self, calibration: Calibration | None) -> Placing:
-        """Return how coordinates of tracked points are converted into the beam frame.
+        """Return the rule by which coordinates of tracked points are converted into the beam frame.
 
         Raises
         ------
         InputError
-            If an option for images is given, or if both the calibration and options give the clamp or the axis.
+            If an option for images is given, or if both the calibration and an option give the clamp or the axis.
         """
         from eimi_lab.dataset.tracked.axes import Placing
 

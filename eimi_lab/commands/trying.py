@@ -35,8 +35,8 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     Raises
     ------
     InputError
-        If no supply is given and not exactly one supply with a driver is attached; if questions are necessary, but
-        standard input is not a terminal; or if a file exists already.
+        If no supply is given, and the number of attached supplies with a driver is not one. Also if questions are
+        necessary but standard input is not a terminal, or if a file exists already.
     """
     from eimi_lab.acquisition.supply_trial import ON_FOR_S, VOLTAGE_V, try_supply
     from eimi_lab.acquisition.trial_form import trial_form
@@ -87,7 +87,7 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
 def _only_supply() -> tuple[str, str]:
     """Return driver and address of the only attached supply that has a driver.
 
-    Raises InputError if there is no such supply, or more than one.
+    Raises InputError if no supply or several supplies with a driver are attached.
     """
     from eimi_drivers.discovery import discover
     from eimi_drivers.supplies.supply_names import SUPPLIES

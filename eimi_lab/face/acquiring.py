@@ -42,20 +42,23 @@ def open(path: AnyDataset) -> Dataset:
     Returns
     -------
     Dataset
-        The dataset with its states, frames and edges. It is closed at the end of a ``with`` block, by ``close()``, or
-        when no variable refers to it any more.
+        The dataset with its states, frames and edges. The file is closed at the end of a ``with`` block, by
+        ``close()``, or when no variable refers to the dataset any more.
 
     Raises
     ------
     InputError
-        If the file cannot be read. The message tells the file.
+        If the file cannot be read. The message contains the path of the file.
     """
     return path if isinstance(path, Dataset) else open_dataset(Path(path))
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """The steps of a run that was only planned: one line for each step, and for each message to the supply."""
+    """The steps of a run that was only planned, as lines of text.
+
+    There is one line for each step, and one line for each message to the supply.
+    """
 
     lines: tuple[str, ...]
 
@@ -216,7 +219,8 @@ def run_protocol(
     events : bool
         Print the events of the run on standard output, one JSON object in each line.
     watched_by : str or None
-        File descriptors by which the live page exchanges messages with this process, see `page.watched_run`.
+        File descriptors by which the live page exchanges messages with this process, see `page.watched_run`; None for a
+        run that no page watches.
 
     Raises
     ------

@@ -26,13 +26,13 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Select the terms of a law by cross-validation, that is by its error on data that were not fitted.
+    """Select the terms of a law by cross-validation: by the error of the law on data that were not fitted.
 
     Parameters
     ----------
-    datasets : str, Path or Dataset, or a sequence of them
+    datasets : str, Path or Dataset, or a sequence of these types
         Datasets of beams of one material.
-    tensile : str or Path, or a sequence of them
+    tensile : str or Path, or a sequence of these types
         Tensile curves of the same material.
     tensile_window : float or str
         Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves.
@@ -54,7 +54,7 @@ def discover(
     Returns
     -------
     Discovered
-        The result in words, and the sets of terms that the data cannot distinguish.
+        The result in words, and all sets of terms that agree with the data equally well.
 
     Raises
     ------

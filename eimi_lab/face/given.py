@@ -30,9 +30,9 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a function that does the same as ``function``, but suggests a similar option for an unknown option.
+    """Return ``function`` with a better error for unknown options.
 
-    An unknown option raises TypeError.
+    An unknown option raises TypeError, whose message suggests a similar option.
     """
     names = tuple(inspect.signature(function).parameters)
 
@@ -47,7 +47,10 @@ def named_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def several(given: Any) -> list[Any]:
-    """Return a list or tuple as a list; return a list with one element for any other object, such as a text."""
+    """Return a list or tuple as a list; return a list with one element for any other object.
+
+    For example, a text becomes a list with this text.
+    """
     if isinstance(given, list | tuple):
         return list(given)
     return [given]
@@ -60,9 +63,9 @@ def path_of(given: AnyDataset) -> Path:
 
 @contextmanager
 def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
-    """Close open datasets during a ``with`` block, so that their files can be written, and yield the paths of all.
+    """Close the open datasets among the given datasets during a ``with`` block, so that their files can be written.
 
-    The datasets are opened again at the end of the block.
+    Yields the paths of all given datasets. At the end of the block the closed datasets are opened again.
     """
     opened = [dataset for dataset in given if isinstance(dataset, Dataset)]
     for dataset in opened:

@@ -43,12 +43,12 @@ def open_fits(path: AnyPath) -> Fits:
     Returns
     -------
     Fits
-        The fits. An index is a number or the name of a law: ``fits[0]``, ``fits["yeoh"]``.
+        The fits. A fit is selected by its number or by the name of its law: ``fits[0]``, ``fits["yeoh"]``.
 
     Raises
     ------
     InputError
-        If the file cannot be read. The message tells the file and the key.
+        If the file cannot be read. The message contains the path of the file and the wrong key.
     """
     return read_fits_file(Path(path))
 
@@ -174,27 +174,27 @@ def fit(
 
     Parameters
     ----------
-    datasets : str, Path or Dataset, or a sequence of them
+    datasets : str, Path or Dataset, or a sequence of these types
         Measured datasets. Several datasets are fitted together.
     model : str, or a list of str
         Name of a law, which is a key of `LAWS`, or a list of names.
-    prior : Prior or str, or a sequence of them
+    prior : Prior or str, or a sequence of these types
         Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``. The numbers are
-        mean and standard deviation in the unit of the parameter.
+        the mean and the standard deviation of the prior in the unit of the parameter.
     section : "solid", "plane-strain" or "plane-stress"
         Section model of the beam; by default the section in the specimen file.
     include_flagged : bool
         Use also states with flags that make a state unusable.
     free : str or sequence of str
-        Uncertain quantity that is estimated together with the law, with its standard deviation in mm, in degrees or as
-        a fraction, such as ``"width=0.02"``. Without a number, the standard uncertainty in the input files is used.
-        ``"bulk"`` estimates the bulk modulus.
-    tensile : str or Path, or a sequence of them
+        Uncertain quantity that is estimated together with the law, such as ``"width=0.02"``. The number is the standard
+        deviation of the quantity in mm, in degrees or as a fraction. Without a number, the standard uncertainty in the
+        input files is used. ``"bulk"`` estimates the bulk modulus.
+    tensile : str or Path, or a sequence of these types
         Tensile curves that are fitted together with the datasets.
     tensile_window : float or str
         Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves. The default is 50.
     tensile_weight : float
-        Factor by which the weight of the tensile curves differs from the weight that follows from their noise.
+        Factor that multiplies the weight of the tensile curves; without it, the weight follows from their noise.
     restarts : int
         Number of restarts of the search. Each restart has twice the population of the previous search.
     bipop : bool
@@ -353,7 +353,7 @@ def identify_laws(
 
 
 def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
-    """Return the recorded ring-downs and creep of datasets. Raises InputError if a dataset cannot be read."""
+    """Return the recorded ring-downs and creep of each dataset. Raises InputError if a dataset cannot be read."""
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
     return with_ring_downs([load_motions(path) for path in datasets])
@@ -376,7 +376,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Add advice on how to continue the fit to the `Stopped` of a signal that interrupts the block."""
+    """Add advice on how to continue a fit to the error `Stopped`, if a signal interrupts the ``with`` block."""
     try:
         yield
     except Stopped as stopped:
@@ -406,10 +406,11 @@ def tensile(
         CSV file with strain and stress: a file of the Soft Robotics Materials Database, or two columns with a header.
     model : str, or a sequence of str
         Names of laws, which are keys of `LAWS`.
-    window : float or str, or a sequence of them
+    window : float or str, or a sequence of these types
         Largest strains in per cent, or ``"full"`` for the whole curve. Each window gives a fit.
     relative : bool
-        Minimise the relative differences of the stress instead of the absolute differences.
+        Minimise the differences between computed and measured stress relative to the measured stress, instead of the
+        absolute differences.
     output : str or Path
         File fits.json for the result; None to write no file.
     force : bool

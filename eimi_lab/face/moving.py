@@ -80,8 +80,8 @@ def import_motion(
     no_gravity : bool
         For tracked points: gravity does not bend the beam.
     rate : float
-        Frames per second of the recording. It is needed if the file does not contain the rate, or if it is played in
-        slow motion.
+        Frames per second of the recording. The rate is required if the file does not contain it, or if the video is
+        played in slow motion.
     released : float
         Time in the recording at which the beam was released or its load changed, s. By default, the program finds the
         release of each flick.
@@ -96,7 +96,7 @@ def import_motion(
     unit : str
         Unit of the points of a tracking program: mm, cm, m, in or px.
     pixels_per_mm : float
-        Scale of points in px. It is not needed with a calibration.
+        Scale of the picture, px per mm, for tracked points in px. It is not needed with a calibration.
     sigma : float
         Standard deviation of a tracked coordinate, in the unit of the file.
     rest : int
@@ -163,14 +163,17 @@ def import_motion(
 
 @dataclass(frozen=True)
 class ReadMotions:
-    """The motions in a video or a file of tracked points, and the calibration; None for points without calibration."""
+    """The motions in a video or in a file of tracked points, and the calibration.
+
+    The calibration is None for tracked points without a calibration.
+    """
 
     motions: tuple[Motion, ...]
     calibration: Calibration | None
 
     @property
     def in_words(self) -> str:
-        """A text with the numbers of frames, of motions and of lost frames."""
+        """A text with the number of frames, the number of motions and the number of lost frames."""
         kind: Kind = self.motions[0].kind
         frames = sum(len(motion.time_s) for motion in self.motions)
         parts = f" after {len(self.motions)} flicks" if len(self.motions) > 1 else ""
@@ -291,7 +294,9 @@ def _of_video(
 
 
 def _where(source: Path, output: Path, problem: str) -> str:
-    """Write a picture of the beam at rest with rulers, and return a message that asks the user for points on the beam.
+    """Write a picture of the beam at rest with rulers, and return a message about it.
+
+    The message asks the user to read points on the beam from the picture.
 
     Parameters
     ----------

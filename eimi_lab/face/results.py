@@ -24,7 +24,10 @@ from eimi_lab.showing.tables import html_table, installed
 
 @dataclass(frozen=True, repr=False)
 class Validations:
-    """Comparisons of fits with datasets: one prediction for each dataset and fit, in the order of the arguments."""
+    """Comparisons of fits with datasets: one prediction for each dataset and fit.
+
+    The predictions have the order of the arguments of `validate`: all fits for the first dataset, then for the next.
+    """
 
     predictions: tuple[Prediction[FittedLaw], ...]
 
@@ -48,7 +51,7 @@ class Validations:
         return ValidationFile(validations=tuple(self)).model_dump(mode="json")
 
     def residuals(self, index: int = 0) -> Residuals:
-        """Return the distances between the measured edges and those of the prediction with this index."""
+        """Return the distances between the measured edges and the simulated edges of the prediction with this index."""
         prediction = self.predictions[index]
         return Residuals.of(prediction.evidence, prediction.residuals_mm)
 
@@ -72,7 +75,10 @@ class Validations:
         return Path(path)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the error in each state against the field, a curve for each fit and dataset."""
+        """Return a matplotlib figure of the errors of the states against the field.
+
+        The figure has a curve for each fit and dataset.
+        """
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
         return drawn_errors_of_several(
@@ -101,7 +107,7 @@ class Plan:
     goal : planning.Goal
         What the next run should determine.
     runs : tuple of planning.PlannedRun
-        The planned runs, the best run first. They differ in specimen, direction of gravity and weight at the tip.
+        The planned runs, the best run first. The runs differ in specimen, direction of gravity and weight at the tip.
     base : Protocol
         The protocol whose limits, ramp and settling are used again.
     """
@@ -190,7 +196,11 @@ class Discovered:
 
 @dataclass(frozen=True)
 class Report:
-    """The paths of a report: its HTML page, and the folder of its figures and tables, None if none was requested."""
+    """The paths of the files of a report.
+
+    One field is the path of the HTML page. The other field is the path of the folder with figures and tables; None if
+    no folder was requested.
+    """
 
     path: Path
     assets: Path | None = None

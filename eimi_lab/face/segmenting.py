@@ -53,8 +53,9 @@ def import_pictures(
     average : bool
         Store the mean frame of each state instead of every frame.
     every : int
-        The number n, to import every n-th frame of a video. The load in a row of the table then acts from the time_s or
-        frame of the row until the next row, or until the until_s of the row.
+        The number n, to import every n-th frame of a video. Each row of the table then gives the beginning of a load in
+        the column time_s or frame. The load acts until the time in the column until_s or, without this column, until
+        the beginning of the next load.
     dark : str or Path
         Image that was taken without light. It is subtracted from every frame, and stored in the dataset.
     flat : str or Path
@@ -192,7 +193,8 @@ def segment(
     dataset : str, Path or Dataset
         A dataset of frames. An open dataset is closed while the edges are written, and is then opened again.
     specimen, calibration : str, Path or object
-        New specimen and calibration, which replace those in the dataset. The dataset keeps the replaced texts.
+        New specimen and calibration, which replace the specimen and the calibration in the dataset. The dataset keeps
+        the replaced texts.
     clamp, axis, region, polarity, channel, beam_colour, along
         New values, which replace the values of the calibration in the dataset; see `import_pictures`.
     csv : str or Path
@@ -244,9 +246,9 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
-    """Return the path of a TOML file that the user gives; None if it is not given.
+    """Return the path of a TOML file that the user gives; None if the user gives no file.
 
-    If the user gives a loaded object instead, write it to the file ``path``, and return this path.
+    If the user gives a loaded object, the object is written to the file ``path``, and this path is returned.
     """
     if given is None or not isinstance(given, Document):
         return None if given is None else str(given)
@@ -263,7 +265,7 @@ def stated_changes(
     beam_colour: tuple[float, float, float] | None,
     along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
-    """Return the new values for a calibration that the user gives, by key, see `config.calibration.Changes`.
+    """Return the new values that the user gives for keys of a calibration, see `config.calibration.Changes`.
 
     An argument that is None gives no new value. For the arguments see `import_pictures`.
     """

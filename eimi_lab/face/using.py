@@ -79,11 +79,11 @@ def simulate(
     parameter : mapping, or sequence of str
         Parameters of the law, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
     fit : FitRecord, Fits, str or Path
-        Fit whose parameters are used instead of ``parameter``. The result then has intervals for the tip.
+        Fit whose parameters are used instead of ``parameter``. The result then has intervals of the tip's position.
     index : int
         Number of the fit, from 0, if ``fit`` contains several fits.
     coil_constant : float
-        Field at the magnet for each ampere, mT/A.
+        Field at the magnet divided by the current, mT/A.
     gravity_angle, field_angle : float
         Directions of gravity, and of the field of a positive current, in the beam frame, degrees from +x toward +y. For
         a gravity angle of 0 the beam hangs down. For a field angle of 90 the field is across the beam.
@@ -156,7 +156,7 @@ def validate(
 
     Parameters
     ----------
-    datasets : str, Path or Dataset, or a sequence of them
+    datasets : str, Path or Dataset, or a sequence of these types
         Measured datasets, preferably datasets that were not used for the fits.
     fit : FitRecord, Fits, str or Path, or a sequence of them
         Fits, or paths of files fits.json.
@@ -211,7 +211,7 @@ def plan(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
-    """Choose the states to measure in the next run, and predict the width of the interval that this run will give.
+    """Choose the states to measure in the next run, and predict how accurate the result of this run will be.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def plan(
         Fits of an earlier run, whose law and noise are used.
     protocol : str, Path or Protocol
         Protocol whose limits, ramp and settling are used again.
-    specimen : str, Path or SpecimenFile, or a sequence of them
+    specimen : str, Path or SpecimenFile, or a sequence of these types
         Specimen to measure, or several specimens to compare.
     rig : str, Path or Rig
         Rig whose limits and uncertainties are used.
@@ -275,7 +275,7 @@ def report(
 ) -> Report:
     """Write a report as one HTML file that contains all figures.
 
-    The report shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and methods.
+    The report shows the modulus and the sources of its uncertainty, the laws, errors, frames, residuals and methods.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def publish(
 
     Parameters
     ----------
-    runs : str, Path or sequence of them
+    runs : str or Path, or a sequence of these types
         Files, or folders of files.
     output : str or Path
         The archive; its name ends in ``.eln``.
@@ -391,7 +391,7 @@ def export(
     bulk_modulus_kPa : float
         Bulk modulus in the card, kPa. It is never taken from a fit.
     bulk_ratio : float
-        Ratio of bulk modulus to initial shear modulus in the card. Give either bulk_modulus_kPa or bulk_ratio.
+        Ratio of bulk modulus to initial shear modulus in the card. Give either ``bulk_modulus_kPa`` or ``bulk_ratio``.
     output : str or Path
         File for the card; None to write no file.
     force : bool
