@@ -2,11 +2,11 @@
 
 shown          read the fits of all files, and give each fit a label and a style
 sections       choose the section assumption of each fit
-contents       hold fits, datasets and predictions for the panels
+contents       the fits, datasets and predictions that the panels of a report show
 findings       the result in words: modulus, interval, largest sources of uncertainty, reliability
 error_at_a_glance  draw the error of the leading fit of each dataset against the field
 residual_noise   test whether the residuals of a fit look like noise
-panel          describe a panel: place, title, template and values
+panel          the description of a panel of the report: place, title, template and values
 panels         the panels, one in each module
 drawn_panels   draw each panel as soon as its contents are available
 elements       number figures and tables, and write them as HTML and as files

@@ -19,13 +19,13 @@ class Citation:
 
     @property
     def short(self) -> str:
-        """Return author and year, such as `Di Lecce et al. 2022`."""
+        """Return author and year of a reference, such as `Di Lecce et al. 2022`."""
         family = self.authors[0].split(",")[0]
         return f"{family}{' et al.' if len(self.authors) > 1 else ''} {self.year}"
 
     @property
     def text(self) -> str:
-        """Return the entry as one line of a bibliography."""
+        """Return a reference as one line of a bibliography."""
         doi = f" doi:{self.doi}" if self.doi else ""
         return f"{'; '.join(self.authors)} ({self.year}). {self.title}. {self.where}.{doi}"
 
@@ -45,7 +45,7 @@ SUITE = Citation(
 
 
 def bibtex() -> str:
-    """Return the entries of the method and of the suite in BibTeX."""
+    """Return the references for the method and for the suite in BibTeX."""
     journal, _, number = METHOD.where.rpartition(" ")
     volume, _, article = number.partition(":")
     return (

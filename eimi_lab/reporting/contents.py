@@ -24,7 +24,7 @@ class DatasetContents:
     ----------
     dataset : Dataset
     evidence : Evidence
-        The states of the dataset that are compared with simulations.
+        The loads and the measured edges or tracked points of the states that are compared with simulations.
     predictions : sequence of Prediction
         One prediction for each fit of the report, in the order of the fits.
     name : str
@@ -41,7 +41,7 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """Return the predictions of the fits with which the beam has an equilibrium."""
+        """Return the predictions for the dataset by the fits with which the beam has an equilibrium."""
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property
@@ -55,10 +55,10 @@ class DatasetContents:
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the prediction of the leading fit, or of the fit with the smallest mean error.
+        """Return the prediction for the dataset by the leading fit.
 
-        The fit with the smallest mean error is used if the beam has no equilibrium with the leading fit. None is
-        returned if the beam has no equilibrium with any fit.
+        If the beam has no equilibrium with the leading fit, return the prediction by the fit with the smallest mean
+        error. If the beam has no equilibrium with any fit, return None.
         """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
@@ -67,7 +67,7 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """The fits and datasets of a report, the date, the command line (may be empty), and the viscoelastic laws."""
+    """The contents of a report: fits, datasets, date, command line (may be empty), and viscoelastic (Prony) laws."""
 
     fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]
@@ -87,9 +87,10 @@ class ReportContents:
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """Return a short name for each path: its last parts, as many as are needed for different names.
+    """Return a short name for each path, so that all names differ.
 
-    All names have the same number of parts.
+    A name consists of the file name, if necessary with the last folders of the path. All names have the same number of
+    folders.
 
     Examples
     --------

@@ -20,7 +20,7 @@ Values = Mapping[str, Any] | None
 
 
 class DrawnPanels:
-    """The panels of a report that were drawn, with their values. Each panel is drawn once."""
+    """The panels of a report that were drawn, with the values for their templates. Each panel is drawn once."""
 
     def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
@@ -53,16 +53,19 @@ class DrawnPanels:
         self._draw(report, self._of_report)
 
     def summary(self) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the first pages with their values, in the order of their places."""
+        """Return the panels of the first pages of a report with their values, in the order in which they are shown."""
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the appendix before or after the datasets, with their values, by place."""
+        """Return the panels of the appendix that stand before or after the sections of the datasets.
+
+        Each panel is returned with its values. The panels are in the order in which they are shown.
+        """
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]
 
     def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of a dataset with their values, in the order of their places."""
+        """Return the panels of a dataset with their values, in the order in which they are shown."""
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
@@ -71,7 +74,7 @@ class DrawnPanels:
 
 
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
-    """Return the values of a panel, with its pictures encoded for the page."""
+    """Return the values of a panel, with the pictures among the values encoded for the page."""
     from eimi_lab.showing.drawing import styled
 
     values: Values = styled(panel.values)(contents)

@@ -1,4 +1,4 @@
-"""Number the figures and tables of the page, and write them as HTML and as separate files."""
+"""Number the figures and tables of a report, and write the figures and tables as HTML and as separate files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Picture:
         Alternative text for readers who cannot see the figure.
     caption : str or Markup
     photograph : bool
-        Whether the figure contains frames; it is then embedded as pixels, otherwise as SVG.
+        Whether the figure contains frames. A figure with frames is embedded as pixels, any other figure as SVG.
     of_half_width : bool
         Whether the figure stands in one of two columns. A narrow figure elsewhere has its caption beside it.
     """
@@ -63,7 +63,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table, or one line of a cell, with a mark.
+    """The text of a cell of a table, or of one line of a cell, with a mark.
 
     The mark is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
@@ -77,7 +77,7 @@ AnyCell = str | Cell | tuple[str | Cell, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report. A cell with several lines is a tuple. The notes are printed below the table."""
+    """A table of the report. A cell with several lines is a tuple of lines. The notes are printed below the table."""
 
     name: str
     caption: str | Markup
@@ -86,15 +86,15 @@ class Table:
     notes: Sequence[str | Markup] = ()
 
     def texts(self) -> list[list[str]]:
-        """Return the rows as plain text; a value marked "held" is followed by "(not measured)"."""
+        """Return the rows of a table as plain text; a value marked "held" is followed by "(not measured)"."""
         return [[_text(cell) for cell in row] for row in self.rows]
 
     def to_csv(self) -> str:
-        """Return the table as CSV; the first line holds the column names."""
+        """Return a table as CSV; the first line holds the column names."""
         return csv_text([self.head, *self.texts()])
 
     def to_latex(self) -> str:
-        """Return the table as a LaTeX `tabular`, with the rules of the package booktabs."""
+        """Return a table as a LaTeX `tabular`, with the horizontal rules of the package booktabs."""
         rows = [" & ".join(_latex(text) for text in row) + r" \\" for row in [list(self.head), *self.texts()]]
         rules = [rf"\begin{{tabular}}{{{'l' * len(self.head)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:]]
         return "\n".join([f"% {' '.join(str(self.caption).split())}", *rules, r"\bottomrule", r"\end{tabular}", ""])
@@ -163,7 +163,10 @@ def _lines(cell: AnyCell) -> list[Cell]:
 
 
 def _cell(cell: AnyCell) -> Markup:
-    """Return a cell as HTML, with classes for the best value, for long words, and for cells of only short lines."""
+    """Return a cell of a table as HTML.
+
+    CSS classes mark the best value, long words, and cells in which all lines are short.
+    """
     lines = _lines(cell)
     shown = Markup("<br>").join(
         Markup('{} <span class="held">not measured</span>').format(line.text)

@@ -18,7 +18,10 @@ _MOST = len(MARKERS)  # largest number of datasets in the figure
 
 
 def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownFit]]]) -> Drawing:
-    """Draw the errors of the states, with a line for each dataset and a band of ± one standard deviation."""
+    """Draw the errors of the states against the field, with a line for each dataset.
+
+    A band shows ± one standard deviation of the distances in each state.
+    """
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()
     fields = [state.field_mT for _, prediction in leading for state in prediction.evidence.states]
@@ -42,7 +45,7 @@ def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownF
 
 
 def error_at_a_glance(report: ReportContents) -> Picture | None:
-    """Return the figure of the errors for the first pages, with its caption; None if no fit was simulated."""
+    """Return the figure of the errors on the first pages, with its caption; None if no fit was simulated."""
     leading = [(contents, contents.best) for contents in report.datasets if contents.best is not None][:_MOST]
     if not leading:
         return None

@@ -24,7 +24,7 @@ _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Bu
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question that a reader asks about a result, a short answer, and sentences that explain it (`words`)."""
+    """A question that a reader asks about a result, a short answer, and sentences that explain the answer (`words`)."""
 
     question: str
     answer: str
@@ -33,14 +33,14 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of datasets that were fitted together, in words.
+    """The result of a fit to one or several datasets, in words.
 
     Attributes
     ----------
     shown : ShownFit
         The best fit to the data.
     subject : str
-        Material and specimen.
+        The material and the specimen of the datasets.
     value, interval : str
         The initial shear modulus and its 95 % interval.
     how : str
@@ -48,6 +48,7 @@ class Finding:
     limit : str
         Sentences on the largest contributions to the interval.
     verdicts : tuple of Verdict
+        Questions about the result, with answers.
     """
 
     shown: ShownFit
@@ -136,7 +137,7 @@ def _how(fit: FitRecord) -> str:
 
 
 def scatter_of(datasets: Sequence[DatasetContents]) -> str:
-    """Return words for the noise of the measured edges or points, such as `scatter of the edges`."""
+    """Return the name of the noise of the measurement: scatter of the edges or of the tracked points."""
     what = {"frames": "edges", "points": "tracked points"}
     kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
     return f"scatter of the {' and '.join(kinds) or 'measurements'}"
@@ -190,7 +191,10 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict | None:
-    """Return the verdict on what to measure next, with the interval to expect; None if no source is uncertain."""
+    """Return the verdict on the quantity to measure better next, with the interval of the modulus to expect then.
+
+    Return None if the fit has no budget.
+    """
     if not fit.budget:
         return None
     now, later = (
@@ -212,9 +216,9 @@ def _next(fit: FitRecord) -> Verdict | None:
 
 
 def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
-    """Return the verdict whether the residuals of all datasets look like noise; None without edges.
+    """Return the verdict on whether the residuals of a fit look like noise in all datasets; None without edges.
 
-    With several datasets the numbers of the tests are in the appendix.
+    With several datasets, the numbers of the tests stand in the appendix and not in the verdict.
     """
     simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
     tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]
@@ -267,7 +271,10 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield a verdict for each hidden material of the virtual rig, with the names of all its datasets."""
+    """Yield a verdict that compares a fit with the truth, for each hidden material of a virtual rig.
+
+    The verdict names all datasets of the material.
+    """
     truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
     for place, (_, truth) in enumerate(truths):
         if truth not in [other for _, other in truths[:place]]:

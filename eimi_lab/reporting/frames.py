@@ -45,12 +45,18 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Return points (n, 2) in pixels of the rectangle, from points in pixels of the whole frame."""
+        """Convert n points from pixels of the whole frame to pixels of the rectangle.
+
+        Argument and result have the shape (n, 2); the second axis holds x (to the right) and y (down).
+        """
         return np.asarray(points_px - [self.left, self.top])
 
 
 def frame_of(contents: DatasetContents) -> BeamFrame:
-    """Return the beam frame of a dataset, which maps millimetres to pixels. Raises ValueError for tracked points."""
+    """Return the conversion from millimetres in the beam frame to pixels for a dataset.
+
+    Raises ValueError for tracked points.
+    """
     return BeamFrame(_calibration_of(contents))
 
 
@@ -69,7 +75,10 @@ def crop_of(contents: DatasetContents) -> Crop:
 
 
 def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
-    """Return the measured points (n, 2) in mm of the left and the right edge that a fit uses in state k."""
+    """Return the measured points of the left and of the right edge that a fit uses in state k.
+
+    Each array has the shape (n, 2): x and y of n points in mm in the beam frame.
+    """
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
@@ -77,10 +86,10 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
 
 
 def edges_px(contents: DatasetContents, state: State) -> list[Array]:
-    """Return the left and the right edge of a state in pixels.
+    """Return the left and the right edge of a state, each as x and y of n points in pixels, shape (n, 2).
 
-    The edges are simulated by the leading fit. If the beam has no equilibrium, or if the state is not used, the
-    measured edges are returned.
+    The edges are those of the prediction `DatasetContents.best`. If no fit could simulate the dataset, or if the state
+    is not used, the measured edges are returned.
     """
     frame, indices = frame_of(contents), [used.index for used in contents.evidence.states]
     if contents.best is not None and state.index in indices:
@@ -91,14 +100,17 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Return the indices in the evidence of at most `most` states, evenly spread over the loads."""
+    """Return the indices, among the used states, of at most `most` states that are evenly spread over the loads."""
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]
 
 
 def loads(contents: DatasetContents) -> Array:
-    """Return the size of the load in each of the K states, shape (K,): |field| / maximum + |tip force| / maximum."""
+    """Return the relative size of the load in each of the K used states, shape (K,).
+
+    The size is |field| / (largest |field|) + |tip force| / (largest |tip force|).
+    """
     field_and_force = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
     return np.asarray((field_and_force / np.maximum(field_and_force.max(axis=0), 1e-12)).sum(axis=1))
 

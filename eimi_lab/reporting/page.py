@@ -58,8 +58,8 @@ def write_report(
     executor : callable, optional
         Starts the workers that share the simulations; without an executor the simulations run in this process.
     progress : callable
-        Called with a title and the number of steps. Returns a context manager; the function that the context manager
-        provides is called after each step.
+        Function that is called with a title and the number of steps, and returns a context manager. The context manager
+        provides a function that is called after each step.
 
     Raises
     ------
@@ -109,7 +109,10 @@ def write_report(
 
 
 def _has_motions_alone(path: Path) -> bool:
-    """Return whether a dataset has no states. The panel of the viscoelastic law then shows its motions."""
+    """Return whether a dataset holds motions but no states.
+
+    The panel of the viscoelastic (Prony) law shows the motions of such a dataset.
+    """
     with open_dataset(path) as dataset:
         return not dataset.states
 
@@ -151,7 +154,7 @@ def _title(report: ReportContents) -> str:
 
 
 def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
-    """Return title, anchor and body of each panel. Panels without values are omitted."""
+    """Return title, anchor and HTML body of each panel. Panels without values are omitted."""
     filled = []
     for panel, values in drawn:
         if values is not None:

@@ -17,7 +17,7 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 
 @dataclass(frozen=True, kw_only=True)
 class _Panel:
-    """Place and text of a panel.
+    """The place of a panel in the report, its title and its template.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class ReportPanel(_Panel):
     Attributes
     ----------
     values : callable
-        Returns the values that fill the template, or None to omit the panel.
+        Function that returns the values for the template, or None to omit the panel.
     summary : bool
         Whether the panel belongs to the first pages, which a reader can read alone; otherwise it is in the appendix.
     after_datasets : bool
@@ -60,7 +60,10 @@ class ReportPanel(_Panel):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetPanel(_Panel):
-    """A panel that occurs once for each dataset of a report. `values` returns None to omit the panel."""
+    """A panel that occurs once for each dataset of a report.
+
+    The function `values` returns the values for the template, or None to omit the panel.
+    """
 
     values: Callable[[DatasetContents], Mapping[str, Any] | None]
 

@@ -23,7 +23,7 @@ class PublishedModulus:
     material : str
         Name of the product.
     low_Pa, high_Pa : float
-        The ends of the range of the shear modulus in Pa; equal for a single value.
+        The ends of the published range of the shear modulus in Pa; both are equal if a single value was published.
     how : str
         The published quantity, and how the shear modulus follows from this quantity.
     source : str
@@ -69,7 +69,7 @@ PUBLISHED = (
 def published_moduli(material: str) -> list[PublishedModulus]:
     """Return the published moduli of a silicone; empty for an unknown silicone.
 
-    Case, spaces, hyphens and a suffix such as `Medium` do not matter.
+    Upper and lower case, spaces, hyphens and a suffix such as `Medium` are ignored.
 
     Examples
     --------

@@ -12,7 +12,10 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The verdict on the residuals of a fit: a short answer, the reason in sentences, and the sizes of the parts."""
+    """The verdict on whether the residuals of a fit look like noise.
+
+    The fields are a short answer, the reason in sentences, and the sizes of the parts of the residuals.
+    """
 
     answer: str
     words: str
@@ -20,7 +23,7 @@ class ResidualNoise:
 
 
 def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
-    """Return the verdict whether the residuals along the edges look like noise; None for tracked points."""
+    """Return the verdict on whether the residuals along the edges look like noise; None for tracked points."""
     if not isinstance(simulated.evidence.experiment.observed, EdgeObservation):
         return None
     tests = randomness_of(1e3 * simulated.residuals_mm)

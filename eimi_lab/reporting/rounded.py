@@ -10,7 +10,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """Return a value with its 95 % interval to four digits, a pressure in kPa, MPa or GPa.
+    """Return a value with its 95 % interval as text, with four digits; a pressure is given in kPa, MPa or GPa.
 
     Examples
     --------
@@ -23,10 +23,10 @@ def format_quantity(quantity: Quantity) -> str:
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:
-    """Return a value and its 95 % interval as two texts, the interval in its unit and in per cent.
+    """Return a value and its 95 % interval as two texts.
 
-    Both texts are rounded to the second digit of half the width of the interval. If the interval is clearly asymmetric
-    about the value, both ends are given in per cent.
+    The interval is given in its unit and in per cent. Numbers are rounded to the second significant digit of half the
+    width of the interval. If the interval is clearly asymmetric about the value, both ends are given in per cent.
 
     Examples
     --------

@@ -17,8 +17,8 @@ def evidence_for_fits(
     """Read a dataset as evidence, once for each section assumption that the fits need.
 
     A bending fit uses the section with which the law was fitted to this dataset. If the law was not fitted to this
-    dataset, the section of all datasets of the fit is used. A tensile fit uses the section that all bending fits share,
-    or else the section of the specimen.
+    dataset, the common section of the datasets of the fit is used. A tensile fit uses the section that all bending fits
+    share. If the bending fits have different sections, the section in the specimen file is used.
 
     Parameters
     ----------
@@ -31,9 +31,10 @@ def evidence_for_fits(
     Returns
     -------
     shared_evidence : Evidence
-        The dataset with the section that all bending fits share, or else with the section of the specimen.
+        The dataset with the section that all bending fits share or, without such a section, with the section in the
+        specimen file.
     evidence_of_fits : list of tuple
-        Each fit with the evidence for its section.
+        Pairs of a fit and the evidence with the section of this fit.
 
     Raises
     ------
@@ -56,8 +57,8 @@ def evidence_for_fits(
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
     """Return the section with which a fit is simulated on the dataset with this hash.
 
-    None means the section that all fits share: for a tensile fit, and for a fit with several sections to other
-    datasets.
+    Return None for the section that all fits share. This is the case for a tensile fit, and for a fit to other datasets
+    with several sections.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

@@ -30,9 +30,9 @@ class ShownFit(FittedLaw):
     origin : str
         The data to which the law was fitted, such as `bending` or `tensile 50 %`.
     colour, marker : str
-        Style of the law, the same throughout a report.
+        Matplotlib colour and marker of the law, the same throughout a report.
     line : str or tuple
-        Matplotlib line style of the origin, the same throughout a report.
+        Matplotlib line style of the kind of data (`origin`), the same throughout a report.
     """
 
     fit: FitRecord | TensileRecord = field(compare=False)
@@ -89,16 +89,16 @@ def laws_of_time(paths: Sequence[Path]) -> tuple[tuple[str, LawOfTime], ...]:
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:
-    """Return the section assumptions of the datasets of a fit, each once."""
+    """Return the section assumptions of the datasets of a fit, without repetitions."""
     return tuple(dict.fromkeys(reference.section for reference in fit.datasets))
 
 
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
     """Return the best fit of a group of at least one fit.
 
-    If a file of the group compares several laws, the first such file is used. The result is its fit with the smallest
-    AICc, or with the smallest BIC if there are too few data for AICc. If no file compares laws, the result is the fit
-    with the smallest misfit.
+    If a file of the group compares several laws, the first such file is used. The result is the fit in this file with
+    the smallest AICc, or with the smallest BIC if there are too few data for AICc. If no file compares laws, the result
+    is the fit with the smallest misfit.
     """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}
@@ -111,8 +111,8 @@ def chosen(group: Sequence[ShownFit]) -> ShownFit:
 def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
     """Return the fit that represents a dataset in figures with only one fit; None without any fit.
 
-    The result is the best fit to the dataset whose file has the hash ``sha256``. Without such a fit it is the best of
-    all bending fits, and without bending fits the best of all fits.
+    The result is the best fit to the dataset whose file has the hash ``sha256``. If no law was fitted to this dataset,
+    the result is the best of all bending fits. Without bending fits, the result is the best of all fits.
     """
     bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
     to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]

@@ -6,7 +6,8 @@ The work done per volume is the strain energy W, so that the engineering stress 
 
     dW/de = h'(e) Σ r_i ∂W/∂h_i
 
-(R. W. Ogden, Non-Linear Elastic Deformations, 1984, section 4.3).
+where h' is the derivative of h, and the sum is over the three principal directions i (R. W. Ogden, Non-Linear Elastic
+Deformations, 1984, section 4.3).
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ class Mode:
     words : str
         Name of the mode.
     strain : str
-        Name of the strain e.
+        Name of the strain e, for the axis of a figure.
     ratios : tuple of float
         The ratios r_i of the three logarithmic principal stretches to the first logarithmic stretch.
     log, slope : callable
-        The first logarithmic stretch h and its derivative h' at strains (m,).
+        Functions that return the first logarithmic stretch h(e), and its derivative h'(e), at m strains e, shape (m,).
     """
 
     words: str
@@ -58,11 +59,14 @@ class Mode:
     slope: Callable[[Array], Array]
 
     def at_stretch(self, stretch: float) -> float:
-        """Return the strain at which the largest principal stretch has this value."""
+        """Return the strain of a mode of deformation at which the largest principal stretch has the value `stretch`."""
         return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
 
     def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:
-        """Return the engineering stress (..., m) in Pa at m strains, for parameters (..., n) of a law."""
+        """Return the engineering stress of a law in Pa at m strains, shape (..., m).
+
+        `parameters`, shape (..., n), holds the n parameters of the law in its last axis; the other axes are kept.
+        """
         stretches = np.exp(np.outer(self.log(strain), self.ratios))
         _, gradient, _ = law.principal(np.asarray(parameters)[..., None, :], stretches)
         return np.asarray(gradient @ np.array(self.ratios) * self.slope(strain))
@@ -87,7 +91,11 @@ MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 @dataclass(frozen=True)
 class StressCurve:
-    """The stress of a fit against strain in one mode: m strains, stresses (m,) in Pa, and their 95 % band (m, 2)."""
+    """The stress of a fit against strain in one mode of deformation, at m strains.
+
+    The fields are the strains, shape (m,), the stresses in Pa, shape (m,), and the lower and upper end of the 95 % band
+    of the stresses in Pa, shape (m, 2).
+    """
 
     shown: ShownFit
     mode: Mode
@@ -98,7 +106,10 @@ class StressCurve:
 
 @dataclass(frozen=True)
 class TensilePoints:
-    """The rows of a tensile test in the range of strain of a figure: strain (m,) and stress (m,) in Pa."""
+    """The rows of a tensile test in the range of strain of a figure.
+
+    The fields are the strain, shape (m,), and the stress in Pa, shape (m,), for m rows.
+    """
 
     label: str
     strain: Array
@@ -111,7 +122,7 @@ def bending_strain(fits: Sequence[ShownFit]) -> float | None:
 
 
 def largest_strain(fits: Sequence[ShownFit]) -> float:
-    """Return the strain at which the figure ends.
+    """Return the strain at which the figure of stress against strain ends.
 
     With tensile fits this is the largest tensile strain, at most 1. Otherwise it is 3 times the largest bending strain.
     """
@@ -120,13 +131,19 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain of a mode at the largest stretch in the data of a fit, including its tensile curves."""
+    """Return the strain of a mode of deformation at the largest stretch in the data of a fit.
+
+    The data include the tensile curves of the fit.
+    """
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
-    """Return the stress of a fit at m strains, with the 95 % band of its draws. Without draws the band is NaN."""
+    """Return the stress of a fit at m strains, shape (m,), with the 95 % band of the stress.
+
+    The band follows from the draws of the fit. Without draws the band is NaN.
+    """
     fit = shown.fit
     law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)
     stress = mode.stress_Pa(law, np.array(fit.values()), strain)

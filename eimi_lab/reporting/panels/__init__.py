@@ -1,4 +1,4 @@
-"""The panels of the report, one in each module. The page shows the panels in the order of their places.
+"""The panels of the report, one in each module, shown in increasing order of their number `place`.
 
 Panels of the first pages, which can be read alone:
 

@@ -32,7 +32,10 @@ _FLAG_CHARACTERS = 17
 
 
 def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Drawing:
-    """Draw thumbnails of the states in their order. The unit of the axes is the width of a thumbnail."""
+    """Draw thumbnails of the first frames of a dataset's states, in the order of the states.
+
+    The unit of the axes is the width of a thumbnail.
+    """
     crop = crop_of(contents)
     states = shown_states(contents)
     rows = -(-len(states) // _ABREAST)
@@ -66,7 +69,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """Return all states, or evenly spaced states if there are more than `_MOST`."""
+    """Return all states of a dataset; if there are more than `_MOST`, at most `_MOST` evenly spaced states."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 
@@ -74,7 +77,10 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """Draw a frame of width 1 with its upper left corner at (x, y), and return its edges in the units of the axes."""
+    """Draw the frame of a state with width 1, and return the edges of the state in the units of the axes.
+
+    `corner` is the position (x, y) of the upper left corner. Each edge has the shape (n, 2): x and y of n points.
+    """
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
     image = crop.of(contents.dataset.images(state.index, 1)[0])
@@ -84,13 +90,19 @@ def _thumbnail(
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
-    """Return the flags of each state by its index: first the flags of the run, then the flags of the edges."""
+    """Return the flags of each state, by index of the state.
+
+    The flags of the run come first, and the flags of the edges follow.
+    """
     edges = contents.dataset.edges()
     return {s.index: [*s.flags, *(edges[s.index].flags if edges else ())] for s in contents.dataset.states}
 
 
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
-    """Return a table of the flags: states, value farthest from the limit, and remedy; None without flags."""
+    """Return a table of the flags of a dataset; None without flags.
+
+    For each flag the table gives the states, the value farthest from the limit, and the remedy.
+    """
     by_name: dict[str, list[tuple[int, Flag]]] = {}
     for index, flags_of_state in flags.items():
         for flag in flags_of_state:

@@ -1,4 +1,4 @@
-"""Show how each search converges."""
+"""Show how the search of each fit converges: the smallest error against the generation."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
 
 
 def table_of_searches(fits: Sequence[ShownFit]) -> Table:
-    """Return a table with a row for each search."""
+    """Return a table with a row for the search of each fit."""
     rows = [
         (
             shown.label,

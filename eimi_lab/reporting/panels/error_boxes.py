@@ -18,7 +18,7 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw axes of the same scale for each specimen, with a box over the states for each fit.
+    """Draw axes of the same scale for each specimen, with a box plot of the errors of the states for each fit.
 
     The boxes have the colours of the laws.
     """

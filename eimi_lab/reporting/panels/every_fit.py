@@ -15,7 +15,10 @@ _ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Return each fit with its validations on all datasets. A flag tells whether the error is the smallest there."""
+    """Return each fit with its validations on all datasets.
+
+    Each validation comes with a bool that tells whether its mean error is the smallest of all fits on the dataset.
+    """
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
     return [

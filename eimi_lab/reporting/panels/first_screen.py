@@ -57,7 +57,10 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw one frame with its edges. `points` is the number of measured points on each edge; None draws all points."""
+    """Draw one frame with the edges of its state.
+
+    `points` is the number of measured points that are drawn on each edge; None draws all points.
+    """
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
     for side, measured in enumerate(measured_mm(contents, k)):
@@ -72,7 +75,7 @@ def _draw(
 
 
 def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> None:
-    """Set the limits of the axes to the last part of both edges."""
+    """Set the limits of the axes so that they show the tip: the last part of both edges."""
     ends = np.concatenate([points[-len(points) // _LAST :] for points in measured_mm(contents, k)])
     places = crop.places(frame_of(contents).to_px(ends))
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -105,9 +108,10 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 
 
 def picture_of(report: ReportContents) -> Picture | None:
-    """Return the picture of the first dataset that the fit of the first finding simulates; None without datasets.
+    """Return the picture of the beam for the first page of a report; None without datasets.
 
-    If no dataset is simulated by this fit, the picture shows the last dataset.
+    The picture shows the first dataset that the fit of the first finding simulates. If this fit simulates no dataset,
+    the picture shows the last dataset.
     """
     results = findings(report)
     best_fit = results[0].shown if results else None

@@ -1,4 +1,4 @@
-"""Show the viscoelastic (Prony) law: ring-downs, frequency and loss by amplitude, modulus by time, and creep."""
+"""Show a viscoelastic (Prony) law: ring-downs, frequency and loss by amplitude, modulus by time, and creep."""
 
 from __future__ import annotations
 

@@ -37,7 +37,10 @@ _INTERVALS = (
 
 
 def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
-    """Return a table with a row for each fit. `bending` adds a note on the intervals of bending fits."""
+    """Return a table of parameters, misfit and range with a row for each fit.
+
+    If `bending` is true, a note on the intervals of bending fits is added.
+    """
     rows = [
         (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
         for s in fits
@@ -87,7 +90,10 @@ def _marked(text: str, held: bool) -> str | Cell:
 
 
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
-    """Return the remarks on each fit, without doubts. Doubts are listed apart, because fits may share a doubt."""
+    """Return the label of each fit with the remarks on this fit, without doubts.
+
+    Doubts are listed separately, because several fits may share a doubt.
+    """
     remarks_of_fits = []
     for shown in report.fits:
         fit = shown.fit
@@ -105,7 +111,7 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
 
 
 def _doubts(fits: Sequence[ShownFit]) -> list[tuple[str, str]]:
-    """Return each doubt once, with the labels of the fits that it concerns."""
+    """Return each doubt once, with the labels of the fits that share this doubt."""
     labels_of: dict[str, list[str]] = {}
     for shown in fits:
         for words in shown.fit.doubts_in_words():

@@ -27,20 +27,21 @@ _LARGE = 0.95  # quantile of the residuals that counts as a large one
 
 
 def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Array]:
-    """Return the residuals of state k as vectors at n measured points.
+    """Return the residuals of a fit in state k as vectors at n measured points.
 
     Parameters
     ----------
     simulated : Prediction
     k : int
-        Index of the state in the evidence.
+        Index of the state among the used states of the dataset.
 
     Returns
     -------
     places_mm : ndarray, shape (n, 2)
-        The measured points, in the beam frame.
+        x and y of the measured points, in the beam frame.
     vectors_mm : ndarray, shape (n, 2)
-        Measured minus simulated place. For edges, the component normal to the simulated edge.
+        x and y components of measured minus simulated position. For edges, only the component normal to the simulated
+        edge.
     """
     observed, residuals = simulated.evidence.experiment.observed, simulated.residuals_mm[k]
     if not isinstance(observed, EdgeObservation):
@@ -59,7 +60,10 @@ def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Ar
 
 
 def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
-    """Draw the simulated outlines with magnified arrows to the measured points, and return the magnification, too."""
+    """Draw the simulated outlines with magnified arrows to the measured points.
+
+    Return the drawing and the magnification of the arrows.
+    """
     chosen = some_states(contents, _STATES)
     residuals = [residual_vectors(simulated, k) for k in chosen]
     sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in residuals])
@@ -91,7 +95,7 @@ def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) 
 
 
 def _round_down(factor: float) -> float:
-    """Return the largest number of the form 1, 2 or 5 times a power of ten that is not larger than the factor."""
+    """Return the largest number of the form 1, 2 or 5 times a power of ten that is at most `factor`."""
     power = 10.0 ** math.floor(math.log10(max(factor, 1e-6)))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= factor * (1 + 1e-9))
 

@@ -23,7 +23,7 @@ _NARROWEST = 4  # cells, which the title above a matrix needs
 
 
 def drawn_correlations(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw the correlation matrix of each fit, with its numbers."""
+    """Draw the correlation matrix of the unknowns of each fit, with the numbers of the matrix."""
     sizes = [len(fit.identifiability.names) for _, fit in fits]
     columns = min(_ABREAST, len(fits))
     rows = -(-len(fits) // columns)

@@ -23,7 +23,7 @@ _NOTE = (
 def table_of_published(finding: Finding, material: str) -> Table | None:
     """Return a table of published moduli of a material, with their ratios to the identified modulus.
 
-    None is returned if no modulus of the material was published.
+    Return None if no published modulus of the material is known.
     """
     published = published_moduli(material)
     if not published:

@@ -27,17 +27,17 @@ _AT_THE_MAGNET = (
 
 
 def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
-    """Return the positions of measured points along the beam at rest.
+    """Return the positions of m measured points along the beam at rest.
 
-    The nearest point of the simulated edge is mapped back to the beam at rest. The soft part of the beam is assumed to
-    be stretched uniformly. The rigid part at the tip keeps its length.
+    For each measured point, the nearest point of the simulated edge is mapped back to the beam at rest. The soft part
+    of the beam is assumed to be stretched uniformly. The rigid part at the tip keeps its length.
 
     Parameters
     ----------
     edge_mm : ndarray, shape (n, 2)
-        The simulated edge, from clamp to tip.
+        x and y of n points of the simulated edge, from clamp to tip.
     points_mm : ndarray, shape (m, 2)
-        The measured points.
+        x and y of the measured points.
     length_mm : float
         Length of the beam at rest.
     rigid_mm : float
@@ -46,7 +46,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
     Returns
     -------
     ndarray, shape (m,)
-        Distances from the clamp in mm.
+        Distances of the points from the clamp, along the beam at rest, in mm.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge_mm, axis=0), axis=1))])
     bent = lengths[((points_mm[:, None] - edge_mm) ** 2).sum(axis=-1).argmin(axis=1)]
@@ -56,7 +56,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Draw the residuals along both edges, with a line for each state in the colour of its field."""
+    """Draw the residuals along both edges, with a line for each state; the colour shows the field of the state."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")

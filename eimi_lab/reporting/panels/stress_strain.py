@@ -1,4 +1,4 @@
-"""Show stress against strain of each law in three modes of deformation, with the measured tensile tests."""
+"""Show stress against strain for each law in three modes of deformation, with the measured tensile tests."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _HEADROOM = 1.5  # upper limit of the axis, relative to the largest measured str
 def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent_to: float | None) -> Drawing:
     """Draw stress against strain: a column for each mode of deformation, a row for each kind of fitted data.
 
-    The lines are solid within the data of a fit, and thin and dashed beyond. Strains that no bent specimen reached are
-    shaded. With several fits, the last row shows the relative difference of each stress from the stress of the first
-    fit, because the curves may coincide.
+    The line of a fit is solid within the data of the fit, and thin and dashed beyond the data. Strains that no bent
+    specimen reached are shaded. With several fits, the last row shows the relative difference of each stress from the
+    stress of the first fit, because the curves may coincide.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _MOST = 8  # sources with a bar each; the others share a bar
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
     """Return the standard deviation (%) of the modulus that each source of uncertainty causes, by name.
 
-    The smaller sources are combined in one entry. The last entry is the contribution of noise and mesh.
+    The smaller sources are combined in one entry. The last entry is the standard deviation due to noise and mesh.
     """
     rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]
@@ -41,7 +41,7 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw axes for each fit, with a bar for each source of uncertainty."""
+    """Draw the contributions to the uncertainty of the modulus: axes for each fit, with a bar for each source."""
     rows = [shares(fit) for _, fit in fits]
     drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
     grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])

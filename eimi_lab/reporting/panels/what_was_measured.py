@@ -40,7 +40,7 @@ def facts(contents: DatasetContents) -> Facts:
 
 
 def _measured(contents: DatasetContents) -> Facts:
-    """Return the facts from sensors: field, temperature of the specimen, and temperature of the coil."""
+    """Return the facts that sensors measured: field, temperature of the specimen, and temperature of the coil."""
     evidence = contents.evidence
     field, specimen = MeasuredField.of(evidence), MeasuredTemperature.of(evidence)
     rows = [("measured field", field.in_words)] if field else []
@@ -117,9 +117,9 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """Return a function that writes the uncertainty of a key.
+    """Return a function that returns, for a key of an input file, the stated uncertainty of the key as text.
 
-    The function returns, for example, ` ± 0.02`; nothing for the uncertainty 0; ` (± not stated)` without an
+    The text is, for example, ` ± 0.02`. The text is empty for the uncertainty 0, and ` (± not stated)` without an
     uncertainty.
     """
 
