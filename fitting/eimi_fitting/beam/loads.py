@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def _direction(angle_deg: ArrayLike) -> Array:
-    """Return the unit vector (2,) of one angle in degrees, or the unit vectors (2, K) of K angles."""
+    """Return the unit vector (x, y) at one angle in degrees, shape (2,), or at each of K angles, shape (2, K)."""
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 
@@ -34,7 +34,7 @@ class Loads:
     Parameters
     ----------
     field_T : ndarray, shape (K, 2)
-        Magnetic flux density in T.
+        Components x and y of the magnetic flux density in T, like the vectors below.
     gravity : ndarray, shape (K, 2)
         Acceleration of gravity in m/s².
     tip_force_N : ndarray, shape (K, 2)
@@ -45,8 +45,8 @@ class Loads:
     others : tuple of Actuation
         Further kinds of load, see `plus`.
     coil : CoilShape or None
-        The ratio of the field at any place to the field ``field_T`` at the magnet's place at rest. None: the field is
-        uniform.
+        The ratio of the field at any point to ``field_T``, the field at the position of the magnet at rest. None: the
+        field is uniform.
 
     Examples
     --------
@@ -118,12 +118,12 @@ class Loads:
         )
 
     def plus(self, *actuations: Actuation) -> Loads:
-        """Return these loads with further kinds of load on the same specimen.
+        """Return these loads with further kinds of load (``actuations``) on the same specimen.
 
         Raises
         ------
         ValueError
-            A further load has another number of states than these loads.
+            An added load has another number of states than these loads.
         """
         for actuation in actuations:
             if len(actuation.numbers) != len(self):
@@ -161,20 +161,20 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return the numbers (m,) that describe the loads in state k.
+        """Return the m numbers that describe the loads in state k, shape (m,).
 
-        The order is field, gravity, tip force and pressure, then the other kinds of load.
+        The order is field, gravity, tip force and pressure, then the further kinds of load in ``others``.
         """
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return the numbers (m,) that describe a state without loads: zeros."""
+        """Return m zeros, the numbers that describe a state without loads; see `state`."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
         """Return a function that computes the loads on a mesh.
 
-        The function takes the numbers (m,) that describe the loads in a state, and the field factors (B,) of B
-        candidates.
+        The function takes the m numbers that describe the loads in a state (see `state`), shape (m,), and the factors
+        on the magnetic loads of B candidates, shape (B,).
         """
         return partial(mesh.loads, self.actuations)

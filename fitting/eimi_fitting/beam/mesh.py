@@ -18,15 +18,16 @@ _FINER_AT_STEP = 5.0
 class Mesh:
     """A structured mesh of E quadrilaterals with N nodes.
 
-    Nodes are numbered first across and then along the beam. The band of the stiffness matrix is then as narrow as
+    Node numbers increase fastest across the beam. This order makes the band of the stiffness matrix as narrow as
     possible.
 
     Attributes
     ----------
     nodes : ndarray, shape (N, 2)
-        Places of the nodes in mm.
+        Positions (x, y) of the nodes in mm.
     elements : ndarray of int, shape (E, 9)
-        Nodes of each element. Local node 3 i + j is the i-th along and the j-th across.
+        Nodes of each element. The local node with the number 3 i + j is the i-th node along the beam and the j-th
+        across.
     columns, rows : int
         Number of columns of nodes, and number of nodes in each column.
     thickness : ndarray, shape (N,), or None
@@ -40,11 +41,11 @@ class Mesh:
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
-        """Return the nodes of column i, ordered across the beam; a negative i counts from the tip."""
+        """Return the numbers of the nodes in column i, ordered across the beam; a negative i counts from the tip."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Return the nodes of row j, ordered along the beam; a negative j counts from the last row."""
+        """Return the numbers of the nodes in row j, ordered along the beam; a negative j counts from the last row."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
@@ -77,13 +78,14 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Return the places (n + 1,) in mm that divide a length into n elements of graded size.
+    """Return the n + 1 coordinates in mm that divide a length into n elements of graded size, shape (n + 1,).
 
     Relative to the middle, elements are shorter by the factor ``1 + finer_at_start`` at the start and by the factor
     ``1 + finer_at_end`` at the end. The factors decay exponentially to 1 over ``fade_mm``.
 
-    Without ``steps_mm`` there are n = ``count`` elements. With ``steps_mm``, each of these places is a boundary between
-    two elements. Additional elements are put around these places, so that the other elements keep their size.
+    Without ``steps_mm`` there are n = ``count`` elements. With ``steps_mm``, each of these coordinates is a boundary
+    between two elements. Additional elements are put around these boundaries, so that the other elements keep their
+    size.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -106,7 +108,7 @@ def _cumulated(density: Array) -> Array:
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """Return the mesh of rectangles between increasing coordinates x_mm (m + 1,) and y_mm (n + 1,) of the lines."""
+    """Return a mesh of m x n rectangles between lines at increasing coordinates x_mm (m + 1,) and y_mm (n + 1,)."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
@@ -114,7 +116,7 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Return the three-node Lagrange functions at n points s from -1 to 1: values (n, 3) and derivatives (n, 3)."""
+    """Return the three-node Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),

@@ -21,11 +21,11 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """The planar model of a specimen. It is built once and can be solved for any number of candidates.
+    """The planar model of a specimen. The model is built once and can be solved for any number of candidates.
 
-    The magnet is rigid. Loads and stiffnesses are per mm of depth. If the magnet is shallower than the beam, the
-    silicone before and behind the magnet moves rigidly with the magnet. `Beam` chooses between this model and the solid
-    model.
+    The magnet is rigid. Loads and stiffnesses are per mm of depth. If the depth of the magnet is smaller than the depth
+    of the beam, the silicone before and behind the magnet moves rigidly with the magnet. `Beam` chooses between this
+    model and the solid model.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ class BeamModel:
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
-        """Return a model of another specimen with the same numbers of elements."""
+        """Return a planar model of another specimen with the same numbers of elements."""
         return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
-        """Return a model of the same specimen with twice the elements along the beam and three times those across."""
+        """Return a model of the same specimen with two times the elements along the beam and three times across."""
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
@@ -119,7 +119,7 @@ class BeamModel:
         return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places of n material points for P candidates in K states, (P, K, n, 2) in mm.
+        """Return the positions of n material points for P candidates in K states, (P, K, n, 2) in mm.
 
         points_mm: places of the points at rest, shape (n, 2).
 
@@ -134,7 +134,7 @@ class BeamModel:
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
         """Return the displacements of n points of the straight strip (`beam.strip`), (P, K, n, 2) in mm.
 
-        There are P candidates and K states.
+        There are P candidates and K states. straight_mm: coordinates x and y of the points in the strip, shape (n, 2).
 
         Raises
         ------
@@ -151,7 +151,7 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places of n points of the magnet for P candidates in K states, (P, K, n, 2) in mm.
+        """Return the positions of n points of the magnet for P candidates in K states, (P, K, n, 2) in mm.
 
         points_mm: places of the points at rest, shape (n, 2).
         """
@@ -164,7 +164,7 @@ class BeamModel:
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
 
-        Without a magnet it is the rotation of the last column of nodes.
+        Without a magnet, return the rotation of the last column of nodes, at the tip.
         """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
@@ -190,9 +190,9 @@ class BeamModel:
         """Find the equilibrium of P candidates in K states, one state after another.
 
         The solution of the first state begins at rest or at ``start``. The solution of each later state begins at an
-        extrapolation of the states before it. A step from state to state that fails is divided into smaller steps. If
-        the smallest steps of a candidate fail, the failure is written into the status of this state and of all later
-        states, and the candidate is no longer computed.
+        extrapolation of the states before it. If the step from one state to the next fails, the step is divided into
+        smaller steps. If the smallest steps fail too, the status of this state and of all later states reports the
+        failure, and the candidate is no longer computed.
 
         Parameters
         ----------
@@ -202,9 +202,10 @@ class BeamModel:
         loads : Loads
             The loads in K states.
         tolerance_mm : float
-            Newton's method ends when every node moves by less than this in an iteration.
+            Newton's method ends when every node moves by less than this distance in an iteration.
         start : Configuration or None
-            Where the candidates begin: ``last`` of an earlier result.
+            The configuration at which the solution of the first state begins: ``Shapes.last`` of an earlier result.
+            None: the configuration at rest.
         bulk_modulus_Pa : ndarray, shape (P,), or None
             Bulk modulus in Pa; None for an incompressible material.
         field_factor : ndarray, shape (P,), or None
@@ -214,8 +215,8 @@ class BeamModel:
             Keep the configurations of the first candidate in ``Shapes.every``.
         near : Configuration or None
             ``Shapes.every`` of an earlier result for a similar candidate. All states are then solved at once, starting
-            at these configurations. If this fails, or if the earlier mesh has other nodes, they are solved one after
-            another.
+            at these configurations. If the solution fails, or if the earlier mesh has other nodes, the states are
+            solved one after another.
 
         Raises
         ------
@@ -231,7 +232,7 @@ class BeamModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch at the Gauss points of each of E elements, (P, K, E).
+        """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
 
         There are P candidates and K states.
         """

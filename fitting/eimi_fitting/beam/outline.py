@@ -1,9 +1,9 @@
 """The edges of a simulated beam as a camera sees them, as curves of quadratic segments in the beam frame.
 
-A planar model has one line on each side. For a solid, the camera sees the outermost points of the face. The
-cross-section of a bent beam becomes curved (anticlastic bending; Timoshenko and Goodier, Theory of Elasticity, section
-102). The outermost points therefore lie at the front and back of the beam on the convex side, and at mid-depth on the
-concave side.
+In a planar model each edge of the beam is one line. In a solid model the camera sees the outermost points of the left
+and right face. The cross-section of a bent beam becomes curved (anticlastic bending; Timoshenko and Goodier, Theory of
+Elasticity, section 102). The outermost points therefore lie at the front and back of the beam on the convex side, and
+at mid-depth on the concave side.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the two edges of a planar model for P candidates in K states.
+    """Return the left and the right edge of a planar beam model for P candidates in K states.
 
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
-        The left edge (y < 0 at rest), then the right edge. Each edge has S quadratic segments from clamp to tip, given
-        by three points in mm. Each side of an element is a segment. The side of a magnet that is as wide as the beam is
-        also a segment, which stays straight.
+        The left edge (y < 0 at rest), then the right edge. Each edge has S quadratic segments from clamp to tip. Each
+        segment is given by three points (x, y) in mm. Each side of an element at the edge is a segment. The side of a
+        magnet that is as wide as the beam is also a segment, and this segment stays straight.
     """
     place = model.mesh.nodes + shapes.displacement
     return _segments(np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2))
@@ -40,7 +40,8 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them, for P candidates in K states.
 
     At each station along the beam, the outline passes through the point of the face that lies farthest out in the
-    picture, along the normal of the outline, at any depth. The faces of a planar model are normal to the plane.
+    picture, measured along the normal of the outline. This point may lie at any depth. The faces of a planar model are
+    normal to the plane of the beam.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
-        Quadratic segments as in `edge_curves`.
+        The left outline, then the right outline, each as S quadratic segments of three points (x, y); see
+        `edge_curves`.
 
     Raises
     ------
@@ -82,9 +84,10 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
-    """Return the nodes of the left and right face of a solid in mm, (P, K, 2, stations, nodes in depth, 3).
+    """Return the left and right face of a solid model as points in mm, (P, K, 2, stations, nodes in depth, 3).
 
-    There are P candidates and K states. The nodes are ordered from mid-depth, z = 0, to z = depth / 2.
+    There are P candidates and K states. At each station along the beam the points are the deformed nodes, ordered from
+    mid-depth, z = 0, to z = depth / 2.
     """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
@@ -106,12 +109,12 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Divide lines of points (..., 2 S + 1, 2) into S quadratic segments, (..., S, 3, 2)."""
+    """Divide lines of 2 S + 1 points (x, y), (..., 2 S + 1, 2), into S quadratic segments, (..., S, 3, 2)."""
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def _outward(curves: Array) -> Array:
-    """Return the outward unit normals of the left and the right edge of the beam at n points, (..., 2, n, 2)."""
+    """Return the outward unit normals (x, y) of the left and the right edge at n points each, (..., 2, n, 2)."""
     step = np.diff(curves, axis=-2)
     length = np.linalg.norm(step, axis=-1, keepdims=True)
     direction = step / length
@@ -123,9 +126,10 @@ def _outward(curves: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point of each of n lines in depth that lies farthest along the normal, (..., n, 2).
+    """Return the point (x, y) of each of n lines that lies farthest along a normal (..., n, 2), shape (..., n, 2).
 
-    The lines (..., n, 2 D + 1, 2) consist of D quadratic segments.
+    Each line runs in depth along a face of the beam. In the picture a line consists of D quadratic segments with 2 D +
+    1 points (x, y), (..., n, 2 D + 1, 2).
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
@@ -138,9 +142,9 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Return curves of S quadratic segments (..., S, 3, 2) as polylines (..., S * per_segment + 1, 2).
+    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2).
 
-    per_segment: number of straight parts into which each segment is divided.
+    Each quadratic segment is given by three points (x, y), and is divided into ``per_segment`` straight pieces.
     """
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])

@@ -1,8 +1,8 @@
 """The states of a path of loads, solved one after another or all at once.
 
-One after another, the solution of each state begins at an extrapolation of the states before it. If the step from one
-state to the next fails, or perhaps ended on another equilibrium path, the step is repeated in 4, 16 and 64 smaller
-steps.
+If the states are solved one after another, the solution of each state begins at an extrapolation of the earlier states.
+If the step from one state to the next fails, or may have ended on another equilibrium path, the step is repeated in 4,
+16 and 64 smaller steps.
 """
 
 from __future__ import annotations
@@ -39,30 +39,31 @@ _MOST_POINTS = 6  # points of the path that an extrapolation uses
 _AT_ONCE = 1400  # elements of all candidates and states together: more need more memory and save no time
 
 Path = list[tuple[Array, Configuration]]
-"""Solved states: the numbers (m,) that describe the loads, see `Loads.state`, and the configuration under them."""
+"""Solved states: for each state the m numbers that describe its loads (`Loads.state`), and its configuration."""
 LoadsAt = Callable[[Array, Array], SolidLoads]
 """A function that computes the loads on the mesh, see `Loads.on`."""
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """The shapes of P candidates in K states.
+    """The deformed shapes of the beam for P candidates in K states.
 
-    The mesh has N nodes in d dimensions. If a state could not be solved, its row holds the last configuration that was
-    reached. The status tells which states were solved.
+    The mesh has N nodes in d dimensions. For a state that could not be solved, the arrays contain the last
+    configuration that was reached. ``status`` tells which states were solved.
 
     Attributes
     ----------
     displacement : ndarray, shape (P, K, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (P, K, 3)
-        Translation of the magnet's reference point in mm and the magnet's rotation in rad; zero without a magnet.
+        Translation (x, y) of the magnet's reference point in mm, and rotation of the magnet in rad; zero without a
+        magnet.
     status : ndarray, shape (P, K)
         `Status` of each state.
     iterations : ndarray, shape (P, K)
-        Number of tangent stiffnesses that were factorised.
+        Number of tangent stiffnesses that were factorised for each state.
     max_stretch : ndarray, shape (P, K)
-        Largest principal stretch; 1 in states without a solution.
+        Largest principal stretch in the silicone; 1 in states without a solution.
     last : Configuration
         The configurations of all candidates in the last state.
     every : Configuration or None
@@ -100,7 +101,7 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates. A candidate is one set of parameters of a law.
+    """P candidates that are solved together. A candidate is one set of parameters of a hyperelastic law.
 
     Attributes
     ----------
@@ -109,7 +110,7 @@ class Candidates:
     field_factor : ndarray, shape (P,), or None
         Factor on the magnetic loads of each candidate; None: 1 for all candidates.
     sound : ndarray of bool, shape (P,)
-        Whether all numbers of a candidate are finite and its shear modulus is positive.
+        Whether a candidate has only finite parameters and a positive shear modulus.
     """
 
     batch: Batch
@@ -117,7 +118,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the batch of the given candidates, and their field factors or one factor (1,) for all of them."""
+        """Return the batch of the given B candidates, and their factors on the magnetic loads, (B,) or (1,) for all."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -181,16 +182,16 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Solve K states one after another; see `BeamModel.solve`.
+    """Return the shapes of all candidates in K states, solved one state after another; see `BeamModel.solve`.
 
     Parameters
     ----------
     keep : bool
         Keep the configurations of the first candidate in ``Shapes.every``.
     beside : Configuration or None
-        For one candidate only: the configurations of another model that moves almost like this model, one row for each
-        state. The difference between the two models is extrapolated from the states before. The solution then begins at
-        the other model's configuration plus this difference.
+        For one candidate only: the configurations of another beam model that bends almost like this model, one row for
+        each state. The difference between the two models is extrapolated from the earlier states. The solution of a
+        state then begins at the configuration of the other model plus this difference.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -239,11 +240,11 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Solve many states together. The solution of each state begins at the row of ``near`` for this state.
+    """Return the shapes in many states, solved together. Each solution begins at the row of ``near`` for its state.
 
-    near: the configurations of a similar beam, one row for each state. Returns None if one candidate does not converge
-    in a few iterations of Newton's method in one of the states, or if its strains are much larger than those of
-    ``near``.
+    near: the configurations of a similar beam, one row for each state. Returns None if Newton's method does not
+    converge in a few iterations for one candidate in one state, or if the strains of a solution are much larger than
+    the strains of ``near``.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -277,7 +278,7 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark converged states as UNSTABLE if the law of the candidate is not Drucker-stable up to the largest stretch."""
+    """Mark converged states as UNSTABLE if the law is not Drucker-stable up to the largest stretch of the state."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -295,12 +296,12 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Move the candidates ``rows`` from the last state to a new load, in one step or in 4, 16 and 64 steps.
+    """Solve the candidates ``rows`` under a new load, in one step from the last state or in 4, 16 and 64 steps.
 
-    More steps are taken for a candidate whose step fails, or that may have left its equilibrium path. If a candidate
-    buckles on its path in steps of two sizes, the path loses stability before the load is reached. No smaller steps are
-    then tried. The configurations ``now`` of candidates that reach the load are overwritten. The first attempt begins
-    at ``near``, a configuration under a load close to the new load.
+    More steps are taken for a candidate if its step fails, or if the candidate may have left its equilibrium path. If a
+    candidate buckles on its path in steps of two sizes, the path loses stability before the load is reached. Smaller
+    steps are then not tried. The configurations ``now`` of candidates that reach the load are overwritten. The first
+    attempt begins at ``near``, a configuration under a load close to the new load.
 
     Returns the status and the number of iterations of each of ``rows``.
     """
@@ -340,14 +341,14 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Move the candidates ``rows`` from the end of the path to a load in ``cuts`` equal steps.
+    """Solve the candidates ``rows`` under a new load, in ``cuts`` equal steps from the end of the path.
 
-    If Newton's method does not converge in a few iterations, it may end at an equilibrium on another path (Deuflhard
-    2011, Newton Methods for Nonlinear Problems, section 5.1). A candidate is certain to be on its path if it needs few
-    iterations in each step.
+    If Newton's method needs many iterations, it may end at an equilibrium on another path (Deuflhard 2011, Newton
+    Methods for Nonlinear Problems, section 5.1). A candidate that needs few iterations in each step counts as being on
+    its path.
 
-    Returns configuration, status and iterations as `Solid.equilibrium` does, and whether each of ``rows`` is certain to
-    be on its path. only_try: see `Solid.equilibrium`.
+    Returns configuration, status and iterations as `Solid.equilibrium` does, and whether each of ``rows`` counts as
+    being on its path. only_try: see `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -395,9 +396,9 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain of each of B candidates is not much larger than the predicted strain, (B,).
+    """Return, for each of B candidates, whether the largest strain is not much larger than predicted, shape (B,).
 
-    In a folded corner of the mesh the strain is far larger than predicted.
+    A much larger strain is a sign of a folded corner of the mesh.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
@@ -410,7 +411,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
     """Return the configuration under a load, extrapolated from the states of a path by Lagrange's polynomial.
 
-    The result is None if the loads of the last states do not lie on a line with the new load.
+    The result is None if the last states and the new load do not lie on a straight line of loads.
     """
     if len(path) < 2:
         return None

@@ -1,13 +1,14 @@
 """Pressure on a face: a load that stays normal to the face and proportional to the present length of the face.
 
-The pressure p acts on a side of an element of a planar body. The force on node a of the side is a linear function of
-the present places x(xi) of the nodes, with the coordinate xi along the side and the shape function N_a of the node:
+The pressure p acts on a side of an element of a planar body. Let xi be the coordinate along the side, x(xi) the present
+position of the side and N_a the shape function of node a. The force on node a is a linear function of the present
+positions of the nodes:
 
     f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi) dxi.
 
 The exact tangent is therefore p times a constant matrix (Bonet and Wood, Nonlinear Continuum Mechanics for Finite
-Element Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for a skew pair at each end of the face (Eq.
-8.25b of the same book), because a free end makes the load non-conservative.
+Element Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for two skew-symmetric entries at each end of
+the face (Eq. 8.25b of the same book), because a free end makes the load non-conservative.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class FollowerPressure:
     ----------
     mesh : Mesh
     nodes : ndarray of int, shape (2 S + 1,)
-        Nodes along the S sides, in the direction in which the body lies to the left.
+        Nodes along the S sides of elements. The order is such that the body lies to the left of the path.
     spans : ndarray, shape (S, 2), or None
         Start and end of the part of each side that is under pressure, in the side's coordinate xi from -1 to 1; None:
         the whole sides.
@@ -37,8 +38,8 @@ class FollowerPressure:
     elements : ndarray of int, shape (F,)
         The F elements with a side under pressure.
     operator : ndarray, shape (F, 18, 18)
-        The matrix that is multiplied by the places of an element's nodes in mm and by the pressure in N/mm², and gives
-        the nodal forces in N per mm of depth.
+        The product of this matrix, the present positions of an element's nodes in mm and the pressure in N/mm² is the
+        vector of nodal forces in N per mm of depth.
 
     Raises
     ------
@@ -72,14 +73,14 @@ class FollowerPressure:
         self._rest = mesh.nodes[mesh.elements[self.elements]].transpose(0, 2, 1).reshape(-1, 1, 18)
 
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
-        """Subtract the nodal forces of a pressure from the internal forces, and their derivative from the stiffness.
+        """Subtract the nodal forces of a pressure from ``force``, and the derivative of the forces from ``stiffness``.
 
         There are E elements and B candidates.
 
         Parameters
         ----------
         pressure : ndarray, shape (B,) or (1,)
-            In N/mm².
+            Pressure on the face in N/mm².
         nodal : ndarray, shape (E, B, 18)
             Displacements of the elements' nodes in mm.
         force : ndarray, shape (E, B, 18)

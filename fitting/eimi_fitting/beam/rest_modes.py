@@ -1,12 +1,12 @@
-"""Smooth deviations from the given rest shape, as sums of a few modes.
+"""Smooth deviations of a specimen from its given rest shape, as sums of a few modes.
 
 A mode of bending has the curvature
 
     kappa_i(s) = c_i P_i(2 s / l - 1),    i = 0, 1, 2,
 
 with the arc length s from the clamp, Legendre's polynomials P_i and the length l of the flexible part. The factor c_i
-makes the largest offset of the centre line 1 mm. A mode of the width is the polynomial P_1 or P_2 itself. It does not
-change the mean width of the flexible part.
+makes the largest offset of the centre line 1 mm. A mode of the width is the polynomial P_1 or P_2 of the same argument.
+The mode does not change the mean width of the flexible part.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def with_modes(
     bends_mm : sequence of float
         Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y.
     widths_mm : sequence of float
-        Amplitudes of the polynomials P_1 and P_2 of the width, in mm. The first is half of the change of the width from
-        the clamp to the end of the flexible part.
+        Amplitudes in mm of the Legendre polynomials P_1 and P_2 that are added to the width. The amplitude of P_1 is
+        half of the change of the width from the clamp to the end of the flexible part.
     """
     if not any(bends_mm) and not any(widths_mm):
         return specimen
@@ -62,19 +62,19 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table (fraction of the length, value) with a mode added to its values.
+    """Return a table of a rest shape with a mode added to its values.
 
     Parameters
     ----------
     rows : tuple of (float, float)
-        The table before; it may be empty.
+        The table without the mode: rows of the fraction of the beam's length and the value. It may be empty.
     share : float
         Length of the flexible part divided by the length of the beam.
     mode : callable
-        The mode as a function of s / l, 0 at the clamp and 1 at the end of the flexible part. Beyond the flexible part
-        the value at 1 is added.
+        The mode as a function of the arc length divided by the length of the flexible part, from 0 at the clamp to 1.
+        Beyond the flexible part, the value of the mode at 1 is added.
     before : callable
-        The value of the table at any fraction of the length.
+        Function that returns the value of the table ``rows`` at any fraction of the beam's length.
     """
     if rows:
         at, values = np.array(rows).T
@@ -105,10 +105,10 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line due to mode i, multiplied by l and divided by the largest offset.
+    """Return the angle of the centre line due to bending mode i, times l and divided by the largest offset.
 
-    x: arc length s divided by l, the length of the flexible part. With ``integrals``, return the offset divided by the
-    largest offset.
+    The length of the flexible part is l, and x is the arc length divided by l. With ``integrals`` = 1, return the
+    offset of the centre line divided by the largest offset.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -1,7 +1,7 @@
 """The stress-free shape of a beam that is not a straight strip of constant width: its bend, width and depth.
 
-All tables are functions of the fraction of the length, from 0 at the clamp to 1 at the tip. They need no change if the
-length changes.
+All tables are functions of the fraction of the beam's length, from 0 at the clamp to 1 at the tip. A change of the
+length therefore does not change the tables.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class RestShape:
     Parameters
     ----------
     turns : tuple of (float, float)
-        Rows of the fraction of the length and the angle of the centre line in rad, connected by a cubic spline. The
-        angle is measured from the normal of the clamp. The centre line leaves the clamp along this normal, and the
+        Rows of the fraction of the beam's length and the angle of the centre line in rad, connected by a cubic spline.
+        The angle is measured from the normal of the clamp. The centre line leaves the clamp along this normal. The
         first row is therefore (0, 0).
     widths, depths : tuple of (float, float)
-        Rows of the fraction of the length and the addition to the specimen's width or depth in mm, connected by
-        straight lines. Two rows with the same fraction are a step.
+        Rows of the fraction of the beam's length and the addition to the specimen's width or depth in mm, connected by
+        straight lines. Two rows with the same fraction describe a step.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class RestShape:
     depths: Rows = ()
 
     def angle_rad(self, shares: Array) -> Array:
-        """Return the angle of the centre line in rad at fractions of the length, in their shape."""
+        """Return the angle of the centre line in rad at fractions of the beam's length, in the shape of ``shares``."""
         if not self.turns:
             return np.zeros(np.shape(shares))
         at, angles = np.array(self.turns).T
@@ -70,9 +70,9 @@ class RestShape:
 
 
 def table_at(rows: Rows, shares: Array) -> Array:
-    """Return the value of a table at fractions of the length, in their shape; zero for an empty table.
+    """Return the value of a table at fractions of the beam's length, in the shape of ``shares``; 0 for an empty table.
 
-    rows: fraction of the length and value, connected by straight lines.
+    Each row of the table consists of a fraction of the length and a value. The rows are connected by straight lines.
     """
     if not rows:
         return np.zeros(np.shape(shares))
@@ -97,8 +97,8 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
     Parameters
     ----------
     points_mm : ndarray, shape (n, 2)
-        Points in order from the clamp (0, 0) to the tip, in the beam frame. The curve through the points may be up to 2
-        % longer or shorter than the beam.
+        Points (x, y) of the centre line in order from the clamp (0, 0) to the tip, in the beam frame. The curve through
+        the points may be up to 2 % longer or shorter than the beam.
     length_mm : float
         Length of the beam.
 

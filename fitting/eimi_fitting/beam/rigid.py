@@ -1,4 +1,4 @@
-"""A rigid body in the silicone: its nodes move with three unknowns, two translations and a rotation."""
+"""A rigid body in the silicone, such as a magnet. The motion has three unknowns: two translations and a rotation."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class RigidBody:
     """The kinematics of the nodes that move with a rigid body, and of the elements that have such nodes.
 
     Let U be the translation of the body's reference point, R(theta) the matrix of its rotation theta, and s the vector
-    from the reference point to a node at rest. The displacement of the node is U + (R - 1) s. The node does not move in
-    depth.
+    from the reference point to a node at rest. The displacement of the node is U + (R(theta) - 1) s. The node does not
+    move in depth.
 
     Attributes
     ----------
     nodes : ndarray of int, shape (T,)
         The T nodes that move with the body.
     arms : ndarray, shape (T, 2)
-        The vectors s of these nodes in mm.
+        The vectors s (x, y) from the reference point to the T nodes at rest, in mm.
     elements : ndarray of int, shape (Et,)
-        The elements that have at least one of these nodes.
+        The Et elements that have at least one of the T nodes.
     """
 
     def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
@@ -45,9 +45,10 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Write the displacements of the body's nodes into the displacements of all nodes, (B, N, d) in mm, in place.
+        """Overwrite the displacements of the rigid body's nodes in the displacements (B, N, d) of all N nodes, in mm.
 
-        rigid: the translation of the body in mm and its rotation in rad for each of B candidates, (B, 3).
+        There are B candidates and d coordinates. rigid: translation (x, y) in mm and rotation in rad of the body for
+        each candidate, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
@@ -55,9 +56,9 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of the unknowns of the body's elements by translation and rotation, (Et, B, u, 3).
+        """Return the derivatives of element unknowns by the rigid body's translation and rotation, (Et, B, u, 3).
 
-        There are B candidates, and an element has u unknowns. rigid: see `carry`.
+        Et elements have nodes of the body. Each element has u unknowns, and there are B candidates. rigid: see `carry`.
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -66,7 +67,7 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the part of the rotational stiffness that the forces on the body's nodes cause, (B,) for B candidates.
+        """Return the rotational stiffness of the rigid body due to the forces on its nodes, (B,) for B candidates.
 
         force: forces (E, B, u) on the u unknowns of each of E elements. rigid: see `carry`.
         """
@@ -76,9 +77,10 @@ class RigidBody:
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment of a dead load with the potential -tensor : R(theta), and its stiffness, (B,) each.
+    """Return the moment and the stiffness of a dead load with the potential -tensor : R(theta), (B,) each.
 
-    tensor: (B, 2, 2) for B candidates, or (1, 2, 2). rigid: translation and rotation theta of the body, (B, 3).
+    R(theta) is the matrix of the rotation theta of a rigid body. The stiffness is minus the derivative of the moment by
+    theta. tensor: (B, 2, 2) for B candidates, or (1, 2, 2). rigid: translation of the body and rotation theta, (B, 3).
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

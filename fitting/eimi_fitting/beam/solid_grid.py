@@ -1,4 +1,4 @@
-"""The solid mesh of a specimen: the lines of the planar grid, and elements over half of the depth.
+"""The solid mesh of a specimen, with the lines of the planar mesh and elements over half of the depth.
 
 Specimen, magnet and loads are symmetric about mid-depth, z = 0. The plane at mid-depth therefore stays plane, and only
 the half with z > 0 needs a mesh.
@@ -26,7 +26,7 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the places in mm of the lines over half of the depth, from mid-depth.
+    """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the face.
 
     If the magnet is shallower than the beam, there are at least two elements on each side of the magnet's edge.
     """
@@ -49,19 +49,19 @@ class SolidGrid:
     along, across : int
         Numbers of elements, see `Grid`.
     more : int
-        Additional elements in depth: over half of the depth, or in each of the two parts of this half if the magnet is
-        shallower than the beam.
+        Number of additional elements over half of the depth. A magnet of smaller depth than the beam divides this half
+        into two sections, and each section gets the additional elements.
 
     Attributes
     ----------
     flat : Grid
-        The planar grid.
+        The planar mesh with the same lines.
     strip : Strip
-        The geometry at rest.
+        The map from the straight strip to the specimen at rest.
     straight_mm : ndarray, shape (N, 3)
-        Places of the N nodes in the straight strip.
+        Positions (x, y, z) of the N nodes in the straight strip.
     z_mm : ndarray
-        Places of the lines in depth, from mid-depth.
+        The z coordinates of the mesh lines, from mid-depth, z = 0.
     mesh : Bricks
         The elements of silicone.
     per_specimen : float
@@ -96,9 +96,9 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points of the straight strip that correspond to points of the rest shape, in mm.
+        """Return the points of the straight strip that correspond to n points of the specimen at rest, in mm.
 
-        points_mm: shape (n, 2) or (n, 3), like the result.
+        points_mm: positions (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
@@ -107,9 +107,9 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return, for points of the straight strip in mm, whether each moves with the magnet, shape (n,).
+        """Return whether each of n points of the straight strip moves with the magnet, shape (n,).
 
-        points_mm: (n, 3), or (n, 2) for points at mid-depth.
+        points_mm: positions (x, y, z) in mm, (n, 3), or (x, y), (n, 2), for points at mid-depth.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
@@ -118,9 +118,10 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at points (n, 3) of the strip.
+        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at n points of the strip.
 
-        points_mm: places in the straight strip. A point with z < 0 is replaced by its mirror image.
+        points_mm: positions (x, y, z) of the points in the straight strip, (n, 3). A point with z < 0 is replaced by
+        its mirror image.
 
         Raises
         ------
@@ -145,9 +146,9 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that distribute a force evenly in depth.
+        """Return nodes (n, 27) and weights (n, 27) that distribute a force evenly in depth over n points.
 
-        point_mm: place (2,) of the force in the straight strip.
+        point_mm: position (x, y) of the force in the straight strip.
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

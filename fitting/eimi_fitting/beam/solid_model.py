@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 
 class SolidModel:
-    """The finite-element model of a specimen as a solid. The specimen's entry ``section`` is ignored.
+    """The finite-element model of a specimen in three dimensions. ``Specimen.section`` is ignored.
 
-    The magnet is rigid. The silicone beside, before and behind the magnet is soft.
+    The magnet is rigid. The silicone around the magnet deforms.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class SolidModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments, like `BeamModel`."""
+        """Pickle only the arguments from which the model is built, like `BeamModel`."""
         return SolidModel, (self.specimen, self.along, self.across, self.more)
 
     def solve(
@@ -80,12 +80,12 @@ class SolidModel:
         law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         beside : Configuration or None
-            For one candidate only: the configurations of its planar model, see `path.follow`.
+            For one candidate only: the configurations of the planar model for this candidate, see `path.follow`.
 
         Returns
         -------
         Shapes
-            With displacements (P, K, N, 3) of the N nodes.
+            The shapes, with displacements (P, K, N, 3) of the N nodes.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class SolidModel:
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
 
-        Without a magnet it is the rotation of the last nodes at mid-depth.
+        Without a magnet, return the rotation of the nodes of the tip at mid-depth.
         """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
@@ -109,7 +109,7 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch at the Gauss points of each of E elements, (P, K, E).
+        """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
 
         There are P candidates and K states.
         """
@@ -118,9 +118,9 @@ class SolidModel:
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the places of n material points for P candidates in K states, (P, K, n, 3) in mm.
+        """Return the positions of n material points for P candidates in K states, (P, K, n, 3) in mm.
 
-        points_mm: places of the points at rest, shape (n, 3), with z = 0 at mid-depth.
+        points_mm: positions (x, y, z) of the points at rest, shape (n, 3), with z = 0 at mid-depth.
 
         Raises
         ------

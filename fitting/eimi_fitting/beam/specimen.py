@@ -26,7 +26,7 @@ class Magnet:
     Parameters
     ----------
     length_mm, width_mm, depth_mm : float
-        Size along x, y and z.
+        Size of the magnet along x, y and z.
     remanence_T : float
         Remanent flux density.
     density_kg_m3 : float
@@ -60,7 +60,7 @@ class Magnet:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """The unit vector of the magnetisation if the magnet lies along x."""
+        """The unit vector (x, y) of the magnetisation of a magnet whose long axis is along x."""
         angle = np.radians(self.magnetisation_angle_deg)
         return float(np.cos(angle)), float(np.sin(angle))
 
@@ -74,9 +74,9 @@ class PressureFace:
     side : {"left", "right"}
         The left side (y < 0) or the right side (y > 0).
     from_mm : float
-        Start of the part, as distance from the clamp.
+        Distance of the start of the part from the clamp.
     to_mm : float or None
-        End of the part, as distance from the clamp; None: the tip.
+        Distance of the end of the part from the clamp; None: the part ends at the tip.
     """
 
     side: Literal["left", "right"]
@@ -100,7 +100,7 @@ class Specimen:
     density_kg_m3 : float
         Density of the silicone.
     section : {"solid", "plane-stress", "plane-strain"}
-        How the depth is modelled: as a solid, or by a planar assumption.
+        How the depth is modelled: in three dimensions ("solid"), or by a planar assumption.
     magnet : Magnet or None
     tip_load_mm : tuple of float or None
         Material point at which a tip force acts: arc length from the clamp, and distance from the centre line. None:
@@ -138,7 +138,8 @@ class Specimen:
     def planar_section(self) -> law.Section:
         """The section of a planar model of this specimen.
 
-        For a solid it is plane stress, whose error is smaller than the error of plane strain.
+        For a solid section it is plane stress, because the error of plane stress is smaller than the error of plane
+        strain.
         """
         return "plane-stress" if self.section == "solid" else self.section
 
@@ -150,8 +151,8 @@ class Specimen:
 
     @property
     def field_place_mm(self) -> float:
-        """The distance from the clamp, in mm, of the place to which the strength of a field refers.
+        """The distance in mm from the clamp to the point at which the strength of a field is specified.
 
-        The place is the middle of the magnet. Without a magnet it is the middle of the beam.
+        This point is the middle of the magnet. Without a magnet it is the middle of the beam.
         """
         return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

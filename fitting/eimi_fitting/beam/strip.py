@@ -1,4 +1,4 @@
-"""The geometry of a specimen at rest: the map from a straight strip of constant width and depth to the rest shape.
+"""The geometry of a specimen at rest, as a map from a straight strip of constant width and depth to the rest shape.
 
 A point of the straight strip has the coordinates (s, t): the arc length s of the centre line from the clamp, and the
 distance t from the centre line. Meshes consist of lines of constant s and t, which are mapped by
@@ -40,8 +40,8 @@ class Strip:
     Attributes
     ----------
     straight : Specimen
-        The straight strip that is mapped. It has the smallest width and depth that the specimen has along its magnet;
-        without a magnet, ``width_mm`` and ``depth_mm`` of the specimen.
+        The straight strip that is mapped. The strip has the smallest width and depth that the specimen has along its
+        magnet. Without a magnet, the strip has ``width_mm`` and ``depth_mm`` of the specimen.
     is_straight : bool
         Whether the strip and the specimen at rest are the same.
 
@@ -83,15 +83,15 @@ class Strip:
         return np.asarray(at[(at > 0) & (at < self._near)])
 
     def width_mm(self, along_mm: Array) -> Array:
-        """Return the width (n,) in mm at arc lengths (n,) in mm."""
+        """Return the width of the specimen at rest at n arc lengths, (n,) in mm."""
         return self._width_mm + table_at(self._widths, np.asarray(along_mm) / self._length)
 
     def depth_mm(self, along_mm: Array) -> Array:
-        """Return the depth (n,) in mm at arc lengths (n,) in mm."""
+        """Return the depth of the specimen at rest at n arc lengths, (n,) in mm."""
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle (n,) of the centre line in rad at arc lengths (n,) in mm. It is constant along a magnet."""
+        """Return the angle of the centre line at n arc lengths, (n,) in rad. The angle is constant along a magnet."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -110,7 +110,7 @@ class Strip:
         return CubicHermiteSpline(ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the places at rest (n, 2) of points (n, 2) of the straight strip, in mm."""
+        """Return the positions (x, y) at rest of n points (x, y) of the straight strip, (n, 2) in mm."""
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -122,7 +122,7 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Return the points (n, 2) of the straight strip that correspond to places (n, 2) at rest, in mm.
+        """Return the points (x, y) of the straight strip that correspond to n points (x, y) at rest, (n, 2) in mm.
 
         This is the inverse of `at_rest`.
         """
@@ -149,9 +149,10 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances of the magnet's side and of the beam's edge from the centre line in mm.
+        """Return the distances in mm of the magnet's side and of the beam's edge from the centre line, for two shapes.
 
-        s: arc lengths (n,) in mm. The first result is for the strip, (2, 1), the second for the beam at rest, (2, n).
+        The first result, (2, 1), is for the straight strip. The second result, (2, n), is for the beam at rest at n arc
+        lengths s (n,) in mm. The first row of each result belongs to the side of the magnet.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -166,16 +167,17 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances (n,) from mid-depth at rest, in mm, for points of the straight strip.
+        """Return the distances from mid-depth at rest for n points of the straight strip, (n,) in mm.
 
-        s: arc lengths (n,); z: distances from mid-depth in the strip (n,).
+        s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth in the strip in mm, (n,).
         """
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances (n,) from mid-depth in the straight strip, in mm, for points of the beam at rest.
+        """Return the distances from mid-depth in the straight strip for n points of the beam at rest, (n,) in mm.
 
-        s: arc lengths (n,); z: distances from mid-depth at rest (n,). This is the inverse of `z_at_rest_mm`.
+        s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth at rest in mm, (n,). This
+        method is the inverse of `z_at_rest_mm`.
         """
         return _moved(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
@@ -185,7 +187,7 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth divided by the depth of the straight strip, (n,), at arc lengths s (n,) in mm.
+        """Return the depth of the beam divided by the depth of the straight strip, (n,), at n arc lengths s in mm.
 
         None if the depth is the same everywhere.
         """
@@ -193,10 +195,11 @@ class Strip:
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return distances (n,) from the centre line after two lines beside the centre line have moved.
+    """Return the distances of n points from the centre line, (n,), after two parallel lines have moved.
 
-    The two lines are at the distances ``before`` and move to the distances ``after``, (2, n) each. A place between the
-    centre line and the inner line keeps its fraction of the distance, and so does a place beyond the inner line.
+    The inner line (row 0) and the outer line (row 1) are at the distances ``before`` and move to the distances
+    ``after``, (2, n) each. ``value`` contains the distances of the points before. Between the centre line and the inner
+    line, and beyond the inner line, the distances change linearly.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
@@ -207,10 +210,11 @@ def _moved(value: Array, before: Array, after: Array) -> Array:
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
     """Return a table of the width or the depth with a short ramp in place of every step.
 
-    The ramp lies in the wider part, whose shoulders bear little stress. Only at a face of the magnet it lies in the
-    narrower part.
+    The ramp lies on the wider side of the step, because the shoulders of the wider part bear little stress. At a face
+    of the magnet, the ramp lies on the narrower side.
 
-    rows: fraction of the length and value. magnet_mm: the places of the two faces of the magnet.
+    rows: fraction of the beam's length, and width or depth. magnet_mm: distances of the two faces of the magnet from
+    the clamp.
     """
     ramped = list(rows)
     for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):

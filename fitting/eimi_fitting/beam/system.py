@@ -1,14 +1,14 @@
 """The linear system of a Newton step: the band matrix of the nodes and the three unknowns of a rigid body.
 
-A body at the end of the beam is coupled to the last few nodes only, and its rows fit in the band. A body with silicone
-around it is coupled to many columns of nodes and would widen the band. Its three unknowns y are then kept apart from
-the unknowns x of the nodes. With the matrix K of the nodes, the coupling C and R, and the matrix D of the body,
+A rigid body at the end of the beam is coupled to the last few nodes only, and the rows of the body fit in the band. A
+rigid body with silicone around it is coupled to many columns of nodes and would widen the band. The three unknowns y of
+this body are then kept apart from the unknowns x of the nodes. With the matrix K and the forces f of the nodes, the
+matrix D and the forces g of the body, and the coupling matrices C and R,
 
     [K  C] [x]   [f]
     [R  D] [y] = [g],    (D - R K^-1 C) y = g - R K^-1 f,    x = K^-1 (f - C y).
 
-The Schur complement D - R K^-1 C costs three more right-hand sides. All steps are done for the candidates of a batch
-together.
+The Schur complement D - R K^-1 C needs three additional right-hand sides. All systems of a batch are solved together.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Solution(NamedTuple):
     nodes : ndarray, shape (B, n)
         The n unknowns of the nodes.
     body : ndarray, shape (B, 3)
-        The unknowns of the body.
+        The three unknowns of the rigid body.
     sound : ndarray of bool, shape (B,)
         Whether the system could be solved.
     indefinite : ndarray of bool, shape (B,)
@@ -51,12 +51,13 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The structure of the linear system, which is computed once for a mesh.
+    """The structure of the linear system of a Newton step. The structure is computed once for a mesh.
 
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to a node of the body.
+        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to a node of the rigid
+        body.
     n : int
         Number of unknowns of the nodes.
     tied : ndarray of int or None
@@ -102,21 +103,22 @@ class System:
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of all E elements with d unknowns each; or parts of ``at_once`` elements, which are not kept in
-            memory.
+            The matrices of all E elements with d unknowns each, or an iterable over the matrices of groups of
+            ``at_once`` elements. The matrices of a group are not kept in memory.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            Derivatives (Et, B, d, 3) of the unknowns of the Et elements with nodes of the body by the unknowns of the
-            body; additional stiffness of the body, (B, 3, 3); right-hand side for the body, (B, 3) or (1, 3).
+            For the Et elements with nodes of the rigid body: the derivatives (Et, B, d, 3) of the elements' unknowns by
+            the body's unknowns. For the body: the additional stiffness, (B, 3, 3), and the right-hand side, (B, 3) or
+            (1, 3). None without a body.
         sound : ndarray of bool, shape (B,)
-            Which candidates to solve.
+            True for the candidates that are solved.
         symmetric : bool
             Whether the stiffness is symmetric.
         only_definite : bool
-            See `factorise`.
+            See `beam.band.factorise`.
         """
         rest = right - self.assembled(force)
         parts = self._assembly.divided(stiffness) if isinstance(stiffness, np.ndarray) else stiffness
@@ -162,7 +164,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of the elements part by part, and append those of the body's elements to ``tied``."""
+        """Yield the matrices of each group of elements; append the matrices of the body's elements to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -170,16 +172,17 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Return the sum of rows (Et, B, 3, d) over the Et elements with nodes of the body, (B, 3, m).
+        """Return the sum of element rows (Et, B, 3, d) over the Et elements with nodes of the rigid body, (B, 3, m).
 
-        The m columns are the unknowns of the nodes that are coupled to the body. There are B candidates.
+        The m columns are the unknowns of the nodes that are coupled to the body. There are B candidates, and an element
+        has d unknowns.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the body's rows and its 3 x 3 matrix into the lower band, as the last three unknowns."""
+        """Write the rigid body's rows and 3 x 3 matrix into the lower band, as the last three unknowns."""
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]
@@ -201,7 +204,7 @@ class System:
 
 
 class FactoredSystem:
-    """A factorised system of B candidates that is solved for many right-hand sides.
+    """The factorised linear systems of B candidates, which can be solved for many right-hand sides.
 
     Parameters
     ----------
@@ -209,8 +212,8 @@ class FactoredSystem:
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        Derivatives (Et, B, d, 3) of the unknowns of the Et elements with nodes of the body by the unknowns of the body,
-        and additional stiffness of the body, (B, 3, 3).
+        For the Et elements with nodes of the rigid body: the derivatives (Et, B, d, 3) of the elements' unknowns by the
+        body's unknowns. For the body: the additional stiffness, (B, 3, 3). None without a body.
 
     Attributes
     ----------
@@ -242,9 +245,9 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Return the unknowns of the nodes (m, B, n) and of the body (m, B, 3) for m right-hand sides.
+        """Return the n nodal unknowns, (m, B, n), and the body's unknowns, (m, B, 3), for m right-hand sides.
 
-        The right-hand sides for nodes and body have the same shapes as the unknowns.
+        There are B candidates. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns.
         """
         structure = self._structure
         if self._body is None:

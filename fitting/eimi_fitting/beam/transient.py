@@ -1,4 +1,4 @@
-"""The motion of a beam in time, with inertia and viscoelasticity. It is used to verify the theory of small motions.
+"""The motion of a beam in time, with inertia and viscoelasticity, to verify the theory of small motions.
 
 The stress of a quasi-linear viscoelastic material is S = g_inf S_e(F) + sum_i Q_i. Here S_e(F) is the elastic stress of
 the instantaneous law at the deformation gradient F, and g_inf is the ratio of the long-term to the instantaneous
@@ -39,16 +39,17 @@ _MOST_PARTS = 64  # largest number of parts into which a step is divided
 
 
 class NotSolved(Exception):
-    """Newton's method did not converge in a time step of the motion."""
+    """Newton's method did not converge in a time step of the beam's motion."""
 
 
 @dataclass
 class _State:
-    """The motion at one time: displacements, velocities, accelerations and stresses.
+    """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
 
-    Arrays of nodes have the shape (N, 2), arrays of the rigid body's two points (2, 2). ``rigid`` is the translation of
-    the body in mm and its rotation in rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the
-    internal variables Q_i of the module.
+    Arrays of the N nodes have the shape (N, 2) for the coordinates x and y. Arrays of the two mass points of the rigid
+    body have the shape (2, 2). ``rigid`` contains the translation of the body in mm and the rotation of the body in
+    rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the internal variables Q_i; the module
+    `beam.transient` defines S_e and Q_i.
     """
 
     nodes: Array
@@ -64,12 +65,12 @@ class _State:
 
 
 class Transient:
-    """The motion of one candidate in time, under loads that change from step to step.
+    """The motion of a beam in time for one candidate, under loads that change from time step to time step.
 
     Parameters
     ----------
     model : BeamModel
-        In plane stress.
+        The planar model of the beam, in plane stress.
     law : Law
     parameters : ndarray, shape (n,)
         The n parameters of the instantaneous law; moduli in Pa.
@@ -126,11 +127,11 @@ class Transient:
 
     @property
     def rigid(self) -> Array:
-        """Translation of the magnet in mm and its rotation in rad, at the present time, (3,)."""
+        """Translation (x, y) in mm and rotation in rad of the magnet at the present time, shape (3,)."""
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the shape at the present time, as shapes of one candidate in one state."""
+        """Return the shape of the beam at the present time, as shapes of one candidate in one state."""
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))
@@ -139,7 +140,7 @@ class Transient:
         )
 
     def advance(self, step_s: float, loads: Loads, with_inertia: bool = True) -> None:
-        """Advance the motion by one time step under the loads in one state. A step that fails is divided into halves.
+        """Advance the beam's motion by one time step under given loads. A step that fails is divided into halves.
 
         Parameters
         ----------
@@ -147,7 +148,7 @@ class Transient:
             Length of the step in s.
         loads : Loads
         with_inertia : bool
-            False for creep, which is slow. The steps may then be longer than a period of vibration.
+            False: neglect inertia, for slow creep. The steps may then be longer than a period of vibration.
 
         Raises
         ------
@@ -259,7 +260,7 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Store the motion at the end of a time step."""
+        """Store the displacements, velocities, accelerations and stresses at the end of a time step."""
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness
         change = elastic - old.elastic
@@ -278,7 +279,7 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return the displacements of all nodes, (N, 2) in mm. The body's nodes move with the rigid body."""
+        """Return the displacements of all N nodes, (N, 2) in mm; nodes of the rigid body move with the body."""
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -293,21 +294,21 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors from the reference point to the body's two points, or a derivative, (2, 2) in mm.
+        """Return the vectors (x, y) from the rigid body's reference point to its two mass points, (2, 2) in mm.
 
-        derivative: 0 for the vectors, 1 or 2 for their first or second derivative by the angle.
+        derivative: 0 for the vectors, 1 or 2 for the first or second derivatives of the vectors by the angle.
         """
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _carried(self, rigid: Array) -> Array:
-        """Return the displacements of the body's two points, (2, 2) in mm."""
+        """Return the displacements (x, y) of the rigid body's two mass points, (2, 2) in mm."""
         return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
 
 
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
-    """Return the nodal forces (E, B, 2, 9) of a second Piola-Kirchhoff stress (3, E, B, q).
+    """Return the nodal forces (E, B, 2, 9) due to a second Piola-Kirchhoff stress (3, E, B, q).
 
     There are E elements with q Gauss points each, and B candidates. F: deformation gradient (2, 2, E, B, q).
     """

@@ -1,4 +1,4 @@
-"""Small vibrations about a static equilibrium: the matrices of the reduced motion, and its complex frequencies.
+"""Small vibrations of a beam about a static equilibrium: matrices of the reduced motion, and complex frequencies.
 
 A small motion u(t) = Re(v exp(s t)) about an equilibrium, with the mode v and the complex rate s, satisfies
 
@@ -6,8 +6,8 @@ A small motion u(t) = Re(v exp(s t)) about an equilibrium, with the mode v and t
 
 with the shear modulus mu with which the equilibrium was computed and the complex modulus mu*(s) of the viscoelastic
 law. K_m is the part of the tangent stiffness that contains the tangent of the hyperelastic law. K_g is the part that
-contains stresses and loads (gravity, field). M is the mass matrix. The motion is reduced to a few shapes: the lowest
-undamped modes of each candidate. The rates s can then be computed quickly for any function r(s).
+contains stresses and loads (gravity, field). M is the mass matrix. The motion is reduced to a sum of a few shapes, the
+lowest undamped modes of each candidate. The rates s can then be computed quickly for any function r(s).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _TOLERANCE_MM = 1e-5
 class ReducedMotion:
     """The matrices of small motions of B candidates, reduced to m shapes.
 
-    The symbols K_m, K_g and M are those of the module `beam.vibration`.
+    The module `beam.vibration` defines the matrices K_m, K_g and M.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ReducedMotion:
     rigid : ndarray, shape (m, B, 3)
         Translation of the magnet in mm, and rotation of the magnet in rad, in each shape.
     sound : ndarray of bool, shape (B,)
-        Which candidates have a stable equilibrium.
+        Whether each candidate has a stable equilibrium.
     """
 
     material: Array
@@ -67,12 +67,18 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest undamped frequencies of B candidates with the modulus of the equilibrium, (B, count)."""
+        """Return the lowest undamped frequencies, with the modulus of the equilibrium, (B, count) in Hz.
+
+        There are B candidates.
+        """
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest ``count`` vibrations, (B, count) in 1/s; see `complex_roots`."""
+        """Return the complex rates s of the lowest ``count`` vibrations of B candidates, (B, count) in 1/s.
+
+        ratio: the function r(s). See `complex_roots`.
+        """
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
@@ -86,7 +92,7 @@ class ReducedMotion:
 def complex_roots(
     material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
-    """Return the complex rates s of damped vibrations: det(r(s) K_m + K_g + s² M) = 0.
+    """Return the complex rates s of damped vibrations, the solutions of det(r(s) K_m + K_g + s² M) = 0.
 
     Only rates with a positive imaginary part (frequency) are returned.
 
@@ -103,7 +109,7 @@ def complex_roots(
     Returns
     -------
     ndarray of complex, shape (B, count)
-        In 1/s; NaN for a mode that does not vibrate.
+        The rates in 1/s; NaN for a mode that does not vibrate.
     """
     count = min(count, material.shape[-1])
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
@@ -132,12 +138,12 @@ def fixed_point(
     ratio : callable
         The function r(s): takes rates s (B, count), and returns values of r (B, count).
     size : tuple of int
-        B and count.
+        The number B of candidates, and the number of modes (count).
 
     Returns
     -------
     ndarray of complex, shape (B, count)
-        In 1/s; NaN where the iteration does not converge, or where the motion does not vibrate.
+        The rates in 1/s; NaN where the iteration does not converge, or where the mode does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -158,20 +164,23 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest eigenvalues (B, q, count) of the stiffness r K_m + K_g and the mass M, in 1/s².
+    """Return the lowest eigenvalues of stiffness r K_m + K_g and mass M for q ratios r, (B, q, count) in 1/s².
 
     material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m); see the module
-    `beam.vibration`. stiffening: q real values of the ratio r.
+    `beam.vibration`. stiffening: the q real ratios r, (q,).
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the stiffnesses K_m and K_g in coordinates in which the mass is the unit matrix, (B, m, m) each.
+    """Return the stiffness matrices K_m and K_g in coordinates in which M is the unit matrix, (B, m, m) each.
 
-    A shape that is nearly a sum of other shapes adds no motion. It gets a stiffness that is larger than that of all
-    other shapes. The stiffnesses of a candidate with values that are not finite are replaced by 0.
+    There are B candidates and m shapes; see the module `beam.vibration`.
+
+    A shape that is nearly a sum of other shapes gets a stiffness that is larger than the stiffness of all other shapes,
+    because it adds no motion. If a matrix of a candidate has entries that are not finite, both stiffness matrices of
+    this candidate are replaced by 0.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))
@@ -185,7 +194,7 @@ def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Arr
 
 
 class Vibration:
-    """The small vibrations of a specimen, for any number of candidates.
+    """The small vibrations of a specimen about its equilibria, for any number of candidates.
 
     Parameters
     ----------
@@ -232,15 +241,16 @@ class Vibration:
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads of each candidate.
         basis : tuple of ndarray, or None
-            The m shapes to which the motion is reduced: displacements of the N nodes with d coordinates, (m, N, d), and
-            motion of the magnet, (m, 3). None: the shapes are the lowest undamped modes of each candidate, which
-            ``shapes`` and ``stiffenings`` specify.
+            The m shapes to which the motion is reduced. The first array contains the displacements of the N nodes with
+            d coordinates in each shape, (m, N, d). The second array contains the translation and rotation of the magnet
+            in each shape, (m, 3). None: the shapes are the lowest undamped modes of each candidate, which ``shapes``
+            and ``stiffenings`` specify.
         shapes : int
             Number of modes that are computed for each ratio in ``stiffenings``, if ``basis`` is None.
         stiffenings : sequence of float
             Ratios of the modulus in the vibration to the modulus of the equilibrium, if ``basis`` is None. The shapes
             are the modes for all ratios together. A material is stiffer in a vibration than at rest. Under large loads
-            the modes of a stiffer beam differ, and several ratios are then useful.
+            the modes depend on the modulus, and several ratios are then useful.
 
         Returns
         -------
@@ -336,9 +346,9 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the values of all unknowns of E elements in m shapes, (m, E, B, u), for B candidates.
+        """Return the displacements of the u unknowns of each of E elements in m shapes of B candidates, (m, E, B, u).
 
-        free: unknowns of the nodes in the shapes; rigid: motion of the body; u: number of unknowns of an element.
+        free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body in the shapes.
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -378,11 +388,17 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the motion of the point mass, (m, B, 2), for displacements of the nodes (m, B, N, d) in m shapes."""
+        """Return the displacement (x, y) of the point mass in m shapes of B candidates, (m, B, 2).
+
+        nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
+        """
         return np.einsum("mbni,n->mbi", nodal[..., :2], self.inertia.point_shares)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the mass matrix times m shapes of B candidates, for the nodes (m, B, n) and the body (m, B, 3)."""
+        """Return the mass matrix times m shapes: for n nodal unknowns, (m, B, n), and for the body, (m, B, 3).
+
+        There are B candidates. For the arguments see `_local`.
+        """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -401,10 +417,10 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m); the modes have unit mass.
+    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m) for B candidates.
 
-    The mass matrix must have ones on its diagonal. A multiple of the rounding error is added to its diagonal, so that
-    it is positive definite even if shapes are linearly dependent.
+    The eigenvectors have unit mass. The mass matrix must have ones on its diagonal. A multiple of the rounding error is
+    added to its diagonal, so that it is positive definite even if shapes are linearly dependent.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -414,7 +430,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the matrices (B, m, m) of m shapes (m, E, B, u), reduced from element matrices (E, B, u, u)."""
+    """Return matrices (B, m, m) that are reduced from element matrices (E, B, u, u) to m shapes.
+
+    local: the u unknowns of each of E elements in the m shapes of B candidates, (m, E, B, u).
+    """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
 
@@ -422,10 +441,11 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the tangent stiffness about an equilibrium in parts, and the tie of the rigid body.
+    """Return the two parts K_m and K_g of the tangent stiffness about an equilibrium, and the rigid body's derivatives.
 
-    Returns K_m and K_g of each of E elements with u unknowns for B candidates, (E, B, u, u) each (see the module), then
-    the result of `RigidBody.matrix` or None without a body, and the part of K_g that belongs to the body, (B, 3, 3).
+    The module `beam.vibration` defines K_m and K_g. The first two results are K_m and K_g of each of E elements with u
+    unknowns for B candidates, (E, B, u, u) each. The third result is that of `RigidBody.matrix`, or None without a
+    body. The last result is the part of K_g that belongs to the body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

@@ -1,4 +1,4 @@
-"""The perspective of a camera with an ordinary lens, which matters for places that are not at mid-depth."""
+"""The perspective of a camera with an ordinary lens, for points of the beam that are not at mid-depth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A lens in front of the plane of the beam. Lengths at mid-depth appear in true size.
+    """The view of a camera whose lens is in front of the plane of the beam. Lengths at mid-depth appear in true size.
 
     The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is given. A rotation of the camera about
     the axis of the lens is not described by a view.
@@ -20,14 +20,15 @@ class View:
     Attributes
     ----------
     centre_mm : ndarray, shape (2,)
-        The point at mid-depth on the axis of the lens.
+        The point (x, y) at mid-depth on the axis of the lens.
     stand_off_mm : float
-        Distance from the pupil of the lens to this point.
+        Distance from the pupil of the lens to ``centre_mm``.
     tilt_deg : tuple of float
         Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     ruler_mm : ndarray, shape (2, 2), optional
-        Two places at mid-depth. With a tilt, the image is scaled and rotated so that the distance and direction between
-        these places are true. Without the two places, the scale is true where the axis of the lens meets mid-depth.
+        Two points (x, y) at mid-depth. With a tilt, the image is scaled and rotated so that the distance and direction
+        between these two points are true. If ``ruler_mm`` is not given, the scale is true where the axis of the lens
+        meets mid-depth.
 
     Examples
     --------
@@ -44,7 +45,7 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return where places (..., 3) in mm appear in the image, (..., 2) in mm at mid-depth.
+        """Return the positions (x, y) in the image, (..., 2) in mm at mid-depth, of points (x, y, z), (..., 3) in mm.
 
         z points away from the camera. The clamp, at the origin, always appears at the origin.
         """
@@ -62,7 +63,7 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Return the projection of places (..., 3) onto a tilted picture, (..., 2) in mm from its centre."""
+        """Return the projection of points (x, y, z) onto a tilted picture, (..., 2) in mm from its centre."""
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle
