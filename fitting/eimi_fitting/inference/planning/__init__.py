@@ -1,10 +1,10 @@
-"""Choose the next measurements and the law.
+"""Choose the next states to measure, and the hyperelastic law.
 
 design_of_experiment   the states that give the narrowest interval, or that distinguish two laws
 exchange               the choice of the best states by exchange
 choice_of_law          the comparison of laws by AICc and BIC
-modulus_so_far         the modulus during a run
-section_bias           the error of the modulus in a planar section
+modulus_so_far         an estimate of the modulus during a run
+section_bias           the error of the modulus due to a planar model of a solid beam
 compressibility        the error of the modulus if the material is not incompressible
 sensitivity            the derivatives of the edges in the parameters of a law
 """

@@ -1,4 +1,4 @@
-"""Compare how well the same data support several laws, by AICc and BIC.
+"""Compare several hyperelastic laws that were fitted to the same data, by AICc and BIC.
 
 With N independent points of the edges and normal noise of unknown level, the deviance is
 
@@ -33,7 +33,7 @@ _LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, a
 
 @dataclass(frozen=True)
 class Candidate:
-    """One law and the errors of its fit.
+    """A hyperelastic law in a comparison of laws, with the errors of its fit.
 
     Attributes
     ----------
@@ -42,11 +42,12 @@ class Candidate:
     unknowns : int
         Number of fitted unknowns.
     errors : tuple of tuple
-        Number of independent points and error: first of the edges (mm), then of each tensile curve (Pa).
+        Pairs of a number of independent points and an error. The first pair belongs to the edges (error in mm), and
+        each further pair to a tensile curve (error in Pa).
     held_out_error_mm : float or None
         Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     stated_squares : float
-        Sum of the squared deviations of priors and stated sources at the optimum, in standard uncertainties.
+        Sum over the priors and the sources of uncertainty: squared deviation at the optimum, in standard uncertainties.
     """
 
     model: str
@@ -58,7 +59,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """The criteria of one law in the comparison.
+    """The result of one hyperelastic law in a comparison of laws.
 
     Attributes
     ----------
@@ -69,12 +70,12 @@ class Choice:
     independent_points : float
         Number M of independent points of the edges and all curves.
     aicc : float or None
-        AICc minus the smallest AICc; None if the data are too few for the law (see the module).
+        AICc minus the smallest AICc of all laws; None if the data are too few for the number of unknowns.
     bic : float
-        BIC minus the smallest BIC.
+        BIC minus the smallest BIC of all laws.
     weight : float or None
-        Akaike weight among the laws that have an AICc (Burnham and Anderson 2002, Eq. 2.9); None if there are fewer
-        than two such laws.
+        Akaike weight among the laws that have an AICc (Burnham and Anderson 2002, Eq. 2.9). None if the law has no AICc
+        or if fewer than two laws have an AICc.
     held_out_error_mm : float or None
         Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     """
@@ -89,7 +90,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return AICc and BIC of each law minus their smallest values, and Akaike weights, in the order of the laws."""
+    """Return AICc, BIC and Akaike weight of each law, in the order of ``candidates``."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

@@ -1,10 +1,10 @@
 """Estimate the error of a modulus if an incompressible law is fitted to a compressible material.
 
-A fit assumes the bulk modulus K = 10^4 mu, with the shear modulus mu, unless K is an unknown of the fit. This is
-Poisson's ratio 0.49995. A material with Poisson's ratio nu < 1/2 has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of
-a beam with this K is simulated, and an incompressible model is fitted to this outline, as in
-`inference.planning.section_bias`. In plane stress the bending of a slender beam depends on Young's modulus
-E = 2 mu (1 + nu) alone, so that the relative error is 2 (1 + nu) / 3 - 1.
+A fit assumes the bulk modulus K = 10^4 mu for the shear modulus mu, unless K is an unknown of the fit. Poisson's ratio
+is then 0.49995. A material with Poisson's ratio nu < 1/2 has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a beam
+with this K is simulated, and an incompressible model is fitted to this outline, as in
+`inference.planning.section_bias`. In plane stress the bending of a slender beam depends on Young's modulus E = 2 mu (1
++ nu) alone, so that the relative error is 2 (1 + nu) / 3 - 1.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
 def bulk_ratio(poisson_ratio: float) -> float:
-    """Return bulk modulus over shear modulus, 2 (1 + nu) / (3 (1 - 2 nu)), for Poisson's ratio nu < 0.5."""
+    """Return bulk modulus / shear modulus, 2 (1 + nu) / (3 (1 - 2 nu)), for a Poisson's ratio nu < 0.5."""
     return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
 
 
@@ -34,7 +34,7 @@ def compressibility_bias(specimen: Specimen, poisson_ratio: float) -> float:
     Parameters
     ----------
     specimen : Specimen
-        The specimen.
+        The specimen whose bending is simulated.
     poisson_ratio : float
         True Poisson's ratio at small strain, below 0.5.
 

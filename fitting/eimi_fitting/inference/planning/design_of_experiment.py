@@ -1,10 +1,10 @@
-"""Choose the states to measure next: for the narrowest interval, or to distinguish two laws.
+"""Choose the states to measure next: for the narrowest interval of a quantity, or to distinguish two laws.
 
-Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of its edges in
-the unknowns, and C the change of its edges for one standard uncertainty of each stated source. w is the inverse
-variance of an independent point in 1/mm^2, the same in all states. P is the inverse variance of the unknowns before the
-measurement. t is the quantile of Student's distribution over that of the normal distribution. With sums over the points
-of the chosen states, a choice of states has
+Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of the edges of
+this state in the unknowns of the law. C is the change of these edges for one standard uncertainty of each source of
+uncertainty. w is the inverse variance of an independent edge point in 1/mm^2, the same in all states. P is the inverse
+variance of the unknowns before the measurement. t is the 97.5 % quantile of Student's distribution divided by the 97.5
+% quantile of the normal distribution. With sums over the points of the chosen states, a choice of states has
 
     information                         A = w sum J'J,  H = A + P
     change of the optimum by sources    S = inv(H) w sum J'C
@@ -14,8 +14,8 @@ of the chosen states, a choice of states has
 `inference.planning.exchange` chooses the states.
 
 To distinguish two laws, the second law (the rival) is fitted to the edges of the first law. The criterion is the sum of
-squares that remains, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika
-62:57). This sum is the expected difference in AIC.
+the squared residuals of this fit, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975,
+Biometrika 62:57). This sum is the expected difference in AIC.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A law with its n parameters from an earlier fit, shape (n,), in the units of the law."""
+    """A hyperelastic law with n parameters from an earlier fit, shape (n,), in the units of the law."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of this law, and the n parameters in unit coordinates from 0 to 1.
+        """Return the unknowns of a fit of this law, and the unit coordinates (n,) of its n parameters, from 0 to 1.
 
         The bounds of the modulus are 1.5 decades below and above the modulus of the earlier fit.
         """
@@ -88,13 +88,14 @@ class EdgeNoise:
     Attributes
     ----------
     residual_mm : float
-        Standard deviation of a point in mm.
+        Standard deviation of the position of an edge point in mm.
     points : int
         Number of points on both edges of a state.
     alike : float
-        Number of neighbouring points that count as one independent point.
+        Number of neighbouring edge points that count as one independent point.
     left_percent : float
-        95 % bound of the error of the modulus that remains after the correction for the solid section, in per cent.
+        95 % bound of the remaining error of the modulus after the correction to the three-dimensional beam model, in
+        per cent.
     """
 
     residual_mm: float
@@ -106,7 +107,7 @@ class EdgeNoise:
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
         """Return the noise of the edges from an earlier fit to ``states`` states.
 
-        If the earlier fit did not separate the noise from the errors of its sources, all its residuals count as noise.
+        If the earlier fit did not separate noise from the errors of uncertain inputs, all residuals count as noise.
         """
         independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
@@ -119,30 +120,32 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
+    """S states of one specimen that could be measured, linearised in n unknowns and c sources of uncertainty.
 
-    The goal quantity is the initial shear modulus or a parameter of the law. The module defines w, J, C and P.
+    J are the derivatives of the edges in the unknowns, in mm. C are the changes of the edges for one standard
+    uncertainty of each source, in mm. w is the inverse variance of an independent edge point in 1/mm^2. The goal
+    quantity is the initial shear modulus or a parameter of the law.
 
     Attributes
     ----------
     loads : Loads
         The loads of the S states.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads that were considered.
-    normal : ndarray, shape (S, n, n)
-        w sum J'J over the points of each state.
-    source_score : ndarray, shape (S, n, C)
+        Index of each state among all loads that were considered. normal : ndarray, shape (S, n, n) w sum J'J over the
+        points of each state.
+    source_score : ndarray, shape (S, n, c)
         w sum J'C over the points of each state.
     sources : tuple of str
-        Names of the C sources.
+        Names of the c sources of uncertainty.
     prior : ndarray, shape (n, n)
-        Inverse variance P of the unknowns before the measurement.
+        Inverse variance of the unknowns before the measurement.
     goal : ndarray, shape (n,)
-        Derivative of the goal in the unknowns, divided by the value of the goal.
+        Derivative of the goal quantity in the unknowns, divided by the value of the goal quantity.
     points : float
-        Number of independent points in a state.
+        Number of independent edge points in a state.
     irreducible : float
-        Standard deviation of the goal that is the same for all choices of states, as a share of the goal's value.
+        The part of the standard deviation of the goal quantity that is the same for all choices of states, as a share
+        of the value of the goal quantity.
     """
 
     loads: Loads
@@ -159,7 +162,10 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the variance of the goal quantity over its squared value, (D,), for D choices of K states, (D, K)."""
+        """Return the relative variance of the goal quantity for D choices of K states, shape (D,).
+
+        ``choices`` has the indices of the K states in each row, shape (D, K).
+        """
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -173,23 +179,23 @@ class Candidates:
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal quantity due to each source by name, in per cent, largest first."""
+        """Return the standard deviation of the goal quantity due to each named source, in per cent, largest first."""
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal quantity for one standard uncertainty of each source, in per cent, by name."""
+        """Return the change of the goal quantity in per cent for one standard uncertainty of each named source."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return t for a number of states: the 97.5 % quantile of Student's t over that of the normal distribution."""
+        """Return the 97.5 % quantile of Student's t for ``states`` states, divided by the normal 97.5 % quantile."""
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
+        """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
 
         For the noise, the bound assumes that every state gives as much information as the best state. For the sources,
         the error is a weighted mean of the errors of estimates from single states. The weights are non-negative and
@@ -219,9 +225,9 @@ class Candidates:
 class Rivals:
     """S states that could distinguish a first law from a second law, the rival.
 
-    The states are linearised in m quantities: the unknowns of the rival and the stated sources. J are the derivatives
-    of the edges in these quantities. r are the distances in mm of the rival's edges from the edges of the first law. w
-    is the inverse variance of an independent point.
+    The states are linearised in m quantities: the unknowns of the rival and the sources of uncertainty. J are the
+    derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges of the rival from the
+    edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
 
     Attributes
     ----------
@@ -250,13 +256,16 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return 1 / (expected difference in AIC) of the laws, shape (D,), for D choices of K states, (D, K)."""
+        """Return 1 / (expected difference in AIC of the two laws) for D choices of K states, shape (D,).
+
+        ``choices`` has the indices of the K states in each row, shape (D, K).
+        """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC in favour of the first, true law, for the states ``choice``."""
+        """Return the expected difference in AIC for the states ``choice`` if the first law is true."""
         return 1 / float(self.variance(choice[None])[0])
 
 
@@ -269,9 +278,10 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """Linearise the states in which the beam has an equilibrium, to plan the narrowest interval.
+    """Linearise the states in which the beam has an equilibrium, to plan the narrowest interval of a quantity.
 
-    A planar section replaces the solid, because the depth changes the derivatives of the edges by only a few per cent.
+    A planar model replaces the three-dimensional model of a solid section. The derivatives of the edges differ by only
+    a few per cent.
 
     Parameters
     ----------
@@ -288,7 +298,8 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the later fit, whose error counts unless the section is solid.
+        Number of elements along the beam in the mesh of the later fit. The error of this mesh widens the interval
+        unless the section is solid.
 
     Returns
     -------
@@ -339,7 +350,8 @@ def rivals(
     Parameters
     ----------
     known, rival : KnownLaw
-        The first law, which is assumed true, and its rival, with the parameters of earlier fits.
+        The first law, which is assumed true (``known``), and the second law (``rival``), both with parameters of
+        earlier fits.
     specimen : Specimen
         The specimen of the planned run.
     loads : Loads
@@ -386,7 +398,7 @@ def _planar_model(specimen: Specimen) -> BeamModel:
 
 
 def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
-    """Return the indices of the states with an equilibrium and a stable law; raise ValueError if there is none."""
+    """Return the indices of the states with an equilibrium and a stable law; raise ValueError without such a state."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
         raise ValueError(f"none of the {len(loads)} states has a stable equilibrium: check loads, specimen and law")
@@ -404,7 +416,10 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of residuals in mm, (n, K, 2, m), in n unknowns for m points of 2 edges in K states."""
+    """Return the derivatives of the residuals in n unit coordinates, in mm, shape (n, K, 2, m).
+
+    There are m points on each of 2 edges in K states.
+    """
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -412,7 +427,11 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return one standard deviation of the mesh error, (K, 2, m) in mm, by name; empty without an equilibrium."""
+    """Return the standard deviation of the mesh error of the residuals in mm, as a mapping with one named array.
+
+    The array has the shape (K, 2, m) for m points on each of 2 edges in K states. The mapping is empty without an
+    equilibrium.
+    """
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -426,12 +445,15 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor from a sum over simulated points to w (see the module) times a sum over measured points."""
+    """Return the factor that turns a sum over simulated points into w times a sum over measured points.
+
+    w is the inverse variance of an independent edge point in 1/mm^2.
+    """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the relative derivative of the goal quantity in n unknowns, (n,); raise KeyError for an unknown name."""
+    """Return the derivative of the goal quantity in n unknowns over its value, (n,); KeyError for an unknown name."""
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

@@ -1,10 +1,10 @@
 """Choose the states for which a criterion, such as the variance of the modulus, is smallest.
 
-The states that could be measured are the candidates. The chosen candidates are exchanged one at a time for the
-candidate that lowers the criterion most, until no exchange lowers it (Fedorov 1972, Theory of Optimal Experiments,
-section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The exchange starts from two choices.
-The first is equally spaced. The second is built one by one, each time with the candidate that lowers the criterion
-most.
+The states that could be measured are the candidates. One chosen candidate at a time is exchanged for the candidate that
+lowers the criterion most. The method ends if no exchange lowers the criterion (Fedorov 1972, Theory of Optimal
+Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The exchange starts from
+two choices of states. The states of the first choice are equally spaced. The second choice is built state by state,
+each time with the candidate that lowers the criterion most.
 """
 
 from __future__ import annotations
@@ -22,13 +22,16 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """A criterion that the choice of states makes as small as possible."""
+    """A number to be minimised by a choice of states, such as the variance of the modulus."""
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the value of the criterion, shape (D,), for D choices of K states, shape (D, K)."""
+        """Return the value of the criterion for D choices of K states, shape (D,).
+
+        ``choices`` has the indices of the K states in each row, shape (D, K).
+        """
 
 
 def equally_spaced(states: int, count: int) -> Choice:
@@ -37,7 +40,7 @@ def equally_spaced(states: int, count: int) -> Choice:
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Choose different states so that no exchange of a single state lowers the criterion.
+    """Choose ``count`` different states for which no exchange of a single state lowers the criterion.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Return a choice in which no exchange of a single state lowers the criterion, after at most 20 sweeps."""
+    """Return a choice of states that no exchange improves, after at most 20 rounds over all states."""
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

@@ -1,15 +1,16 @@
 """Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
 
-The law is Neo-Hookean. The residuals of the planar model are corrected to those of the solid, as in a whole fit
-(`inference.evidence.corrections`). The depth effect, the displacements of the solid minus those of the planar model, is
-a smooth function of the bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates therefore use
-it again. The solid is solved only in a state with more bending than all states before. A fit that starts at the
+The law is Neo-Hookean. For a solid section, the residuals of the planar model are corrected to the residuals of the
+three-dimensional model, as in a whole fit (`inference.evidence.corrections`). The depth effect is the displacements of
+the three-dimensional model minus the displacements of the planar model. The depth effect is a smooth function of the
+bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates therefore use the depth effect again.
+The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
 estimate after the previous state needs only a few steps. The complete fit follows after the run.
 
-The remaining error of the modulus due to the solid is 5 % of the expected bias of a planar section
-(`inference.planning.section_bias`), but at least 0.15 % of the modulus. This bias belongs to a large bending, so that
-the remaining error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the planar
-model is divided by 1 + bias instead.
+The remaining error of the modulus after this correction is 5 % of the expected bias of a planar section
+(`inference.planning.section_bias`), but at least 0.15 % of the modulus. The bias is computed for a large bending, so
+that the remaining error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the
+planar model is divided by 1 + bias instead.
 
 A further state can widen the interval, because some stated uncertainties have a larger effect on the modulus in a
 larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the error has grown by
@@ -60,7 +61,7 @@ _NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate i
 
 @dataclass(frozen=True)
 class _Depth:
-    """The displacements of a solid minus those of its planar model, and the modulus in Pa of the first solution."""
+    """The depth effect of a solid section (see the module), and the modulus in Pa at its first computation."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -73,9 +74,8 @@ class ModulusSoFar:
     Attributes
     ----------
     value_Pa : float
-        The estimate in Pa.
-    interval_95_Pa : tuple of float
-        95 % interval in Pa, from noise, stated uncertainties and the remaining error of the solid.
+        The estimate of the modulus in Pa. interval_95_Pa : tuple of float Lower and upper end of the 95 % interval of
+        the modulus in Pa, due to noise, stated uncertainties and the remaining error of the beam model.
     error_mm : float
         Mean error of the fit over its states, in mm.
     states : int
@@ -83,14 +83,14 @@ class ModulusSoFar:
     limited_by : str
         The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
     bounds_Pa : tuple of float
-        Bounds of the modulus in the search, in Pa. The next estimate uses the same bounds.
+        Lower and upper bound of the modulus in the search, in Pa. The next estimate uses the same bounds.
     unit : ndarray, shape (1,)
         Unit coordinate of the optimum between the bounds, from 0 to 1. The next estimate starts at this coordinate.
     narrowest_Pa : float
         Width of the narrowest interval so far, in Pa.
     depth : object, optional
-        Displacements of the solid minus those of the planar model, which the next estimate uses again; None in a planar
-        section.
+        Displacements of the three-dimensional model minus displacements of the planar model, for the next estimate.
+        None unless the section is solid.
     """
 
     value_Pa: float
@@ -105,7 +105,7 @@ class ModulusSoFar:
 
     @property
     def width_Pa(self) -> float:
-        """Width of the 95 % interval in Pa."""
+        """Width of the 95 % interval of the modulus in Pa."""
         return self.interval_95_Pa[1] - self.interval_95_Pa[0]
 
 
@@ -122,8 +122,9 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
     Returns
     -------
     ModulusSoFar
-        The estimate from all states, or the earlier estimate if its interval is narrower and still valid (see the
-        module).
+        The estimate from all states, or the earlier estimate if its interval is narrower and still valid. The interval
+        is valid under two conditions: the error has grown by at most a quarter, and the interval contains the estimate
+        from all states.
 
     Raises
     ------
@@ -142,7 +143,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate from all states of the experiment."""
+    """Return the estimate of the modulus from all states of the experiment."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -179,13 +180,13 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals to those of the solid, and return the fit to the corrected residuals.
+    """Correct the residuals to those of the three-dimensional model, and return the fit to the corrected residuals.
 
     Returns
     -------
     tuple or None
-        The corrected problem, its optimum, the remaining error of the solid, and the displacements of the solid minus
-        those of the planar model. None if these displacements cannot be interpolated.
+        The corrected problem, its optimum, the remaining error of the correction, and the displacements of the
+        three-dimensional model minus those of the planar model. None if these displacements cannot be interpolated.
     """
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
@@ -216,7 +217,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the evidence at the optimum with all residuals as noise, also those that a source could explain."""
+    """Return the linearised evidence at the optimum, in which all residuals count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))
@@ -224,5 +225,5 @@ def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
 
 @lru_cache(maxsize=8)
 def _expected_bias(specimen: Specimen) -> float:
-    """Return the expected relative error of the modulus in the planar section; computed once for a specimen."""
+    """Return the expected relative error of the modulus due to a planar model; computed once for each specimen."""
     return expected_bias(specimen)

@@ -1,8 +1,8 @@
-"""Estimate the error of a modulus due to a planar section: fit a planar model to the outline of a solid.
+"""Estimate the error of a modulus due to a planar section: fit a planar model to a simulated solid beam.
 
-The error depends on the proportions of the specimen, and not on noise, illumination or law. Two bent states of a
-Neo-Hookean solid are enough to compute the error to one per cent of the modulus. `benchmarks.hidden_solids` compares
-this estimate with complete fits.
+The error depends on the proportions of the specimen, and not on noise, illumination or hyperelastic law. Two bent
+states of a three-dimensional Neo-Hookean beam are enough to compute the error to one per cent of the modulus.
+`benchmarks.hidden_solids` compares this estimate with complete fits.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ def expected_bias(specimen: Specimen) -> float:
     Parameters
     ----------
     specimen : Specimen
-        The specimen. A solid section is replaced by plane stress.
+        The specimen. For a solid section, the planar model is in plane stress.
 
     Returns
     -------
     float
-        Identified modulus divided by the modulus of the solid, minus one.
+        Identified modulus divided by the modulus of the simulated solid beam, minus one.
 
     Raises
     ------
     ValueError
-        If the solid model does not support the specimen.
+        If the three-dimensional model does not support the specimen.
     """
     law = LAWS["neo-hookean"]
     beside = SolidBeside(replace(specimen, section="solid"), ALONG, ACROSS)
@@ -69,9 +69,9 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two states with half and with all of a load that turns the tip by about 45 degrees.
+    """Return the loads of two states: the full load turns the tip of the beam by about 45 degrees, half of it is first.
 
-    The loads are fields across the beam if the specimen is magnetic, else tip forces. There is no gravity.
+    The load is a field across the beam if the specimen is magnetic, else a tip force. There is no gravity.
     """
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)

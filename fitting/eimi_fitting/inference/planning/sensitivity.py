@@ -1,4 +1,4 @@
-"""Compute the derivatives of the edges in the parameters of a law, by central differences."""
+"""Compute the derivatives of simulated edges in the parameters of a hyperelastic law, by central differences."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Sensitivity:
     Attributes
     ----------
     edges : ndarray, shape (P, K, 2, m, 2)
-        Positions of m points of the left and of the right edge, in mm.
+        Positions of m points on the left edge and m points on the right edge, in mm. The last axis has x and y.
     slope : ndarray, shape (P, n, K, 2, m, 2)
-        Derivatives of these positions, in mm per unit of the parameter.
+        Derivatives of ``edges`` in the n parameters, in mm per unit of the parameter.
     converged : ndarray of bool, shape (P,)
-        Whether an equilibrium was found for the candidate and for all 2 n neighbours of the differences. Edges and
-        derivatives of other candidates are invalid.
+        Whether the candidate and its 2 n neighbours for the central differences all have an equilibrium. Otherwise the
+        edges and derivatives of the candidate are invalid.
     """
 
     edges: Array
@@ -38,7 +38,7 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the edges of candidates and the derivatives of the edges in the parameters, by central differences.
+    """Return the simulated edges of candidate laws, and the derivatives of the edges in the parameters.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ def edge_sensitivity(
     loads : Loads
         The loads of K states.
     relative_step : float
-        Step of the difference as a share of the parameter. If the parameter is zero, the step is this share of the
-        initial shear modulus, or of 1 for a parameter without unit.
+        Step of the central difference as a share of the parameter. If the parameter is zero, the step is the same share
+        of the initial shear modulus, or of 1 for a parameter without unit.
     per_segment : int
-        Number of points of an edge on each element.
+        Number of points on each element along an edge.
 
     Returns
     -------
