@@ -1,10 +1,10 @@
-"""Check whether the residuals contradict the beam model, and weigh the possible causes of the residuals.
+"""Check whether the residuals of a fit contradict the beam model, and weigh the possible causes of the residuals.
 
 checks                the comparison of the residuals with the noise and with the deflection
 causes                the probability of each possible cause of the residuals
 collinear_causes      classes of causes that the residuals do not distinguish
-edge_coefficients     few coefficients along each edge that describe the residuals
+edge_coefficients     the description of the residuals by a few coefficients along each edge
 marginal_likelihood   the evidence of linear Gaussian models
 signatures            the change of the residuals by each possible cause
-possible_causes       the possible errors of a bench, and the measurements that decide between them
+possible_causes       the possible errors of a bench, each with the measurement that decides about it
 """

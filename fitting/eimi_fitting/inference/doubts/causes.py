@@ -1,8 +1,8 @@
-"""Weigh the possible causes of the residuals against each other by the evidence of a linear Gaussian model.
+"""Compute the probabilities of the possible causes of the residuals of a fit, by linear Gaussian models.
 
-Let r be the residuals in mm at the optimum, with every input at its stated value, and J their slopes in the unknowns x
-of the law. The signature C_a of the cause a is the change of the residuals for its amplitudes s_a (`possible_causes`).
-A hypothesis H is a set of causes. The model of a hypothesis is
+Let r be the residuals in mm at the optimum, with every input at its stated value, and J the slopes of r in the unknowns
+x of the law. A cause a has the amplitudes s_a (`possible_causes`). The signature C_a of the cause is the change of the
+residuals for amplitudes of one. A hypothesis H is a set of causes. The model of a hypothesis is
 
     -r = J dx + sum_{a in H} C_a s_a + d + e
     dx ~ N(0, inv(P)),   s_a ~ h(s_a / size_a) N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
@@ -85,26 +85,27 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """One possible cause of the residuals, with its probability.
+    """One possible cause of the residuals of a fit, with its probability.
 
     Parameters
     ----------
     name : str
-        Name of the cause; ``"none"`` stands for noise and an error that no listed cause explains.
+        Name of the cause. ``"none"`` stands for noise and for an error that no listed cause explains.
     probability : float
         Probability that the cause is present.
     value : float
-        Expected amplitude of the cause in ``unit`` if the cause is present. For several amplitudes, the root of the sum
-        of their squares, with the sign of the largest. Zero for ``"none"``.
+        Expected amplitude of the cause in ``unit`` if the cause is present. If the cause has several amplitudes, the
+        root of the sum of the squared amplitudes, with the sign of the largest amplitude. Zero for ``"none"``.
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus in per cent if the cause is taken into account. If the fit has already taken
-        the cause into account, the change from a fit without the cause.
+        Change of the initial shear modulus in per cent if a fit takes the cause into account, compared with a fit that
+        does not.
     decide_by : str
         The measurement that decides whether the cause is present.
     like : tuple of str
-        Names of causes with nearly the same signature. The residuals do not distinguish these causes from this cause.
+        Names of other causes that change the residuals in nearly the same way. The residuals do not distinguish these
+        causes from the cause ``name``.
     """
 
     name: str
@@ -118,7 +119,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The possible causes in the order of their probability, and the residuals that each cause would leave.
+    """The possible causes of the residuals of a fit, and the errors that would remain with each cause.
 
     Parameters
     ----------
@@ -127,8 +128,8 @@ class Weighed:
     in_the_fit : frozenset of str
         Names of the causes that the fit has taken into account, because the inputs were freed or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        For each cause and each experiment, the errors of the K states in mm if this cause alone is taken into
-        account.
+        For each cause by name, one array for each experiment: the errors in mm of the K states if the fit took only
+        this cause into account.
     """
 
     causes: tuple[Cause, ...]
@@ -151,16 +152,17 @@ def weighed_causes(
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
-        The corrections in the problem. Their remaining errors explain residuals under every hypothesis.
+        The corrections by better beam models. The remaining errors of the corrections can explain a part of the
+        residuals beside any cause.
     possible : sequence of PossibleCause
         The causes to weigh.
 
     Returns
     -------
     Weighed
-        The causes with probabilities of at least 0.001. An input that was freed or measured is a cause, too, and its
-        value is the deviation from the stated value. Empty if the coarse model has no equilibrium at the optimum, or if
-        no cause changes the residuals.
+        The causes with probabilities of at least 0.001. An input that was freed or measured is also a cause. The value
+        of this cause is the deviation of the input from its stated value. There is no cause if the coarse model has no
+        equilibrium at the optimum, or if no cause changes the residuals.
     """
     about = About.of(problem, optimum, possible)
     if not about.solved:
@@ -200,7 +202,7 @@ def weighed_causes(
 
 
 class _Weighing:
-    """The hypotheses about the residuals at one optimum, with their columns and the residuals that they explain."""
+    """The hypotheses about the causes of the residuals, each with a linear Gaussian model."""
 
     def __init__(
         self, about: About, effects: Sequence[Effect], columns_by_cause: Mapping[PossibleCause, Sequence[Column]]
@@ -251,12 +253,12 @@ class _Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes that make up the value of the cause with the index ``cause``."""
+        """Return the number of amplitudes from which `Cause.value` is computed, for one cause by its index."""
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return classes of causes that the residuals do not distinguish, each with the most probable cause first."""
+        """Return classes of indistinguishable causes as indices, in each class the most probable cause first."""
         alone = slice(1 + len(self._causes))  # no cause, and each cause alone
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         variance = self._variance + posterior.error_squared[best] * self._project.error
@@ -270,7 +272,7 @@ class _Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def posterior(self) -> Posterior:
-        """Return evidence and amplitudes of all hypotheses, after simulations of the probable ones (Gauss-Newton)."""
+        """Return the evidence and the amplitudes of all hypotheses, after simulations of the probable hypotheses."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -300,20 +302,20 @@ class _Weighing:
         return result
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance (N,) of the N coefficients due to errors of C changes by a hypothesis, ``moves`` (C, N).
+        """Return the variance of N coefficients of the residuals due to errors of the simulation, shape (N,).
 
-        The sum contains the error that remains after the corrections. A part of these errors is smooth along edges and
-        loads.
+        The errors are 1 per cent of each of C changes ``moves``, shape (C, N), and the errors that remain after the
+        corrections.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the remaining coefficients of one hypothesis, over the variance of the noise."""
+        """Return the mean square of the unexplained part of ``y``, in units of the noise variance."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the amplitudes of the hypothesis ``row`` after Gauss-Newton steps with renewed slopes."""
+        """Return the most probable amplitudes of the hypothesis ``row``, computed by Gauss-Newton with simulations."""
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
         active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
@@ -354,7 +356,7 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the rows of the hypotheses to simulate: probable ones, and no cause if the fit has freed inputs."""
+        """Return the indices of the probable hypotheses, which are simulated."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far
@@ -376,9 +378,9 @@ class _Weighing:
         return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual in mm of each of K states, (K,), for each experiment.
+        """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
 
-        The residuals are those of the linear model for given amplitudes.
+        The residuals are computed with the linear model for ``amplitudes``.
         """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(

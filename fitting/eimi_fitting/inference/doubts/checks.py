@@ -1,10 +1,10 @@
-"""Decide whether a fit can be believed: compare its residuals with the deflection and with the noise.
+"""Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
 
 The beam model does not explain a state under two conditions. The error of the state exceeds three times the stated
-uncertainty, and it exceeds a twentieth of the largest deflection or half the width of the beam. The edges of another
-beam, a wrong scale or a wrong sign of the field cause such residuals. The fit is then refused. Residuals that are many
+uncertainty, and it exceeds a twentieth of the largest deflection or half the width of the beam. Edges of another beam,
+a wrong scale or a wrong sign of the field cause errors of this size. The fit is then refused. Residuals that are many
 times the stated uncertainty of the edges cause a doubt about the result. A probable cause of the residuals is also a
-doubt if it concerns the modulus (`causes`).
+doubt if it changes the modulus (`causes`).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class NotExplained(Exception):
     deflection_mm : float
         Largest measured deflection of the experiment in mm.
     curves : bool
-        Whether the fit contains tensile curves, which may be the reason.
+        Whether the fit contains tensile curves. Tensile curves may be the reason for the large error.
     """
 
     def __init__(
@@ -118,8 +118,8 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the error of its K states in mm without the part that a displaced clamp explains. A
-        displaced clamp is a doubt and no reason to refuse the fit.
+        For each experiment, the errors of the K states in mm after correction for a displaced clamp. A displaced clamp
+        causes a doubt, but the fit is not refused.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
@@ -129,7 +129,8 @@ def check_explained(
     Raises
     ------
     NotExplained
-        For the worst state of the first experiment with a state that is not explained.
+        If the beam model does not explain a state. The exception names the worst state of the first experiment with
+        such a state.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
@@ -166,15 +167,16 @@ DoubtKind = Literal[
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to distrust a result: of a dataset, of one of its states, or of a tensile curve.
+    """A reason to distrust the result of a fit: of the whole fit, a dataset, a state or a tensile curve.
 
     Parameters
     ----------
     words : str
-        The doubt in English, for a person. Programs decide by `kind`.
+        The doubt as an English text for people. Programs use `kind` instead.
     dataset, state, curve : int, optional
-        Index of the dataset, of the state in it, or of the curve, counted from 0. All three are None if the doubt
-        concerns the fit as a whole.
+        Index of the dataset, index of the state in this dataset, and index of the tensile curve, counted from 0. An
+        index is None if the doubt does not concern this object. All three are None if the doubt concerns the fit as a
+        whole.
     kind : DoubtKind, optional
         Subject of the doubt; None if the doubt was loaded from a file, which does not store the subject.
     """
@@ -187,16 +189,17 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """The exception for a fit to a single state that does not determine the initial shear modulus."""
+    """The exception for a fit to a single state if this state does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise an exception if there is a single state and it does not determine the initial shear modulus.
+    """Raise an exception if there is only one state and this state does not determine the initial shear modulus.
 
     Raises
     ------
     NotDetermined
-        If there is one state, and the upper end of the modulus's interval exceeds four times the lower end.
+        If there is only one state, and the upper end of the 95 % interval of the modulus exceeds four times the lower
+        end.
     """
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
@@ -207,14 +210,14 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each tensile curve with more than three times the residuals of a fit to this curve alone.
+    """Return a doubt for each tensile curve whose residuals exceed three times those of a fit to this curve alone.
 
     Parameters
     ----------
     curves : sequence of TensileEvidence
         The tensile curves, with the noise of a fit to each curve alone.
     rmse_Pa : sequence of float
-        Root mean square residual of each curve in this fit, in Pa.
+        Root mean square residual of each curve in the joint fit, in Pa.
 
     Returns
     -------
@@ -246,7 +249,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each mistake in the stated loads whose correction would more than halve the error."""
+    """Return a doubt for each mistake in the stated loads that more than doubles the error."""
     return tuple(
         Doubt(
             f"check the stated loads for {slip.words}: without it the mean error would be about "
@@ -263,10 +266,10 @@ def cause_doubts(
 ) -> tuple[Doubt, ...]:
     """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
 
-    A cause concerns the modulus if the corrected modulus would lie outside the 95 % interval, or if the cause explains
-    more than half of the mean error. The doubt also names the causes that the residuals do not distinguish from
-    this cause. A cause that the fit has taken into account is no doubt. If residuals are more than ten times the stated
-    noise and most probably no listed cause explains these residuals, the doubt says so.
+    A cause concerns the modulus under one of two conditions. The corrected modulus would lie outside the 95 % interval,
+    or the cause explains more than half of the mean error. The doubt also names the causes that the residuals do not
+    distinguish from the first cause. A cause that the fit has taken into account causes no doubt. A different doubt is
+    returned if residuals exceed ten times the stated noise and most probably no listed cause explains them.
 
     Returns
     -------
@@ -298,11 +301,12 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the rivals of the first cause: at most two other causes that the data do not distinguish from this cause.
+    """Return at most two other causes that the data do not distinguish from the first cause.
 
-    The rivals are the causes of the same class, whose signatures are nearly collinear (`collinear_causes`). Without a
-    class, a rival has more than a tenth of the probability p of the first cause, and the sum of its probability and p
-    is below 1.2. If this sum is larger, both causes are probably present together.
+    If the first cause belongs to a class of causes with nearly collinear signatures, the other causes of this class are
+    returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned cause has a
+    probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both causes are
+    probably present together.
     """
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
@@ -315,7 +319,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt: the first cause with causes that are like it, or with a second present cause."""
+    """Return the text of a doubt: the first cause, with similar causes or a second cause that is present."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 
@@ -346,13 +350,13 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     missing : sequence of str
-        A sentence for each error that the intervals do not contain, such as the error of the mesh.
+        One sentence for each error that the intervals do not contain, such as the error of the mesh.
 
     Returns
     -------
     tuple of Doubt
-        For each dataset: the sentences of ``missing``, residuals of more than ten times the stated uncertainty, and
-        states with more than five times the median error.
+        One doubt for each sentence of ``missing``, for each dataset with residuals of more than ten times the stated
+        uncertainty, and for each state with more than five times the median error.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
@@ -376,14 +380,14 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of the error divided by the stated noise."""
+    """Return the median over the states of an experiment: error of the state divided by its stated noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of each of K states in mm, (K,), without the part that flags have added.
+    """Return the stated noise of K states in mm, shape (K,), without the uncertainty that flags have added.
 
-    This part could hide a wrong law.
+    The added uncertainty could hide a wrong law.
     """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
@@ -392,7 +396,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square uncertainty of the points in each of K states, (K,) in mm; inf without points."""
+    """Return the root mean square uncertainty of the points of K states in mm, shape (K,); infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

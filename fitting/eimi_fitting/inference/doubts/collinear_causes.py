@@ -1,18 +1,19 @@
-"""Find causes whose signatures are nearly collinear, and let them share their probability equally.
+"""Find causes that change the residuals in nearly the same way, and give these causes equal probabilities.
 
-Let e_0 be the remaining residuals without a cause, and e_a the remaining residuals with the cause a alone at its most
-probable amplitudes. Both are computed after the most probable changes of the law, in units of the noise. The difference
-S_a = e_0 - e_a is the part of the residuals that the cause explains and the law does not. For two causes a and b with
-the angle phi between S_a and S_b and the same length |S|,
+Let e_0 be the remaining residuals without a cause. Let e_a be the remaining residuals if only the cause a is present,
+with its most probable amplitudes. e_0 and e_a are computed after the most probable changes of the law, in units of the
+noise. The difference S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
+explain. Let two causes a and b have the angle phi between S_a and S_b, and let S_a and S_b have the same length |S|.
+Then
 
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2)
 
-If one of the two causes is true and the noise is normal, the logarithm of the odds between them is half of this square
-on average. The causes are alike if the data favour the true cause by less than 9 to 1. The square is then below 2 ln 9
-plus the number of their amplitudes, because noise adds 1 for each amplitude. Probable causes are simulated at their
-amplitudes, so that the angle does not depend on the size for which signatures are linear. Causes that are alike form a
-class of at most three. A cause of negligible size, whose secondary amplitudes explain the residuals, is alone in its
-class.
+If one of the two causes is true and the noise is normal, the logarithm of the odds between the two causes is |e_a -
+e_b|^2 / 2 on average. The causes are alike if the data favour the true cause by less than 9 to 1. Then |e_a - e_b|^2 is
+below 2 ln 9 plus the number of amplitudes of both causes, because noise adds 1 for each amplitude. Probable causes are
+simulated at their amplitudes, so that the angle does not depend on the size for which signatures are linear. Causes
+that are alike form a class of at most three. A cause of negligible size, whose secondary amplitudes explain the
+residuals, is alone in its class.
 
 The data do not decide between the causes of a class. The evidence of these causes differs by the prior sizes, which are
 assumed. If the scale were wrong by 3 per cent, which is three usual sizes, the evidence would favour a beam that is 9
@@ -42,11 +43,12 @@ def classes(
     Parameters
     ----------
     remaining : ndarray, shape (1 + M, N)
-        The N remaining residuals without a cause, then those with each of M causes alone, in units of the noise.
+        The N remaining residuals in units of the noise. The first row belongs to no cause, and each further row to one
+        of M causes alone.
     amplitudes : sequence of int, length M
         Number of amplitudes of each cause.
     evidence : ndarray, shape (M,)
-        Logarithm of the evidence of each cause alone.
+        Logarithm of the evidence of the hypothesis that only this cause is present, for each cause.
     negligible : ndarray of bool, shape (M,)
         Whether the size of each cause is negligible.
 
@@ -72,7 +74,7 @@ def classes(
 
 
 def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
-    """Return the logarithms of the probabilities after hypotheses of the same classes have shared them equally.
+    """Return the logarithms of the probabilities of hypotheses, with equal probabilities for indistinguishable causes.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Se
     hypotheses : sequence of tuple of int
         Indices of the causes of each hypothesis.
     of_causes : sequence of tuple of int
-        The classes of causes.
+        The classes of causes that the residuals do not distinguish, as indices of the causes.
 
     Returns
     -------

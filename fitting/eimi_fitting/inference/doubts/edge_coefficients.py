@@ -1,9 +1,9 @@
 """Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
 
-A few coefficients describe the smooth signatures of causes completely (`inference.doubts.causes`). The remainder of the
-residuals gives level and correlation of the noise. An error of the beam model is alike in states of similar loads and
-on both edges. States and edges are therefore rotated to combinations in which the coefficients of such an error are
-independent.
+Possible causes of residuals change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
+describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
+the beam model is similar in states with similar loads and on both edges. States and edges are therefore rotated to
+combinations in which the coefficients of such an error are independent.
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 
 @dataclass(frozen=True)
 class Projection:
-    """The map from residuals to N coefficients, and the variances of these coefficients.
+    """The linear map from residuals to N coefficients of polynomials, with the variances of the coefficients.
 
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
-        For each experiment, D orthonormal polynomials along each of G groups of m points in K states; zero for a point
-        that is not used.
+        For each experiment, the values of D orthonormal polynomials at m points in G groups (edges) and K states; zero
+        for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, the rotation of the states and of the two edges to independent combinations.
+        For each experiment, the rotation of the K states to independent combinations (``over_states``) and the rotation
+        of the G groups to independent combinations (``over_groups``).
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient in mm^2 due to noise, and due to an unnamed error d of the size eta = 1 mm
-        (`inference.doubts.causes`).
+        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no listed cause
+        explains (``error``).
     """
 
     bases: tuple[Array, ...]
@@ -52,7 +53,7 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the N coefficients in mm, shape (..., N), of the residuals of each experiment.
+        """Return the N coefficients in mm that describe the residuals of all experiments, shape (..., N).
 
         Residuals have the shape (..., K, G, m) for G groups of m points in K states. None stands for residuals of zero.
         """
@@ -67,7 +68,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of each of N coefficients, (N,), for smooth errors as large as ``moves`` (C, N)."""
+        """Return the variance of N coefficients, (N,), for smooth errors as large as the C rows of ``moves``."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -76,15 +77,15 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the map from residuals to coefficients, with the variances of noise and of an unnamed error.
+    """Return the map from residuals to coefficients, with the variances due to noise and due to an unexplained error.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        Residuals at the optimum in mm, and a positive number for every point that is used, for G groups of m points in
-        K states.
+        For each experiment, residuals at the optimum in mm, and weights that are positive for used points. There are G
+        groups of m points in K states.
 
     Returns
     -------
@@ -126,9 +127,9 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
     """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups of points.
 
-    For edges, level and correlation of the remainder of the residuals give the variance. If the remainder has fewer
-    than ten points, and for tracked points, the stated uncertainty gives the variance. The stated uncertainty of
-    tracked points is common to all points of a state.
+    For edges, the residuals minus their polynomials form a remainder, whose level and correlation give the variance. If
+    the remainder has fewer than ten points, and for tracked points, the stated uncertainty gives the variance. The
+    stated uncertainty of tracked points is common to all points of a state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())
@@ -143,7 +144,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) over K states of an unnamed error of unit variance; large for similar loads."""
+    """Return the covariance (K, K) of an unexplained error between K states; large for similar loads."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

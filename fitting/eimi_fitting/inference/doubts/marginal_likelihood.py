@@ -1,4 +1,4 @@
-"""The evidence of linear Gaussian models of the same data, in closed form; `doubts.causes` has the equations."""
+"""Compute the evidence of linear Gaussian models of the same data (equations in `inference.doubts.causes`)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
 
 @dataclass(frozen=True)
 class Posterior:
-    """The evidence of H hypotheses and their C coefficients, for normal priors of all coefficients.
+    """The evidence of H linear Gaussian models (hypotheses), and the posterior of C coefficients in each hypothesis.
 
     Parameters
     ----------
     log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence of each hypothesis, averaged over the size eta of the unnamed error.
+        Logarithm of the evidence of each hypothesis. The evidence is averaged over the size eta of an error that no
+        hypothesis explains.
     means : ndarray, shape (H, C)
-        Posterior mean of each coefficient, in its prior standard deviations; zero for a coefficient that the hypothesis
-        does not have.
+        Posterior mean of each coefficient, divided by the prior standard deviation of the coefficient. Zero for a
+        coefficient that the hypothesis does not have.
     squares : ndarray, shape (H, C)
-        Posterior mean square of each coefficient, in squared prior standard deviations.
+        Posterior mean of the square of each coefficient, divided by the prior variance of the coefficient.
     error_squared : ndarray, shape (H,)
         Posterior mean of eta^2 in mm^2.
     """
@@ -41,19 +42,21 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        The columns A of all hypotheses as rows, each times the prior standard deviation of its coefficient. The last
-        row is zero.
+        One row for each coefficient: its change of the N data, times the prior standard deviation of the coefficient.
+        The last row is zero.
     members : ndarray, shape (H, q)
-        Indices of the columns of each hypothesis. Unused places have the index of the last column.
+        Indices of the rows of ``columns`` that belong to each hypothesis. A hypothesis with fewer than q columns is
+        filled up with the index of the last row.
     y : ndarray, shape (H, N)
-        Minus the N residuals that each hypothesis explains, -r.
+        The N data that each hypothesis explains: the residuals with the opposite sign.
     noise, error : ndarray, shape (N,)
-        Variance of the noise, and of the unnamed error for eta = 1 mm.
+        Variance of each datum: due to noise (``noise``), and due to an unexplained error of the size eta = 1 mm
+        (``error``).
 
     Returns
     -------
     Posterior
-        Evidence and coefficients.
+        Evidence and coefficients of the H hypotheses.
     """
     h, q = members.shape
     logs, means, squares = np.zeros((len(_ERRORS_MM), h)), *np.zeros((2, len(_ERRORS_MM), h, q))

@@ -1,7 +1,8 @@
-"""The possible errors of a bench: each with its usual size, its effect, and the measurement that decides about it.
+"""The possible errors of a bench: usual size, effect on the residuals, and the measurement that confirms each error.
 
-A cause changes the assumptions of a candidate about an experiment: the specimen, the loads, the picture or the law. The
-resulting change of the residuals at the optimum is the signature of the cause (`inference.doubts.causes`).
+Such an error is a possible cause of residuals. A cause changes the assumptions of a fit about an experiment: the
+specimen, the loads, the picture or the law. The change of the residuals at the optimum is the signature of the cause
+(`inference.doubts.causes`).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _GRADIENT_AT_M = 0.01  # distance at which a curved field has the gradient that 
 
 @dataclass(frozen=True)
 class Assumed:
-    """The assumptions of one candidate about one experiment.
+    """The law, the beam model, the loads and the deviations of inputs that a fit assumes for one experiment.
 
     Parameters
     ----------
@@ -43,8 +44,8 @@ class Assumed:
     experiment : Experiment
         The experiment with a planar model.
     deviations : tuple of (str, int, float)
-        For each number that differs from its stated value: its source, its index among the parts of the source, and its
-        deviation in the unit of the source.
+        One entry for each uncertain number that differs from its stated value: the source of the number (a key of
+        `SOURCES`), its index among the parts of the source, and its deviation in the unit of the source.
     """
 
     law: Law
@@ -55,7 +56,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the deviations of specimen, loads and lens; `setup` has the factor on the field."""
+        """The experiment with the assumed deviations of specimen, loads and lens, without the factor on the field."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -64,7 +65,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The strength of the field and the map of the image that follow from the deviations."""
+        """The factor on the field and the map of the image that follow from the assumed deviations."""
         return Setup.of(self.deviations, 1)
 
 
@@ -86,17 +87,17 @@ class PossibleCause:
     sizes : tuple of float
         Standard deviation of the prior of each amplitude, the usual size of the error in a laboratory.
     change : callable or None
-        Takes the assumptions of a candidate and the amplitudes, and returns the assumptions with this cause. None for
-        the section, whose signature is the difference between a solid and a planar model.
+        Takes the assumptions of a fit and the amplitudes, and returns the assumptions with this cause. None for a wrong
+        section. The signature of a wrong section is the difference between a three-dimensional and a planar model.
     decide_by : str
         The measurement that decides whether the cause is present.
     source : str
-        The key of `SOURCES` by which the cause is freed or stated as uncertain; empty if there is none.
+        The source of uncertainty (a key of `SOURCES`) that describes the same error; empty without such a source.
     is_common : bool
         Whether all datasets share one amplitude.
     shown : int or None
-        Number of leading amplitudes that make up the value of the cause; the others have another meaning. None if all
-        amplitudes make up the value.
+        Number of leading amplitudes from which the value of the cause is computed. None if the value is computed from
+        all amplitudes.
     """
 
     name: str
@@ -111,7 +112,11 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return the change of assumptions by sources; each of ``parts`` has the deviations for one amplitude of 1."""
+    """Return a function that adds deviations of inputs to assumptions, in proportion to amplitudes.
+
+    Each of ``parts`` belongs to one amplitude. It maps (source, index of the part) to the deviation for an amplitude of
+    1.
+    """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(
@@ -134,21 +139,21 @@ def _of_source(
 
 
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
-    """Return the change of assumptions for a displacement of the measured places in the picture.
+    """Return a function that displaces the measured points of an experiment in the picture.
 
     Parameters
     ----------
     displacement : callable
-        Takes an experiment, places (..., 2) in mm and the amplitudes. Returns the displacement of these places
-        (..., 2) in mm. The displacement of the clamp is subtracted.
+        Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes. Returns the displacements of
+        these positions in mm, (..., 2). The displacement of the clamp is subtracted.
     shift : int, optional
-        Index of the first of two amplitudes that displace all places in x and y by a length in mm. These amplitudes
-        describe a calibration in which the place of the clamp comes from another picture.
+        Index of the first of two amplitudes that displace all points in x and y by a length in mm. These two amplitudes
+        describe an error of a calibration in which the position of the clamp comes from another picture.
 
     Returns
     -------
     callable
-        Takes the assumptions and the amplitudes, and returns the assumptions with displaced places.
+        Takes assumptions and amplitudes, and returns the assumptions with displaced measured points.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -170,7 +175,7 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return the point (2,) in mm where the lens axis meets the plane of the beam, or the middle of all used places."""
+    """Return x and y in mm, (2,), of the lens axis in the plane of the beam, or of the middle of the used points."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
@@ -185,10 +190,11 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement (..., 2) in mm of places (..., 2) by a radial distortion of the lens.
+    """Return the displacements in mm of the positions ``places`` by a radial distortion of the lens.
 
-    The first amplitude is the relative distortion at the farthest used place. The next two amplitudes are this
-    distortion times the displacement of the lens axis from the assumed centre over the distance of the farthest place.
+    Positions (x, y) in mm and displacements have the shape (..., 2). The first amplitude is the relative distortion k
+    at the measured point that is farthest from the assumed centre of the lens, at the distance R. The next two
+    amplitudes are k / R times the displacement of the lens axis from the assumed centre in x and y.
     """
     centre, radial, off_centre = _centre(experiment), amplitudes[0], amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
@@ -200,14 +206,14 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement (..., 2) in mm of places if the camera is tilted about two axes, in degrees."""
+    """Return the displacements in mm, (..., 2), of positions (x, y) by two tilts of the camera in degrees."""
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement (..., 2) in mm if the beam is some mm farther away than the plane of calibration."""
+    """Return the displacements in mm, (..., 2), of positions (x, y) if the beam is farther than the calibration."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
@@ -220,7 +226,7 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return loads that bend the stated beam as the stated loads bend a beam with K factors on its stiffness."""
+    """Return the loads of K states divided by ``stiffness`` (K,), factors on the stiffness of the beam."""
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -228,18 +234,18 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return loads that describe a beam that softens in proportion to time, for states with equal time steps."""
+    """Return larger loads that describe a beam whose stiffness decreases in proportion to time."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the strength of the load in each of K states, (K,): field plus tip force, as shares of the largest."""
+    """Return field plus tip force in each of K states, (K,), both divided by their largest value of all states."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for each of K states after an increase of the load and -1 for each after a decrease, shape (K,)."""
+    """Return 1 for a state after an increase of the load and -1 after a decrease, for K states, shape (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -247,12 +253,12 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return loads that describe a softer beam in the states after a decrease of the load (hysteresis)."""
+    """Return larger loads in the states after a decrease of the load, which describe a softer beam (hysteresis)."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return loads whose field varies in space, by two gradients and by a curvature along the coil's axis."""
+    """Return the loads with a field that varies in space: two gradients and a curvature along the axis of the coil."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:
@@ -272,13 +278,14 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "mooney-rivlin": (("i1", "i2"), (2.0, 2.0)),
     "yeoh": (("i1", "i1^2", "i1^3"), (2.0, 1.0, 1.0)),
 }
-"""For some laws, the terms of the law, and the coefficient of each term over its parameter."""
+"""For some laws, the names of the terms, and for each term its coefficient divided by the parameter of the law."""
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, with shares of the initial shear modulus as coefficients.
+    """Return the assumptions with two more terms of the law, (I1 - 3)^2 and I2 - 3.
 
-    The initial shear modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
+    The two amplitudes are the coefficients of the terms as shares of the initial shear modulus. The initial shear
+    modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
     """
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed

@@ -1,9 +1,8 @@
-"""Compute the signatures of the possible errors of a bench (causes): changes of the residuals at an optimum in mm.
+"""Compute the changes of the residuals of a fit by the possible errors of a bench (the signatures of the causes).
 
-A cause has one or several amplitudes. The signature is the change of the residuals divided by the amplitude. It is
-computed by a finite difference, with the planar model on the coarse mesh. The effects of stated uncertainties are
-computed in the same way (`inference.interval.considered`). The model is not solved again for a cause that changes only
-the picture. Only the signature of a wrong section is computed with a solid.
+A cause has one or several amplitudes. The signature is the change of the residuals in mm divided by the amplitude. The
+signature is a finite difference, computed with the planar model on the coarse mesh. The model is not solved again for a
+cause that changes only the picture. Only the signature of a wrong section is computed with a three-dimensional model.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """One amplitude of a cause, with its signature.
+    """One amplitude of a possible cause of residuals, with its signature.
 
     Parameters
     ----------
@@ -48,7 +47,7 @@ class Column:
     size : float
         Standard deviation of the prior of the amplitude.
     start : float
-        Value of the amplitude in the fit; zero unless the input was freed or measured.
+        Value of the amplitude in the fit; zero unless the uncertain input was freed or measured.
     changes : tuple of ndarray or None
         For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
         groups of m points in K states. None if the cause does not belong to the experiment or the model finds no
@@ -64,7 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The assumptions of a candidate about one experiment, with the simulated shapes and the residuals in mm."""
+    """The assumptions of a fit about one experiment, with the simulated shapes of the beam and the residuals in mm."""
 
     assumed: Assumed
     bent: Experiment
@@ -120,7 +119,7 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """An optimum about which causes are compared.
+    """The optimum of a fit, with the simulations and slopes from which the signatures of causes are computed.
 
     Parameters
     ----------
@@ -132,14 +131,15 @@ class About:
         Indices of the l coordinates that every hypothesis varies: the coordinates of the law, and the freed inputs that
         are not among the possible causes.
     law_spread : ndarray, shape (l,)
-        Prior standard deviation of each of these coordinates.
+        Prior standard deviation of each of the l coordinates ``kept``.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals in these coordinates, in mm, for G groups of m points in K
+        For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups of m points in K
         states.
     residuals, used : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals at the optimum in mm, and a positive number for every point that is used.
+        For each experiment, the residuals at the optimum in mm, and weights that are positive for used points.
     solved : tuple of Solved
-        The simulations of the optimum on the coarse mesh; empty if an experiment has no equilibrium on this mesh.
+        For each experiment, the simulation at the optimum on the coarse mesh. Empty if an experiment has no
+        equilibrium.
     """
 
     problem: Problem
@@ -153,7 +153,7 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Return the simulations, residuals and slopes of an optimum from which signatures of causes are computed."""
+        """Return the optimum of a fit with simulations, residuals and slopes."""
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -176,16 +176,16 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """The simulations of the optimum on the planar meshes of the experiments; None without an equilibrium."""
+        """For each experiment, the simulation at the optimum on the planar mesh; None without an equilibrium."""
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude of one part of a cause in the fit of one dataset.
+        """Return the amplitude that the fit of one dataset has assumed for one part of a cause.
 
-        The amplitude is the deviation of the input from its stated value, if the input was freed or measured, else 0.
+        If the uncertain input was freed or measured, the amplitude is its deviation from the stated value, else 0.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         start = float(measured[part]) if part < len(measured) else 0.0
@@ -197,7 +197,7 @@ class About:
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Return the residuals in mm of each experiment after a change of the optimum and of the causes.
+        """Return the residuals in mm of each experiment for changed unknowns and for given amplitudes of causes.
 
         Parameters
         ----------
@@ -248,7 +248,7 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the amplitudes of a cause with their signatures; empty if the cause does not change the residuals."""
+    """Return each amplitude of a cause with its signature; empty if the cause does not change the residuals."""
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -263,7 +263,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets that share an amplitude, each with the stated uncertainty of the source or 0."""
+    """Return the groups of datasets that share an amplitude, each with the stated uncertainty (0 if none)."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -274,7 +274,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm for an amplitude of one; None without an equilibrium.
+    """Return the change of the residuals in mm for one amplitude of a cause of value 1; None without equilibrium.
 
     The shape is (K, G, m) for G groups of m points in K states.
     """
@@ -290,10 +290,10 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals in mm if a solid replaces the planar section.
+    """Return the change of the residuals in mm if a three-dimensional model replaces the planar model.
 
-    The shape is (K, G, m) for G groups of m points in K states. The result is None if the fit already uses the solid,
-    if the solid does not support the specimen, or if no equilibrium is found.
+    The shape is (K, G, m) for G groups of m points in K states. The result is None if the fit already uses a
+    three-dimensional model, if this model does not support the specimen, or if it has no equilibrium.
     """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":

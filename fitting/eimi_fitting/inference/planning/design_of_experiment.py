@@ -131,8 +131,9 @@ class Candidates:
     loads : Loads
         The loads of the S states.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads that were considered. normal : ndarray, shape (S, n, n) w sum J'J over the
-        points of each state.
+        Index of each state among all loads that were considered.
+    normal : ndarray, shape (S, n, n)
+        w sum J'J over the points of each state.
     source_score : ndarray, shape (S, n, c)
         w sum J'C over the points of each state.
     sources : tuple of str

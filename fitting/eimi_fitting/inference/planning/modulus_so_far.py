@@ -74,8 +74,10 @@ class ModulusSoFar:
     Attributes
     ----------
     value_Pa : float
-        The estimate of the modulus in Pa. interval_95_Pa : tuple of float Lower and upper end of the 95 % interval of
-        the modulus in Pa, due to noise, stated uncertainties and the remaining error of the beam model.
+        The estimate of the modulus in Pa.
+    interval_95_Pa : tuple of float
+        Lower and upper end of the 95 % interval of the modulus in Pa, due to noise, stated uncertainties and the
+        remaining error of the beam model.
     error_mm : float
         Mean error of the fit over its states, in mm.
     states : int
