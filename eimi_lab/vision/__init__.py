@@ -1,4 +1,4 @@
-"""From camera frames to the two edges of the beam in millimetres.
+"""Measure both edges of the beam in camera frames, in millimetres.
 
 edges                find the edges in one image
 following            follow the beam from its clamp in a photograph without a back-light
@@ -11,7 +11,7 @@ image_wholeness      check that an image file is complete
 intensity            combine colours and frames into one image, and correct it by a dark frame and a flat field
 projection           choose the colour projection in which the beam differs most from its surroundings
 beam_frame           map pixels to millimetres in the beam frame, and back
-field_at_beam        the coil's field and the background field that a calibration gives
+field_at_beam        apply the coil's field and the background field of a calibration to loads
 check                one quality check of a state, and the flag that it raises
 flags                the table of all quality checks
 followed_checks      the quality checks of edges that were followed from the clamp
@@ -20,6 +20,6 @@ settling_statistic   compare two frames with the noise of the camera
 clicked_points       check the points that a person clicked on the centre line
 ruled_picture        draw a grid of pixel coordinates over a frame
 
-docs/why/edges.md holds the measured errors. `benchmarks/edges.py` prints them, and `benchmarks/flag_pictures.py`
-renders a picture for every flag.
+docs/why/edges.md contains the measured errors of the edges. `benchmarks/edges.py` prints these errors, and
+`benchmarks/flag_pictures.py` renders a picture for every flag.
 """

@@ -17,7 +17,7 @@ _ITERATIONS, _TOLERANCE = 50, 1e-10
 
 
 def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
-    """Return the places at which a lens without distortion would image the points.
+    """Return the points at which a lens without distortion would image the points of an image.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ class BeamFrame:
     in mm, with the middle of the clamp line p0 (px), the unit vectors a (along x) and b (along y) in the image, and the
     scale s (px/mm).
 
-    If the calibration has a camera matrix, p and p0 are places in the undistorted image. In the calibration,
-    `clamp_midpoint_px` is a place in the camera's own image, but the angles are measured in the undistorted image.
+    If the calibration has a camera matrix, p and p0 are points of the undistorted image. In the calibration,
+    `clamp_midpoint_px` is a point of the camera's own image, but the angles are measured in the undistorted image.
 
     Parameters
     ----------
@@ -97,16 +97,19 @@ class BeamFrame:
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:
-        """Map points (n, 2) of the image, px, to the beam frame; return them in mm, (n, 2)."""
+        """Convert n points from px in the image to mm in the beam frame, shape (n, 2)."""
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
     def components(self, vector: tuple[float, float]) -> Array:
-        """Return the components (2,) in the beam frame of a vector in the image, given as (right, down)."""
+        """Return the components of a vector along x and y of the beam frame, shape (2,).
+
+        vector: components of the vector to the right and down in the image.
+        """
         return np.asarray(self._axes @ np.array(vector))
 
     def to_px(self, points_mm: ArrayLike) -> Array:
-        """Map points (n, 2) in the beam frame, mm, to the image; return them in px, (n, 2)."""
+        """Convert n points from mm in the beam frame to px in the image, shape (n, 2)."""
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
@@ -161,8 +164,8 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle (degrees) measured in the image clockwise from the beam's axis into the beam frame.
+        """Convert an angle (degrees), measured clockwise from the beam's axis in the image, into the beam frame.
 
-        The returned angle (degrees) is measured from +x toward +y and lies between -180 and 180.
+        The returned angle (degrees) is measured from +x toward +y in the beam frame, and lies between -180 and 180.
         """
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

@@ -13,8 +13,8 @@ from enum import StrEnum
 class Severity(StrEnum):
     """The consequence of a flag for the state that has the flag.
 
-    UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, and its points get a larger standard
-    deviation. NOTE: the fit is not affected, but a person should read the remedy.
+    UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, with a larger standard deviation of the points
+    of the edges. NOTE: the fit is not affected, but a person should read the remedy.
     """
 
     UNUSABLE = "unusable"
@@ -39,7 +39,7 @@ class Flag:
     severity : Severity
         The consequence of the flag for the state.
     widens : float
-        Standard deviation that the flag adds to the points of the state (the variances are added).
+        Standard deviation that the flag adds to the edge points of the state (the variances are added).
     widens_in : {"px", "mm", "width", "depth"}
         Unit of `widens`: a pixel, a millimetre, the specimen's width, or the specimen's depth.
     """
@@ -53,7 +53,7 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return the standard deviation (mm) that the flag adds to the points of the state.
+        """Return the standard deviation (mm) that the flag adds to the edge points of the state.
 
         Parameters
         ----------
@@ -92,7 +92,8 @@ class Check:
     unusable_beyond : float, optional
         Second limit: a value beyond this limit makes the state unusable.
     widens : callable, optional
-        Return the standard deviation that a doubtful value adds to the points of the state.
+        Function of the measured value that returns the standard deviation that a doubtful value adds to the edge points
+        of the state.
     widens_in : {"px", "mm", "width", "depth"}
         Unit of the standard deviation that `widens` returns; see `Flag`.
 
@@ -129,7 +130,7 @@ class Check:
         limit : float, optional
             Limit that the flag reports in place of the limit in the table.
         **words : str
-            Replacements for the words in braces in the remedy.
+            For each word in braces in the remedy, the text that replaces this word.
         """
         severity, second_limit = self.severity, self.unusable_beyond
         if second_limit is not None and (value < second_limit if self.below else value > second_limit):
@@ -140,5 +141,5 @@ class Check:
 
 
 def leaves_out(flags: Iterable[Flag]) -> bool:
-    """Return whether a fit leaves out a state that has these flags."""
+    """Return whether a fit leaves out a state that has the given flags, because one of the flags is unusable."""
     return any(flag.severity is Severity.UNUSABLE for flag in flags)

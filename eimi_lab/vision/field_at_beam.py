@@ -31,7 +31,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
     Raises
     ------
     InputError
-        If a loop of the coil passes through the place of the beam, or if the field map of the calibration does not
+        If a loop of the coil passes through the beam, or if the field map of the calibration does not
         cover the magnet.
     """
     background_T = stated_background_T(calibration)
@@ -58,5 +58,5 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the background field of a calibration in the beam frame, (2,) in T; zero if the calibration has none."""
+    """Return the background field of a calibration in the beam frame, T, shape (2,); zero if the calibration has none."""
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

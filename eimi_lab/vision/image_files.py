@@ -38,7 +38,7 @@ def find_images(folder: Path) -> list[Path]:
     Raises
     ------
     InputError
-        If the path is not a folder, or if the folder holds no images.
+        If the path is not a folder, or if the folder contains no images.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: is not a folder of images")
@@ -100,7 +100,8 @@ def read_image(path: Path) -> NDArray[Any]:
 def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
     """Decode the contents of an image file by OpenCV, without the messages that OpenCV prints.
 
-    Return None if OpenCV cannot decode the file, or if the data are damaged. `how` holds OpenCV's flags for reading.
+    Return None if OpenCV cannot decode the file, or if the data are damaged. `how` is the sum of OpenCV's flags for
+    reading.
     """
     logging = cv2.utils.logging
     level = logging.getLogLevel()
@@ -132,9 +133,9 @@ def _is_transparent(image: NDArray[Any] | None) -> bool:
 
 
 def read_grey(path: Path) -> NDArray[Any]:
-    """Read an image file as one channel, (H, W) of uint8 or uint16.
+    """Read an image file as grey values, shape (H, W), of type uint8 or uint16.
 
-    The channel of a colour image is its brightest channel (see `intensity.grey`).
+    Of a colour image, the brightest channel is returned (see `intensity.grey`).
 
     Raises
     ------
@@ -145,7 +146,7 @@ def read_grey(path: Path) -> NDArray[Any]:
 
 
 def describe_image(image: NDArray[Any]) -> str:
-    """Return the size, the bit depth and the colour of an image, (H, W) or (H, W, 3), in words.
+    """Return the size, the bit depth and the colour of an image in words, for messages.
 
     Examples
     --------

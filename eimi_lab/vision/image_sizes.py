@@ -65,7 +65,7 @@ def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
 
 
 def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
-    """Read the size of the image on one page of a TIFF file, and the place of the next page.
+    """Read the size of the image on one page of a TIFF file, and the offset of the next page.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None,
     Returns
     -------
     size : tuple of int, or None
-        Width and height in px; None if the page does not give both.
+        Width and height in px; None if the page does not give both numbers.
     following : int
-        Offset of the next page's directory; 0 after the last page.
+        Offset of the next page's directory in the file, bytes; 0 after the last page.
     """
     (count,) = struct.unpack_from(f"{order}H", raw, at)
     end = at + 2 + 12 * count
@@ -95,7 +95,7 @@ def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None,
 
 
 def is_stack(raw: bytes) -> bool:
-    """Return whether the second page of a TIFF file holds an image of the same size as the first page.
+    """Return whether the second page of a TIFF file contains an image of the same size as the first page.
 
     A smaller second image is a thumbnail. The result is False for every other format.
     """

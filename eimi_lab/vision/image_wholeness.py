@@ -45,8 +45,8 @@ def _png_is_whole(raw: bytes) -> bool:
 def _jpeg_is_whole(raw: bytes) -> bool:
     """Return whether the segments and scans of a JPEG file reach the end-of-image marker (ITU-T T.81, annex B).
 
-    The end-of-image marker of an embedded thumbnail does not count: it lies inside a segment, and segments are skipped.
-    Bytes after the marker are allowed, because phones append a film or a second picture.
+    Segments are skipped, and with them the end-of-image marker of an embedded thumbnail. Bytes after the marker of the
+    image are allowed, because phones append a film or a second picture.
     """
     at = len(_JPEG_START)
     while (match := _MARKER.search(raw, at)) is not None:

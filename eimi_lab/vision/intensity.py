@@ -1,4 +1,4 @@
-"""Grey values: bit depth, colours, the mean image of a state, and the correction by a dark frame and a flat field."""
+"""Grey values of images: bit depth, colours, mean of several frames, and correction by dark frame and flat field."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compr
 def grey(image: ArrayLike) -> NDArray[Any]:
     """Return one channel of an image; of a colour image, the brightest channel.
 
-    Under a coloured back-light the other channels hold little but noise. A mean of the channels would hide that one
-    channel is clipped.
+    Under a coloured back-light, the other channels contain almost only noise. A mean of the channels would hide that
+    one channel is clipped.
 
     Parameters
     ----------
@@ -41,9 +41,10 @@ def grey(image: ArrayLike) -> NDArray[Any]:
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """Return an image as (H, W) or (H, W, 3), of type uint8 or float32 with finite values.
+    """Return an image of type uint8 or float32 with finite values, shape (H, W) or (H, W, 3).
 
-    Of two channels the first is returned, of more than three the first three. Raise ValueError for another shape.
+    Of two channels, the first channel is returned. Of more than three channels, the first three are returned. Raise
+    ValueError if the array has another shape.
     """
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:
@@ -58,12 +59,12 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
 
 
 def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return one channel (H, W) of an image, chosen as by `grey`, in the number type of the image."""
+    """Return the brightest channel of an image, as `grey` does, in the number type of the image, shape (H, W)."""
     return grey(image).astype(image.dtype, copy=False)
 
 
 def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the mean of the colour channels of an image, (H, W), in grey levels of the image.
+    """Return the mean of the colour channels of an image, in grey levels of the image, shape (H, W).
 
     Use this function to compare frames with each other. If two channels are about equally bright, `camera_grey` may
     choose different channels in two frames.
@@ -99,7 +100,7 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
 
 
 def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image of any bit depth and colour as grey values from 0 to 255, (H, W)."""
+    """Return an image of any bit depth and colour as grey values from 0 to 255, shape (H, W)."""
     pixels = grey(image)
     return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
@@ -121,7 +122,7 @@ def full_scale(image: NDArray[Any]) -> float:
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     """Return the mean of the frames of a state, in grey levels of the frames.
 
-    The noise of the mean of n frames is smaller than the noise of a frame by the factor √n.
+    The standard deviation of the noise in the mean of n frames is 1/√n of that in one frame.
 
     Parameters
     ----------
@@ -180,8 +181,8 @@ class FieldCorrection:
         Raises
         ------
         ValueError
-            If both images are None, if their shapes differ, or if more than 1 % of the pixels have a flat - dark below
-            5 % of its median.
+            If both images are None, if the shapes of the images differ, or if the difference flat - dark is below 5 %
+            of its median at more than 1 % of the pixels.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         present = [image for image in images if image is not None]

@@ -1,7 +1,8 @@
 """Project the colours of pictures to one grey value, with the same weights for all pictures of a dataset.
 
-The projection is linear in the camera's colours or in CIELAB. Fisher's linear discriminant maximises the difference
-between the root of the beam (index in) and its surroundings (index out), relative to the scatter of the colours:
+The projection is linear in the camera's colours or in the coordinates of the colour space CIELAB. Fisher's linear
+discriminant maximises the difference between the root of the beam (index in) and its surroundings (index out), relative
+to the scatter of the colours:
 
     w = C⁻¹ (m_in - m_out),
 
@@ -38,7 +39,7 @@ _CAUTIOUS = 20  # percentile of the separations over both sides in all pictures
 
 @dataclass(frozen=True)
 class Projection:
-    """A projection of the three numbers of a pixel to one grey value: a weight for each number.
+    """A projection of the three colour values of a pixel to one grey value, which is their weighted sum.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class Projection:
     separation: float = 0.0
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """Return the projected grey values (H, W) of an image, on the scale of the camera.
+        """Return the projected grey values of an image, in grey levels of the camera.
 
         Because weights may be negative, the weighted sums are shifted and scaled to values between 0 and full scale.
 
@@ -144,7 +145,7 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return the factor by which a better candidate must exceed the separation of the best projection so far."""
+    """Return the smallest ratio of separations for which a candidate replaces the best projection so far."""
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
@@ -152,7 +153,8 @@ def _advantage(best: Projection, candidate: Projection) -> float:
 class _Colours:
     """The colours at the beam's root in one picture, as shares of full scale.
 
-    `inside` holds the colours on the beam, (n, 3). `sides` holds the colours beside each edge, (n, 3) each.
+    `inside` contains the colours of n pixels on the beam, shape (n, 3). `sides` contains, for each edge of the beam in
+    the picture, the colours of k pixels beside the edge, shape (k, 3).
     """
 
     inside: Array
@@ -161,7 +163,7 @@ class _Colours:
 
 @dataclass(frozen=True)
 class _RootSampler:
-    """A reader of the colours on the root of the beam and beside the root."""
+    """Reads the colours of a picture on the root of the beam and beside the root."""
 
     frame: BeamFrame
     width_mm: float
@@ -188,7 +190,7 @@ class _RootSampler:
 
 
 def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
-    """Yield the projections to choose from: the discriminants and, in camera colours, the single channels.
+    """Yield the projections among which one is chosen: discriminants and, in camera colours, single channels.
 
     If the colour of the beam is given, only the discriminants are yielded.
     """
@@ -215,10 +217,10 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection with the given weights and with its separation on the samples.
+    """Return a projection with the given weights, and with the separation of beam and surroundings that it achieves.
 
-    The separation is measured on each side of the root in each picture. The projection gets the 20th percentile of
-    these values, so that a few clear sides or pictures do not determine the result.
+    The separation is measured on each side of the beam's root in each picture. The 20th percentile of the measured
+    separations is used, so that a few clear sides or pictures do not determine the result.
     """
     separations = []
     for sample in samples:
@@ -232,7 +234,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Convert colours (h, w, 3: blue, green, red, from 0 to 1) into a colour space.
+    """Convert blue, green and red from 0 to 1, shape (h, w, 3), into a colour space.
 
     L, a and b of CIELAB are scaled to about 0 to 1.
     """

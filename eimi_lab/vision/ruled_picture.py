@@ -1,4 +1,4 @@
-"""Draw a grid of pixel coordinates and a compass of directions, so that a person can read places and angles."""
+"""Draw a grid of pixel coordinates and a compass on a frame, so that a person can read coordinates and angles."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def ruled_picture(
 
 
 def _round_step(least: float) -> int:
-    """Return the smallest of the numbers 1, 2, 5, 10, 20, 50, ... that is not below `least`."""
+    """Return the distance of grid lines: the smallest of 1, 2, 5, 10, 20, 50, ... that is not below `least`."""
     power = 10 ** math.floor(math.log10(max(least, 1.0)))
     return int(next(power * factor for factor in (1, 2, 5, 10) if power * factor >= least))
 

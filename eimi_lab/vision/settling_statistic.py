@@ -5,7 +5,7 @@ For two frames a and b, with the variance v of the noise at the grey level of ea
     ratio = mean((b - a)²) / mean(2 v).
 
 The means are taken over a band along the edges of the beam, where motion changes the grey values. The ratio is 1 for a
-beam at rest. Its excess over 1 grows with the square of the motion.
+beam at rest. The difference ratio - 1 grows with the square of the motion.
 
 The variance as a function of the grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is
 measured on frames at rest. No data sheet of the camera is needed.
@@ -77,15 +77,16 @@ class Noise:
 
     @cached_property
     def _of_sums(self) -> NDArray[np.float64]:
-        """Variance at the mean of two 8-bit grey levels, (511,), indexed by the sum of the two levels."""
+        """Noise variance at the mean of two 8-bit grey levels, indexed by the sum of the two levels, shape (511,)."""
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
 def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     """Measure the noise of the camera on frames of a beam at rest.
 
-    The variance of a grey level is half the mean squared difference of two consecutive frames. The median over all
-    pairs of consecutive frames is taken, so that a single disturbance of the beam has no effect.
+    The variance at a grey level is half the mean squared difference of two consecutive frames over the pixels of this
+    grey level. The median over all pairs of consecutive frames is taken, so that a single disturbance of the beam has
+    no effect.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 
 
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return a mask (H, W) that is true within 4 px (`EDGE_BAND_PX`) of a steep gradient.
+    """Return whether each pixel of an image is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
 
     A gradient is steep if it is at least a quarter of the steepest gradient in the image.
     """
@@ -129,5 +130,5 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the indices (n,) of the pixels of the `edge_band` in the flattened image."""
+    """Return the indices of the n pixels in the `edge_band` of an image, in the flattened image, shape (n,)."""
     return np.flatnonzero(edge_band(image))

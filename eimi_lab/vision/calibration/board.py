@@ -84,7 +84,7 @@ class Board:
         Returns
         -------
         board_mm : ndarray, shape (n, 2)
-            Points on the board; x along its rows, y down.
+            Points on the board; x along the rows of the board, y down.
         image_px : ndarray, shape (n, 2)
             The same points in the image.
 
@@ -120,7 +120,7 @@ class Board:
         )
 
     def _grid(self, columns: int, rows: int) -> Array:
-        """Return the points (columns · rows, 2) of a regular grid in mm, row by row."""
+        """Return the points of a regular grid in mm, row by row, shape (columns · rows, 2)."""
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.square_mm * np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
 
@@ -132,7 +132,7 @@ class Board:
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, marker_mm, dictionary)
 
     def cells(self) -> NDArray[np.bool_]:
-        """Return which cells of the board are dark, (10 rows, 10 columns); a square has 10 x 10 cells."""
+        """Return whether each cell of the board is dark, shape (10 rows, 10 columns). Each square has 10 x 10 cells."""
         if self.kind == "charuco":
             size = (_CELLS * self.columns, _CELLS * self.rows)
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128
@@ -187,6 +187,6 @@ def print_board(board: Board, path: Path) -> None:
 
 
 def _runs(dark: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the begin and the end of each run of dark cells in a row."""
+    """Return the first index, and the last index plus 1, of each run of dark cells in a row of cells."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], dark, [False]]).astype(np.int8)))
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]

@@ -31,7 +31,7 @@ READING_PX = 1.0  # standard deviation of a point that a person reads off an ima
 
 @dataclass(frozen=True)
 class BenchSetup:
-    """The values of a calibration that an image of a board does not show.
+    """The values of a calibration that cannot be measured on an image of a board.
 
     Attributes
     ----------
@@ -40,8 +40,9 @@ class BenchSetup:
     clamp_midpoint_px : tuple of float
         Middle of the line at which the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
-        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, an axis that
-        is right to a few degrees is enough. Gravity and field are then turned with the axis.
+        Directions of the beam's axis, of gravity and of the positive field in the image, clockwise from +x. If the axis
+        is also measured on a board or on the beam, the given axis must be right to a few degrees. Gravity and field are
+        then turned by the same angle as the axis.
     telecentric : bool
         Whether the lens is telecentric.
     """
@@ -56,7 +57,7 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """Return a calibration with these values, in which axis, gravity and field are turned by the same angle.
+        """Return a calibration with the values of this setup. Axis, gravity and field are turned by the same angle.
 
         Parameters
         ----------
@@ -105,7 +106,7 @@ def from_board(
     board : Board
         The pattern on the board.
     setup : BenchSetup
-        The values that the images do not show.
+        The values that cannot be measured on the images.
     board_error : float
         Relative standard uncertainty of the size of the print.
 
@@ -144,7 +145,7 @@ def from_board(
 
 
 def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tuple[int, int]]:
-    """Find the board in each image; return the points by image, and the width and height of the images."""
+    """Find the board in each image; return the points of the board by image path, and the size of the images (px)."""
     views: dict[Path, View] = {}
     size: tuple[int, int] | None = None
     for path in paths:
@@ -421,7 +422,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
 
 
 def _listed(numbers: Sequence[float]) -> str:
-    """Return numbers as a TOML list."""
+    """Return numbers as the text of a TOML list."""
     return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"
 
 

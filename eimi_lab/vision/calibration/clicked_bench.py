@@ -183,7 +183,7 @@ def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
 
 
 def _direction_deg(points: tuple[tuple[float, float], ...]) -> float:
-    """Return the direction (degrees) from the first to the last point, clockwise from +x."""
+    """Return the direction (degrees) from the first to the last of several points, clockwise from +x of the picture."""
     (x, y), (end_x, end_y) = points[0], points[-1]
     return math.degrees(math.atan2(end_y - y, end_x - x))
 
@@ -194,7 +194,7 @@ def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -
 
 
 def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of gravity in the picture (degrees), its uncertainty, and its source in words."""
+    """Return the direction of gravity in the picture (degrees), its uncertainty (degrees), and its source in words."""
     if clicked.plumb == "picture":
         return 90.0, UPRIGHT_DEG, f"the phone was upright (assumed to {UPRIGHT_DEG:g} degrees)"
     points = clicked.ruler_px if clicked.plumb == "ruler" else _clamp_line(clicked)
@@ -220,7 +220,7 @@ def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
 
 
 def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of the straight beam at its clamp (degrees), its uncertainty, and its source in words."""
+    """Return the direction of the beam at its clamp (degrees), its uncertainty (degrees), and its source in words."""
     clamp = _middle(clicked)
     to_tip_deg = _direction_deg((clamp, clicked.tip_px))
     if clicked.leaves == "clamp":
@@ -236,7 +236,7 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:
-    """Return `direction_deg` or the opposite direction, whichever is nearer to the tip, from -180 to 180."""
+    """Return `direction_deg` or the opposite direction, whichever is nearer to `to_tip_deg`; from -180 to 180."""
     if math.cos(math.radians(direction_deg - to_tip_deg)) < 0.0:
         direction_deg += 180.0
     return (direction_deg + 180.0) % 360.0 - 180.0
@@ -257,7 +257,7 @@ def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) ->
 def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
-    """Return the text of calibration.toml, with the source of each value in a comment."""
+    """Return the text of calibration.toml, with the source of each value of the calibration in a comment."""
     ticks = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
     lines = [
         '# Written by the page "Weights and a phone" from clicks on a picture. Angles: clockwise from the image\'s +x.',

@@ -16,8 +16,8 @@ DIAGONAL_35MM = 43.2666
 """Diagonal (mm) of a frame of 36 x 24 mm. A lens with the "35 mm equivalent" focal length has the same angle of view
 over the diagonal of this frame as the phone has over its own (CIPA DCG-001, 2005)."""
 FOCAL_LENGTH_SHARE = 0.03
-"""Assumed relative standard uncertainty of a focal length from Exif. Its value is rounded to 1 mm of about 26 mm, holds
-for focus at infinity, and ignores that the correction of the distortion crops the picture."""
+"""Assumed relative standard uncertainty of a focal length from Exif. The focal length in Exif is rounded to 1 mm of
+about 26 mm, and is valid for focus at infinity. It ignores that the correction of the distortion crops the picture."""
 _SAME_SHAPE = 0.01  # relative difference of two ratios of width to height
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: inch (Exif 2.3, 4.6.5), cm, mm, µm
 

@@ -34,14 +34,16 @@ class BeamPose:
     Attributes
     ----------
     pixels_per_mm : float
-        Scale.
+        Scale of the image.
     pixels_per_mm_sigma : float
         Standard deviation of the scale due to the scatter of the edges. The uncertainty of the specimen's width is not
         included.
     clamp_midpoint_px : tuple of float
         Middle of the clamp line.
-    axis_angle_deg, axis_angle_sigma_deg : float
-        Direction of the beam, clockwise from the image's +x, and its standard deviation.
+    axis_angle_deg : float
+        Direction of the beam, clockwise from the image's +x.
+    axis_angle_sigma_deg : float
+        Standard deviation of `axis_angle_deg`.
     """
 
     pixels_per_mm: float
@@ -124,7 +126,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Return the edges of the beam; raise ValueError if they are not accurate enough for a measurement."""
+    """Return the edges of the beam; raise ValueError if the edges are not accurate enough for a measurement."""
     edges = find_edges(pixels, calibration, specimen)
     fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
     if fatal_flags or not len(edges.left.points_mm):
@@ -142,7 +144,10 @@ def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
-    """Return the angle (rad) of the first half of the beam from +x toward +y, and its standard deviation."""
+    """Return the direction of the first half of the beam, from +x toward +y, and its standard deviation, both in rad.
+
+    left, right: points of the two edges, shapes (n, 2) and (m, 2).
+    """
     angles, variances = [], []
     for points in (left, right):
         near = points[: max(4, len(points) // 2)]
@@ -153,7 +158,7 @@ def _tilt(left: Array, right: Array) -> tuple[float, float]:
 
 
 def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
-    """Return the median width of the beam across the given axis, accurate to one or two pixels."""
+    """Return the median width of the beam in px, measured across the axis of `guess`, accurate to one or two pixels."""
     grey_values = eight_bit(pixels)
     _, bright = cv2.threshold(grey_values, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     angle = math.radians(guess.axis_angle_deg)
@@ -175,9 +180,9 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
-    """Count the pixels from a place to the first bright pixel.
+    """Return the number of pixels from a point along a direction to the first bright pixel.
 
-    Return None if the place itself is bright, or if the image ends before a bright pixel.
+    Return None if the pixel at the point is bright, or if the image ends before a bright pixel.
     """
     steps = np.arange(max(bright.shape))
     places = np.rint(begin + steps[:, None] * direction).astype(int)

@@ -14,7 +14,7 @@ from eimi_lab.vision.beam_frame import undistorted
 
 Array = NDArray[np.float64]
 View = tuple[Array, Array]
-"""Points on the board (n, 2) in mm, and the same points in the image (n, 2) in px."""
+"""n points on the board in mm, shape (n, 2), and the same points in the image in px, shape (n, 2)."""
 
 FEWEST_VIEWS = 4
 _LEAST_TILT_DEG = 15.0  # between two views: parallel views do not separate the distance from the focal length
@@ -47,7 +47,7 @@ class Lens:
         return float(self.matrix[0, 0])
 
     def undistort(self, points_px: Array) -> Array:
-        """Return the places (n, 2), px, at which a lens without distortion would image the points (n, 2), px."""
+        """Return the points at which a lens without distortion would image n points of the image, px, shape (n, 2)."""
         return undistorted(points_px, self.matrix, self.distortion)
 
     def stand_off_mm(self, view: View) -> float:
@@ -126,10 +126,14 @@ class BoardPose:
 
     Attributes
     ----------
-    pixels_per_mm, pixels_per_mm_sigma : float
-        Scale and its standard deviation.
-    angle_deg, angle_sigma_deg : float
-        Direction of the board's rows, clockwise from +x, and its standard deviation.
+    pixels_per_mm : float
+        Scale in the plane of the board.
+    pixels_per_mm_sigma : float
+        Standard deviation of the scale.
+    angle_deg : float
+        Direction of the board's rows, clockwise from +x of the image.
+    angle_sigma_deg : float
+        Standard deviation of the direction.
     tilt_deg : float
         Angle between the board and the sensor plane, from the foreshortening of the board.
     residual_px : float
@@ -147,19 +151,20 @@ class BoardPose:
 def fit_board_pose(view: View, board_error: float) -> BoardPose:
     """Fit the scale and the orientation of a board by least squares.
 
-    Let b be the points on the board and q the points in the image, as complex numbers relative to their means. The
-    similarity q ≈ t b has the least-squares solution
+    Let b be the points on the board (mm) and q the points in the image (px), each as complex numbers relative to the
+    mean of the points. The similarity q ≈ t b has the least-squares solution
 
         t = Σ b* q / Σ |b|².
 
-    |t| is the scale, and the argument of t is the direction of the rows. The variance of the scale is the sum of three
-    variances: from the scatter of the points, from the error of the print, and from a tilt of the board. The standard
-    deviation due to the tilt is half of the difference between the largest and the smallest scale of an affine fit.
+    with the conjugate b* of b. |t| is the scale, and the argument of t is the direction of the board's rows. The
+    variance of the scale is the sum of three variances: from the scatter of the points, from the error of the print,
+    and from a tilt of the board. The standard deviation due to the tilt is half of the difference between the largest
+    and the smallest scale of an affine fit.
 
     Parameters
     ----------
     view : View
-        Points on the board (n, 2) mm, and the undistorted points in the image (n, 2) px.
+        n points on the board in mm, shape (n, 2), and the undistorted points in the image in px, shape (n, 2).
     board_error : float
         Relative standard uncertainty of the size of the print.
 

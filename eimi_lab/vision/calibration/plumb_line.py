@@ -31,8 +31,10 @@ class PlumbLine:
 
     Attributes
     ----------
-    gravity_angle_deg, gravity_angle_sigma_deg : float
-        Direction of gravity, clockwise from the image's +x, and its standard deviation.
+    gravity_angle_deg : float
+        Direction of gravity, clockwise from the image's +x.
+    gravity_angle_sigma_deg : float
+        Standard deviation of the direction.
     residual_px : float
         RMS distance of the thread from a straight line.
     """
@@ -45,9 +47,9 @@ class PlumbLine:
 def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_deg: float) -> PlumbLine:
     """Measure the direction of gravity from the thread in an image.
 
-    The middle of the thread is located at each pixel along the thread, and undistorted. The thread is divided into
-    twelve parts, and a straight line is fitted to the mean points of the parts. The covariance of the fit gives the
-    standard deviation.
+    The middle of the thread is located at each pixel along the thread, and corrected for the distortion of the lens.
+    The thread is divided into twelve sections, and a straight line is fitted to the mean points of the sections. The
+    covariance of the fit gives the standard deviation of the direction.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
 
 
 def _thread(image: NDArray[Any]) -> Array:
-    """Return points (n, 2), px, on the middle of the longest thin dark body, about one pixel apart."""
+    """Return n points on the centre line of the longest thin dark body, about one pixel apart, px, shape (n, 2)."""
     shown = eight_bit(image)
     side = min(shown.shape)
     if side < 100:

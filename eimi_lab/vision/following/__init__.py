@@ -8,12 +8,12 @@ working        cut the image to the reach of the beam, and scale it to a given w
 reflections    remove narrow clipped reflections
 hypotheses     hypotheses where the beam continues, and how well the image supports each hypothesis
 beam_search    search for the strip of the picture that shows the beam, from the clamp outward
-unrolled       sample the image along the strip, so that its edges are nearly straight
+unrolled       sample the image along the strip, so that the edges of the beam are nearly straight
 discriminant   project colours by Fisher's discriminant of the two sides of an edge
 seams          find an edge by dynamic programming, as the line at which the projected colour falls most
 colour_seams   find both edges, each in a colour projection of its own
 shadows        move an edge from the border of a shadow to the edge of the beam
-support        decide where each edge is sure, and where the beam ends
+support        decide where each edge is reliable, and where the beam ends
 edge_points    fit blurred steps in the original image, and estimate the scatter of the points
 ends           remove the points at both ends where the width of the beam changes
 clicks         compare the followed path with clicked points

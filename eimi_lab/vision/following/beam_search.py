@@ -5,9 +5,10 @@ bounded curvature. A step is about a third of the beam's width. The gain of a st
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line),
 
-with the support of both sides of the strip by the image (0 to 2), the misfit of the colours inside the strip to the
-colours remembered from earlier steps, and the sideways shift in beam widths. The last term is 0 without an expected
-centre line (`centre_line`). The score of a strip is the sum of its gains.
+where `support` (0 to 2) measures how clear the colour steps at both sides of the strip are, `misfit` is the difference
+between the colours inside the strip and the colours remembered from earlier steps, and `shift` is the sideways shift in
+beam widths. The gain of the centre line is 0 without an expected centre line (`centre_line`). The score of a strip is
+the sum of the gains of all its steps.
 """
 
 from __future__ import annotations
@@ -51,20 +52,22 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of the searched picture that shows the beam: k places from the clamp outward. Lengths are in px.
+    """The strip of the searched picture that shows the beam, described at k points from the clamp outward.
+
+    Lengths are in px of the searched picture.
 
     Attributes
     ----------
     place : ndarray, shape (k, 2)
-        Middle of the strip.
+        Points on the centre line of the strip.
     angle : ndarray, shape (k,)
-        Direction of the strip, rad, clockwise from +x.
+        Direction of the strip at each point, rad, clockwise from +x.
     width : ndarray, shape (k,)
-        Width of the strip.
+        Width of the strip at each point.
     gain : ndarray, shape (k,)
-        Gain of each step of the search.
+        Gain of the search step that ended at each point.
     step_px : float
-        Distance between neighbouring places.
+        Distance between neighbouring points.
     variance : float
         Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
         as equal.
@@ -89,9 +92,10 @@ class Strip:
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """Bounds of the curvature of a strip.
+    """Bounds of the curvature of a strip in the search for the beam.
 
-    `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest curvature, 1/px.
+    `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest permitted curvature,
+    1/px.
     """
 
     bend: float
@@ -110,8 +114,9 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings at the root; None if either is possible.
     earlier : callable
-        Return places (n, 2) of the beam in an earlier picture, in pixels of this picture, or None. The function is
-        called only if several bodies have about the same score. The body nearest to these places is then used.
+        Function that returns n points of the beam in an earlier picture, in pixels of this picture, shape (n, 2), or
+        None. The function is called only if several bodies have about the same score. The body nearest to the n points
+        is then used.
 
     Returns
     -------
@@ -134,7 +139,7 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The strips after one step of the search, with the index of each strip's parent and the gain of the step."""
+    """The strips after one step of the search; for each strip, the index of the strip it extends and its gain."""
 
     strips: Hypotheses
     parent: NDArray[np.int64]
@@ -142,7 +147,7 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the first strips of the search, half a width ahead of the clamp."""
+    """Return the strips with which the search begins, half a beam's width ahead of the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
@@ -235,9 +240,9 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the best hypotheses, at most one in each cell of place and direction.
+    """Return the indices of the strips with the highest scores, at most one in each cell of position and direction.
 
-    The indices are in the order of decreasing score.
+    The indices are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
     """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
@@ -253,7 +258,7 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 def _best_strip(
     trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]
 ) -> Strip | None:
-    """Return the best strip, traced back to the clamp; None if no score is positive."""
+    """Return the strip with the highest score, traced back to the clamp; None if no score is positive."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = int(np.argmax(best))
     if last == 0 or best[last] <= 0.0:
@@ -276,9 +281,9 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the best strip in the last generation.
+    """Return the index of the best strip in the last generation of the search.
 
-    If strips along several bodies are about equally good, the body nearest to the beam in the earlier picture is
+    If strips along several bodies have about the same score, the body nearest to the beam in the earlier picture is
     chosen.
     """
     score = trail[-1].strips.score
@@ -305,9 +310,9 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best strip along another body, divided by the score of this strip.
+    """Return the score of the best strip along another body, divided by the score of the chosen strip.
 
-    Both scores are taken half way along this strip.
+    Both scores are taken at the middle of the length of the chosen strip.
     """
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])

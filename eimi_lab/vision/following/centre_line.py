@@ -31,11 +31,11 @@ class CentreLine:
     Attributes
     ----------
     points : ndarray, shape (n, 2)
-        Places from the clamp outward, equally spaced, px.
+        Points of the line from the clamp outward, equally spaced, px.
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
-        Distance from each place within which a strip has no cost.
+        Distance from each point of the line within which a strip has no cost.
     evidence : float
         Gain of a search step within the free distance.
     largest_cost : float
@@ -54,7 +54,7 @@ class CentreLine:
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return the gain of search steps that end at given places, from their distance to the line.
+        """Return the gain of search steps, from the distance between the end of each step and this line.
 
         Within the free distance the gain is `evidence`. At a distance e beyond the free distance, in half beam widths,
         the gain is -e²/2, but not below -`largest_cost`. Beyond the end of the line the gain is 0.
@@ -62,9 +62,9 @@ class CentreLine:
         Parameters
         ----------
         x, y : ndarray, shape (...)
-            Places, px.
+            Coordinates of the ends of the search steps, px.
         along_px : float
-            Distance of the places from the clamp, along the strip.
+            Distance of the ends of the search steps from the clamp, along the strip.
         width_px : float
             Width of the beam.
 
@@ -109,23 +109,29 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the centre line (n, 2), px, of the beam in another picture as the expected line."""
+    """Return the expected centre line from n points of the beam's centre line in another picture, px, shape (n, 2)."""
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp and the clicked points, without the first points if they are too close to the clamp (20 px)."""
+    """Return the clamp and the clicked points, px, without the first clicked points that are within 20 px of the clamp.
+
+    The clamp has the shape (2,), the clicked points have the shape (n, 2), and the result has the shape (1 + k, 2) with
+    k <= n. The last clicked point is always kept.
+    """
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1
     return np.vstack([clamp_px, clicks_px[first:]])
 
 
 def _merged(corners: Array) -> Array:
-    """Return the corners (n, 2) of a line, px, with each group of close clicked points replaced by its mean.
+    """Return the clamp and the clicked points, px, with each group of close clicked points replaced by its mean.
 
-    Each clicked point may lie 10 px beside the beam. The direction of a line through two points that are closer than 40
-    px is therefore arbitrary, and the line may turn back.
+    Each clicked point may lie 10 px beside the beam. The direction of a line through two points that are less than 40
+    px apart is therefore arbitrary, and the line may turn back.
+
+    corners: the clamp, followed by the clicked points, shape (n, 2).
     """
     groups: list[list[Array]] = []
     for place in corners[1:]:

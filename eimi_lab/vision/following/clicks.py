@@ -1,4 +1,4 @@
-"""Compare the followed path with the points that a person clicked."""
+"""Compare the path along which the beam was followed with the points that a person clicked on the beam."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Add the distance of the farthest clicked point from the followed path to the findings.
+    """Add the distance of the farthest clicked point from the followed path to the findings of a followed beam.
 
     Parameters
     ----------
@@ -30,7 +30,8 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     Returns
     -------
     FollowedBeam
-        The result with the finding ``"followed_click"``. Unchanged if the beam was too narrow to be followed.
+        The result with the finding ``"followed_click"``. The result is unchanged if the beam was too narrow to be
+        followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:
@@ -47,7 +48,10 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
 
 
 def off_path(path: Array, clicks: Array) -> Array:
-    """Return the distance (n,), px, of each clicked point from a path (m, 2)."""
+    """Return the distance of each of n clicked points from a path, px, shape (n,).
+
+    path: m points of the path, px, shape (m, 2). clicks: the clicked points, px, shape (n, 2).
+    """
     begin, step = path[:-1], np.diff(path, axis=0)
     offset = clicks[:, None] - begin
     share = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)

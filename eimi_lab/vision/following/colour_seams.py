@@ -21,13 +21,13 @@ OUTWARD = (-1.0, 1.0)
 class Seams:
     """The left and the right edge of the beam at n stations along the beam.
 
-    The places are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
+    The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
     nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Positions of the two edges across the beam.
+        Position of the left edge (row 0) and of the right edge (row 1) across the beam.
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     projected : tuple of ColourProjection
@@ -54,11 +54,12 @@ def find_colour_seams(
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     edge : ndarray, shape (2, n)
-        Initial edges, in nominal widths of the beam.
+        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam, in nominal widths.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
-        For each pass, the standard deviation of an edge about the edge of the previous pass, in nominal widths.
+        For each pass, the expected standard deviation between an edge and the same edge in the previous pass, in
+        nominal widths.
     shadowless : bool
         Whether to use only projections in which the surroundings look the same in shadow and in light.
 

@@ -4,9 +4,9 @@ The projection is Fisher's linear discriminant of the colours in a window along 
 
     share = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
 
-with the mean colours m_in inside and m_out outside, and the mean covariance C of the two sides (R. A. Fisher, "The use
-of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179). The beam may be brighter or darker
-than the background, and the background may change along the beam.
+with the mean colours m_in inside and m_out outside, and the mean C of the two colour covariances (R. A. Fisher, "The
+use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179). The beam may be brighter or
+darker than the background, and the background may change along the beam.
 """
 
 from __future__ import annotations
@@ -30,18 +30,20 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge in the unrolled picture, at n stations along the beam and m places across.
+    """The colour projection of one edge of the beam in the unrolled picture.
+
+    The unrolled picture has n stations along the beam and m points across the beam at each station.
 
     Attributes
     ----------
     share : ndarray, shape (n, m)
         Projected colours, about 1 inside and 0 outside.
     separation : ndarray, shape (n,)
-        Distance between the colours inside and outside, in standard deviations.
+        Distance between the mean colours inside and outside, in standard deviations of the projected colour.
     weight : ndarray, shape (n, channels)
         Weight of each channel.
     level : ndarray, shape (n,)
-        Weighted sum of the outside colour: colour · weight - level is 0 outside and 1 inside.
+        Weighted sum of the mean outside colour: colour · weight - level is 0 outside and 1 inside.
     step : ndarray, shape (n, channels)
         Mean colour inside minus mean colour outside.
     """
@@ -63,7 +65,7 @@ def project(
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     edge : ndarray, shape (n,)
-        Place of the edge across the beam, in nominal widths.
+        Position of the edge across the beam at n stations, in nominal widths.
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
@@ -103,9 +105,10 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean (n, c) and the covariance (n, c, c) of masked colours in a window along the beam.
+    """Return the mean and the covariance of the masked colours in a window around each of n stations.
 
-    c is the number of channels.
+    For c channels, the mean has the shape (n, c) and the covariance the shape (n, c, c). colours: shape (n, m, c).
+    mask: shape (n, m). window: length of the window along the beam, number of stations.
     """
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
@@ -119,7 +122,10 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return the probability (n, m) that a colour belongs to the inside, from histograms over the whole strip."""
+    """Return the probability that each colour of the unrolled picture belongs to the inside of the beam, shape (n, m).
+
+    The probability follows from histograms of the colours inside and outside, over the whole unrolled picture.
+    """
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)

@@ -25,8 +25,8 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     """Return the possible error (px) of the softer edge if this edge is the border of the beam's own shadow.
 
     Both edges of one body are about equally far from the lens, and therefore equally blurred. The border of a shadow is
-    also blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border of the
-    shadow lies outside the body, so that the body looks wider.
+    additionally blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border
+    of the shadow lies outside the body. If this border is taken for the edge, the body looks wider.
 
     Parameters
     ----------
@@ -56,15 +56,15 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) between the edges and the borders of possible shadows, over the sure places."""
+    """Return the RMS distance (px) between the reliable parts of the edges and the borders of possible shadows."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge on which the reflection of a lamp lies.
+    """Return the share of the length of an edge on which the reflection of a lamp lies.
 
-    Of both edges, the larger share is returned. A place with a reflection is clipped at the edge, but neither in the
-    middle of the beam nor in the surroundings.
+    The larger of the shares of the two edges is returned. At a reflection, the picture is clipped at the edge, but
+    neither in the middle of the beam nor in the surroundings.
     """
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
@@ -78,9 +78,9 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge beside which any colour is clipped, inside or outside.
+    """Return the share of the length of an edge beside which any colour is clipped, inside or outside the beam.
 
-    Of both edges, the larger share is returned. Clipping moves an edge away from the clipped side.
+    The larger of the shares of the two edges is returned. Clipping moves an edge away from the clipped side.
     """
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []

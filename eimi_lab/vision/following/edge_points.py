@@ -115,7 +115,10 @@ def locate_edge(
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
-    """Return, for each point, the index of the nearest place of an edge."""
+    """Return, for each of n points, the index of the nearest of the m points of an edge, shape (n,).
+
+    points: shape (n, 2). seam: the points of the edge, shape (m, 2).
+    """
     return np.asarray(cKDTree(seam).query(points)[1])
 
 
@@ -123,7 +126,8 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 class _Edge:
     """The image and the colour projection with which the profiles across one edge are read.
 
-    `outward` is +1 if the outside lies clockwise of the tangent of the edge, else -1.
+    `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1. `width_px` is the
+    nominal width of the beam.
     """
 
     image: NDArray[Any]
@@ -134,10 +138,15 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit steps at arc lengths of a curve; return the points (n, 2), the steps, and whether each step is sound.
+        """Fit blurred steps to profiles across a curve near the edge, at n arc lengths.
 
-        If `level` is true, the slope of the light beside the edge is removed first. This needs a curve close to the
-        edge.
+        Returned are the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape
+        (n,).
+
+        Parameters: `place` contains the arc lengths (px), and `station` the index of the nearest station of the
+        unrolled picture for each arc length. The profiles reach `half` px to both sides of the curve, and `blur` (px)
+        is the initial blur of the fit. If `level` is true, the slope of the light beside the edge is removed first. The
+        curve must then be close to the edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -152,7 +161,11 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """Return profiles (n, m) along normals, about 0 inside and 1 outside, and whether each lies in the image."""
+        """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
+
+        The projected colour is about 0 inside the beam and 1 outside. `u` contains m distances along a normal, px. The
+        other parameters are those of `fitted`.
+        """
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
@@ -161,10 +174,11 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return the change (n, m) of the profiles that slopes of the light on both sides cause, 0 at the edge.
+        """Return by how much the slope of the light changes the n profiles of `_profiles`, shape (n, m).
 
-        Shading, uneven light and shadows cause these slopes. The slope on each side is measured outside the blur of the
-        edge, as the median over neighbouring profiles. It acts from the edge outward, and is blurred like the edge.
+        Shading, uneven light and shadows cause slopes on both sides of an edge. The slope on each side is measured
+        outside the blur of the edge, as the median over neighbouring profiles. The slope begins at the edge, and is
+        blurred like the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -183,7 +197,10 @@ class _Edge:
 
 
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
-    """Fit a straight line to each profile (n, m); return its slope (n,) and the RMS of its residuals (n,)."""
+    """Fit a straight line to each of n profiles; return the slopes, shape (n,), and the RMS residuals, shape (n,).
+
+    profiles: shape (n, m). places: the distances along the profiles, px, shape (m,).
+    """
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
     residuals = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away
@@ -191,10 +208,10 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return, for each profile, the median slope (n,) of the profile and its ten neighbours on each side.
+    """Return, for each of n profiles, the median of its slope and the slopes of ten profiles on each side, shape (n,).
 
-    Neighbours whose slope is too steep or whose profile is not straight are left out, because they show another body.
-    The result is 0 if fewer than a third of the neighbours remain.
+    Profiles that are too steep or not straight are left out, because such profiles show another body. The result is 0
+    if fewer than a third of the profiles remain.
     """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
@@ -216,16 +233,16 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     points : ndarray, shape (n, 2)
         Points of one edge, in order.
     sensitivity : ndarray, shape (n,)
-        Relative sensitivity of each point to noise.
+        Standard deviation of each point up to a common factor.
 
     Returns
     -------
     points : ndarray, shape (n, 2)
         The points, unchanged.
     sigma : ndarray, shape (n,)
-        Standard deviation of each point along the normal.
+        Standard deviation of each point along the normal of the edge.
     kept : ndarray of bool, shape (n,)
-        Whether each point is within four standard deviations of the line.
+        Whether each point is within four standard deviations of the smooth line.
     """
     kept = np.ones(len(points), dtype=bool)
     offset, freedom = _off_smooth_line(points, kept)
@@ -242,11 +259,11 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Return the signed distances (n,) of points from a spline with few pieces, and the degrees of freedom of the fit.
+    """Return the signed distances of n points from a smooth spline, shape (n,), and the degrees of freedom of the fit.
 
-    The spline is fitted to the kept points. Its pieces are equally long. With equally many points in each piece, a
-    piece in a region with few points would be too long for the shape of the edge, and its misfit would count as
-    scatter.
+    points: points of one edge, shape (n, 2). kept: whether a point is used for the fit, shape (n,). The pieces of the
+    spline have equal lengths. With equal numbers of points, a piece in a region with few points would be too long to
+    follow the shape of the edge.
     """
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))

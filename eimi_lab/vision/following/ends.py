@@ -26,7 +26,7 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 
 def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[StripEdges, StripEdges]:
-    """Remove the points at both ends of the edges, from the place at which the width of the beam clearly changes.
+    """Remove the points near the clamp and near the tip for which the width of the beam clearly differs.
 
     Parameters
     ----------
@@ -38,6 +38,7 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
     Returns
     -------
     left, right : StripEdges
+        The edges without the removed points.
     """
     kept = []
     for edge, other_edge in ((left, right), (right, left)):
@@ -57,10 +58,13 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return whether each place (n,) is nearer than the first place at which the width changes toward the last place.
+    """Return which of n edge points precede the change of the beam's width toward the last point, shape (n,).
 
-    The width changes if it differs from the width extrapolated from the preceding part of the edge. `along` and
-    `widths` are in nominal widths of the beam.
+    The beam's width changes at the first point whose width differs from the extrapolated width of the preceding points.
+    The result is True for every point if the width does not change.
+
+    along: distance of each point from the clamp. widths: width of the beam at each point. Both have the shape (n,), and
+    are in nominal widths of the beam.
     """
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)

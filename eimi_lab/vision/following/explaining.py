@@ -1,4 +1,4 @@
-"""Draw the intermediate results of following a beam: the searched picture, the strip, and the places of its edges."""
+"""Draw the intermediate results of following a beam: the searched picture, the strip, and the edges of the beam."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
         of each step of the search.
 
         ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
-        the colour projections of the left and of the right edge. Both edges are green where they are sure, and red
-        elsewhere.
+        the colour projections of the left and of the right edge. Both edges are drawn in green at the stations where
+        the edge is reliable, and in red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -76,7 +76,7 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """Return an enlarged colour picture of pixels (h, w, 1 or 3) with values from 0 to 255."""
+    """Return an enlarged colour picture of grey or colour pixels from 0 to 255, shape (h, w, 1) or (h, w, 3)."""
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

@@ -49,7 +49,7 @@ class FollowedBeam:
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
-        Replacements for the words in braces in the remedies.
+        For each word in braces in the remedies, the text that replaces this word.
     """
 
     findings: dict[str, float]
@@ -61,9 +61,10 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return this result in the coordinates of a larger picture.
+        """Return this result with its path and its reliable points in the coordinates of a larger picture.
 
-        This picture was cut from the larger picture at the place `by_px`, (2,).
+        The searched image was cut from the larger picture. by_px: upper left corner of the searched image in the larger
+        picture, px, shape (2,). The located points in `edges` are not converted.
         """
         return replace(
             self,
@@ -73,14 +74,17 @@ class FollowedBeam:
 
     @property
     def path_px(self) -> Array:
-        """Middle of the followed strip (n, 2), px of the image; empty if no strip was found."""
+        """The centre line of the followed strip: n points in px of the image, shape (n, 2); empty without a strip."""
         if self.strip is None or self.working is None:
             return np.zeros((0, 2))
         return self.working.to_picture(self.strip.place)
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """Sure places (n, 2), px, of each edge, accurate to a twentieth of the beam's width; empty without edges."""
+        """The reliable points of the left and of the right edge, px, each of shape (n, 2); empty without edges.
+
+        The points are accurate to a twentieth of the beam's width.
+        """
         if self.sides is None or self.unrolled is None:
             return ()
         seams = self.unrolled.middle + self.sides.edge[..., None] * self.unrolled.aside
@@ -107,8 +111,8 @@ def follow(
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings; None if either is possible.
     earlier_px : callable, optional
-        Return the centre line (n, 2) of the beam in an earlier picture, px, or None. The function is called only if
-        several bodies are equally likely to be the beam.
+        Function that returns n points of the beam's centre line in an earlier picture, px, shape (n, 2), or None. The
+        function is called only if several bodies are equally likely to be the beam.
 
     Returns
     -------
@@ -143,21 +147,21 @@ def follow(
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
-    """Map places of the image to the searched picture; return None for None."""
+    """Convert n points from px of the image to px of the searched picture, shape (n, 2); return None for None."""
     return None if places_px is None else picture.from_picture(places_px)
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return the words of the remedy for a beam that is too narrow."""
+    """Return the texts that replace the words in braces in the remedy for a beam that is too narrow."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Measure the followed strip; return the values with the keys of the table of flags.
+    """Return the measured values of a followed beam, with the keys of the table of flags.
 
-    `size` is the width and the height of the image, px.
+    size: width and height of the image, px.
     """
     both = sides.sound.all(axis=0)
     if not both.any():
@@ -186,21 +190,25 @@ def _findings(
 
 
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
-    """Return whether a place is nearer to the border of the image than three quarters of the beam's width."""
+    """Return whether a point is closer to the border of the image than three quarters of the beam's width.
+
+    place: the point, px. size: width and height of the image, px.
+    """
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
 
 
 def _change(width: Array) -> float:
-    """Return the relative difference between the median widths of the widest and the narrowest fifth of the beam."""
+    """Return (largest / smallest) - 1 of the median widths of five equal parts of the beam's length."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """Return the largest relative difference by which a fifth of the beam is narrower than a fifth nearer to the clamp.
+    """Return by which share of its width the body becomes narrower away from the clamp; 0 if it becomes wider.
 
-    The tail of a fish or the neck of a drop becomes narrower, but a beam does not.
+    The median widths of five equal parts of the length are compared. The tail of a fish or the neck of a drop becomes
+    narrower, but a beam does not.
     """
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

@@ -1,4 +1,4 @@
-"""Hypotheses of the search for the beam: place and bend of each strip, and its support by the image."""
+"""Strips that may show the beam: position and curvature of each strip, and how well the image supports the strip."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Hypotheses:
     Attributes
     ----------
     place : ndarray, shape (n, 2)
-        Middle of the strip.
+        Point on the centre line, at the outer end of each strip.
     angle : ndarray, shape (n,)
         Direction, rad, clockwise from +x.
     bend : ndarray, shape (n,)
@@ -47,7 +47,7 @@ class Hypotheses:
     width : ndarray, shape (n,)
         Width of the strip.
     template : ndarray, shape (n, 9, channels)
-        Colours at nine places across the inside, remembered from earlier steps of the search.
+        Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
     variance : ndarray, shape (n,)
         Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
         as equal.
@@ -68,7 +68,7 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Return the colours at 15 places across each strip: nine inside and three on each side (`ACROSS`).
+    """Return the colours at 15 points across each strip: nine inside and three on each side (`ACROSS`).
 
     Parameters
     ----------
@@ -89,9 +89,10 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the colours (n, m, channels) of a picture at places x, y (n, m), by bilinear interpolation.
+    """Return the colours of a picture at given points by bilinear interpolation, shape (n, m, channels).
 
-    The places are rounded to 1/32 px. Beyond the border of the picture the colours of the border are used.
+    x, y: coordinates of the points, px, shape (n, m). They are rounded to 1/32 px. Beyond the border of the picture the
+    colours of the border are used.
     """
     x, y = x.astype(np.float32, copy=False), y.astype(np.float32, copy=False)
     parts = [slice(at, at + _ROWS) for at in range(0, len(x), _ROWS)]
@@ -109,7 +110,7 @@ def least_variance(picture: WorkingPicture) -> float:
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return the support of strips by the image: the colour steps at both edges, in one number (...) from 0 to 2.
+    """Return the support of strips by the image: a number from 0 to 2 for each strip, shape (...).
 
     For one edge, let d be the distance between the mean colours inside and outside. With e = d² / variance, the support
     of the edge is e / (e + 9). The support of a strip is the sum over its two edges.
@@ -117,7 +118,7 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
     Parameters
     ----------
     colours : ndarray, shape (..., 15, channels)
-        Colours across strips at the places `ACROSS`.
+        Colours at 15 points across each strip, as `read_across` returns them.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the channels.
 
@@ -134,20 +135,28 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix (15 c, 2 c) that computes the colour steps at both edges for c channels in one product."""
+    """Return the matrix that maps the colours at 15 points across a strip to the colour steps at both edges.
+
+    For c channels, the matrix has the shape (15 c, 2 c).
+    """
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return the brightness of the inside of n strips minus the brightness of their surroundings, (n,)."""
+    """Return the brightness inside each of n strips minus the brightness of the surroundings, shape (n,).
+
+    colours: colours at 15 points across each strip, shape (n, 15, channels).
+    """
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return the difference between the colours inside strips and the remembered colours: (...) from 0 to 2.
+    """Return the difference between the colours inside strips and the remembered colours: from 0 to 2, shape (...).
 
-    The result is d² / (9 variance), at most 2. d² is the mean squared colour difference at the nine places inside.
-    `colours` has the shape (..., 15, channels).
+    The result is d² / (9 variance), at most 2. d² is the squared colour difference, averaged over nine points inside.
+
+    colours: colours at 15 points across each strip, shape (..., 15, channels). template: remembered colours at nine
+    points inside, shape (..., 9, channels). variance: variance of a colour, summed over the channels, shape (...).
     """
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
@@ -181,5 +190,8 @@ def updated_templates(
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours (n, 9, channels) inside n strips, from colours (n, 15, channels) across the strips."""
+    """Return the colours at the nine points inside each of n strips, shape (n, 9, channels).
+
+    colours: colours at 15 points across each strip, shape (n, 15, channels).
+    """
     return colours[:, _INSIDE]

@@ -1,4 +1,4 @@
-"""Compute clamp, axis, width and length of a beam in pixels, and scale an image to 255."""
+"""Compute clamp, axis, width and length of a beam in pixels, and scale the grey values of an image to 0 to 255."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBe
 
 
 def in_255(image: ArrayLike) -> NDArray[np.float32]:
-    """Return an image (H, W) or (H, W, 3) of any bit depth as float32 (H, W, channels) with a full scale of 255."""
+    """Return an image of any bit depth as float32 values from 0 to 255, shape (H, W, channels).
+
+    image: shape (H, W) or (H, W, 3).
+    """
     pixels = np.asarray(image)
     pixels = np.ascontiguousarray(pixels[..., None] if pixels.ndim == 2 else pixels[..., :3], dtype=np.float32)
     if not np.isfinite(pixels).all():

@@ -1,6 +1,6 @@
 """Find an edge of the beam by dynamic programming, as the line at which the projected colour falls most.
 
-The picture was sampled along the beam. A connected line with one place at each station along the beam is called a seam.
+The picture was sampled at stations along the beam. A seam is a connected line with one point at each station.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 
 
 def fall_across(share: Array, outward: float, across: Array, stations_in_width: float) -> Array:
-    """Return the fall of the projected colour in the outward direction, at each place of the sampled picture.
+    """Return the fall of the projected colour in the outward direction, at each point of the sampled picture.
 
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        Projected colours, about 1 inside and 0 outside, at n stations along the beam and m places across it.
+        Projected colours, about 1 inside and 0 outside, at n stations along the beam and m points across the beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
-        Places across the beam, in nominal widths.
+        Coordinates of the m points across the beam, in nominal widths.
     stations_in_width : float
         Number of stations along the beam in a nominal width.
 
@@ -50,25 +50,26 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
     """Find k connected seams, each with the largest sum of falls.
 
-    The value of a place is its fall minus 0.25 ((place - expected) / tolerance)². From station to station a seam moves
-    by at most two places, and each place of such a move costs 0.05. Dynamic programming finds the seam with the largest
-    total value. A parabola through the neighbouring values refines each place.
+    The value of a point is its fall minus 0.25 ((position - expected position) / tolerance)². From station to station a
+    seam moves by at most two points across the beam, and each point of such a move costs 0.05. Dynamic programming
+    finds the seam with the largest total value. A parabola through the values at neighbouring points refines each
+    position.
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
-        Fall at n stations along the beam and m places across it, for k seams.
+        Fall at n stations along the beam and m points across the beam, for k seams.
     across : ndarray, shape (m,)
-        Places across the beam, in nominal widths.
+        Coordinates of the m points across the beam, in nominal widths.
     expected : ndarray, shape (k, n)
-        Expected place of each seam.
+        Expected position of each seam across the beam, in nominal widths.
     tolerance : float
-        Standard deviation about the expected place, in nominal widths.
+        Standard deviation about the expected position, in nominal widths.
 
     Returns
     -------
     ndarray, shape (k, n)
-        Places of the seams across the beam.
+        Positions of the seams across the beam, in nominal widths.
     """
     value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
     count, stations, places = value.shape
@@ -89,7 +90,11 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Return the places (n,) of a seam, refined by a parabola through the values at neighbouring places."""
+    """Return the positions of a seam at n stations across the beam, in nominal widths, shape (n,).
+
+    Each position is refined by a parabola through the values at the neighbouring points. value: shape (n, m). seam:
+    index of the seam's point at each station, shape (n,). across: coordinates of the m points, shape (m,).
+    """
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

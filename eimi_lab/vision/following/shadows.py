@@ -6,9 +6,9 @@ projection that is orthogonal to the colour of the surroundings maps all multipl
 shadow on the surroundings then has no step. The edge of the beam keeps a step, unless the colour of the beam is also a
 multiple of the colour of the surroundings.
 
-The thin rim of a translucent beam also looks like darkened surroundings. But its colour is near to that of the beam:
-nearly the whole colour step is at the outer border of the rim. In this case the outer border is kept as the edge, and
-its distance from the inner border is recorded.
+The thin rim of a translucent beam also looks like darkened surroundings. But the colour of the rim is near to the
+colour of the beam, so that nearly the whole colour step is at the outer border of the rim. The outer border is then
+kept as the edge, and the distance between the outer and the inner border is recorded in `Seams.shadow`.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
-        Edges located by all colours.
+        Both edges, located with all colours.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
 
     Returns
     -------
     Seams
-        The moved edges. `Seams.shadow` is also set where the border belongs to a translucent rim and is not moved.
+        The moved edges. `Seams.shadow` also contains the width of a translucent rim, whose outer border is not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -84,10 +84,10 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between an edge and a border outside the edge has nearly the colour of the body.
+    """Return whether the region between an edge and a border outside the edge has nearly the colour of the beam.
 
-    Three mean colours are compared: inside the edge, in the middle of the region, and outside the border. They are
-    measured at places that the blur of edge and border does not reach.
+    Three mean colours are compared: inside the edge, in the middle of the region, and outside the border. All three are
+    measured away from the blur of the edge and of the border.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
@@ -117,7 +117,11 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colours (n, channels) of the masked places (n, m), in a window along the beam."""
+    """Return the mean colour of the masked points in a window around each of n stations, shape (n, channels).
+
+    mask: whether each of the m points at a station is used, shape (n, m). window: length of the window, number of
+    stations.
+    """
     in_image = (mask & unrolled.inside)[..., None]
     total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
     count = uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)

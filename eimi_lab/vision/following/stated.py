@@ -24,9 +24,9 @@ class StatedBeam:
     axis_rad : float
         Direction of the beam at its clamp, clockwise from the image's +x.
     width_px, length_px : float
-        Width and length.
+        Width and length of the beam.
     line : CentreLine, optional
-        The expected centre line.
+        The centre line of the beam that is expected before the search.
     """
 
     clamp_px: Array

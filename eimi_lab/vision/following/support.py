@@ -1,4 +1,4 @@
-"""Decide at which places along the beam each edge is reliable ("sure"), and where the beam ends."""
+"""Decide at which stations along the beam each edge is reliable ("sure"), and where the beam ends."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 class Sides:
     """The left and the right edge of the beam at n stations along the beam.
 
-    The places are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
+    The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
     nominal width of the beam.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
-        Positions of the two edges across the beam.
+        Position of the left edge (row 0) and of the right edge (row 1) across the beam.
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is sure at each station. True only if the step is clear, the edge is smooth, and the two sides
-        of the edge differ in colour.
+        Whether each edge is reliable ("sure") at each station. True only if the step is clear, the edge is smooth, and
+        the two sides of the edge differ in colour.
     end : int
         Number of stations before the end of the beam.
     projected : tuple of ColourProjection
@@ -65,12 +65,12 @@ class Sides:
 
     @property
     def width(self) -> Array:
-        """Width of the beam (n,), in nominal widths."""
+        """Width of the beam at each of n stations, in nominal widths, shape (n,)."""
         return np.asarray(self.edge[1] - self.edge[0])
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
-    """Find both edges of the beam in its unrolled picture, and the stations at which each edge is sure.
+    """Find both edges of the beam in its unrolled picture, and the stations at which each edge is reliable.
 
     Parameters
     ----------
@@ -103,18 +103,20 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed path on which the worse edge is sure, with the key of the table of flags.
+    """Return the share of the followed path on which an edge is reliable, with the key of the table of flags.
+
+    The smaller of the shares of the two edges is returned.
 
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is sure at each station.
+        Whether each edge is reliable ("sure") at each station.
 
     Returns
     -------
     dict of str to float
-        The key is ``"followed_patches"`` if all gaps between sure places are shorter than a tenth of the path: the path
-        then follows the edge in spite of the gaps. Otherwise the key is ``"followed_sides"``.
+        The key is ``"followed_patches"`` if all gaps between sure stations are shorter than a tenth of the path. The
+        path then follows the edge in spite of the gaps. Otherwise the key is ``"followed_sides"``.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -138,7 +140,10 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return a mask (2, n), true where an edge has a clear step, is smooth, and separates two colours clearly."""
+    """Return whether each of the two edges is reliable at each of n stations, shape (2, n).
+
+    An edge is reliable where its step is clear, the edge is smooth, and its two sides clearly differ in colour.
+    """
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -150,9 +155,10 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle (n,), rad, by which an edge (n, 2) turns at each station.
+    """Return the angle by which an edge turns at each of n stations, rad, not negative, shape (n,).
 
-    The directions before and after the station are measured over `arm` stations each.
+    seam: the points of the edge, shape (n, 2). The directions of the edge before and after a station are measured over
+    `arm` stations each.
     """
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
@@ -161,28 +167,28 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return a mask (n,) of the stations in the longest chain of runs of one edge.
+    """Return whether each of n stations belongs to the longest chain of runs of one edge, shape (n,).
 
-    A run is a sequence of stations at which the edge is sure. A chain consists of runs that continue each other. A run
-    after a gap continues an earlier run on two conditions. First, the later run lies near the straight continuation of
-    the earlier run. Second, the beam has about the same width in both runs. The tolerances of both conditions grow with
-    the length of the gap.
+    A run is a sequence of neighbouring stations at which the edge is sure. A chain consists of runs that continue each
+    other. A run after a gap continues an earlier run on two conditions. First, the later run lies near the straight
+    continuation of the earlier run. Second, the beam has about the same width in both runs. The tolerances of both
+    conditions grow with the length of the gap.
 
-    The conditions exclude the head of a hammer, the border of a shadow and a body beyond the tip. A reflection near the
-    clamp, which interrupts a long edge, is also excluded.
+    These two conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
+    near the clamp that interrupts a long edge.
 
     Parameters
     ----------
     seam : ndarray, shape (n, 2)
-        The edge, px.
+        The points of the edge, px.
     width : ndarray, shape (n,)
-        Width in nominal widths; NaN where the other edge is not sure.
+        Width of the beam in nominal widths; NaN where the other edge is not sure.
     sound : ndarray of bool, shape (n,)
         Whether the edge is sure at each station.
     scale : float
-        Nominal width, px.
+        Nominal width of the beam, px.
     lever : int
-        Number of stations over which the direction before a gap is measured.
+        Number of stations over which the direction of the edge before a gap is measured.
 
     Returns
     -------
@@ -206,10 +212,10 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 
 def _as_wide(before: Array, after: Array, gap: float) -> bool:
-    """Return whether the widths before and after a gap are about equal.
+    """Return whether the beam has about the same width before and after a gap in one of its edges.
 
-    Widths and the length of the gap are in nominal widths. The result is True if fewer than three widths are known
-    before or after the gap.
+    The widths and the length of the gap are in nominal widths. Unknown widths are NaN. The result is True if fewer than
+    three widths are known before or after the gap.
     """
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if min(len(before), len(after)) < 3:
@@ -218,7 +224,11 @@ def _as_wide(before: Array, after: Array, gap: float) -> bool:
 
 
 def _leads_to(before: Array, after: Array, scale: float, lever: int) -> bool:
-    """Return whether the straight line through the last places before a gap leads to the first places after the gap."""
+    """Return whether the straight line through the last points of an edge before a gap leads to the points after it.
+
+    before, after: points of the edge before and after the gap, px, shapes (a, 2) and (b, 2). scale: nominal width of
+    the beam, px. lever: number of points through which the line is fitted.
+    """
     near = before[-lever:]
     middle = near.mean(axis=0)
     direction = np.linalg.svd(near - middle, full_matrices=False)[2][0]

@@ -48,7 +48,7 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """A picture of the beam, sampled at n stations along the beam and m places across the beam.
+    """A picture of the beam, sampled at n stations along the beam and m points across the beam at each station.
 
     The nominal width of the beam is the unit of length, unless px are given.
 
@@ -57,17 +57,17 @@ class UnrolledPicture:
     colours : ndarray, shape (n, m, channels)
         Colours on a scale from 0 to 255.
     across : ndarray, shape (m,)
-        Places across the beam; positive to the right as seen from the clamp.
+        Coordinates of the m points across the beam; positive to the right as seen from the clamp.
     along : ndarray, shape (n,)
-        Distance from the clamp.
+        Distance of each station from the clamp.
     middle : ndarray, shape (n, 2)
-        Middle of the strip, px of the image.
+        Point on the centre line of the strip at each station, px of the image.
     aside : ndarray, shape (n, 2)
         Vector across the beam whose length is one nominal width, px of the image.
     width : ndarray, shape (n,)
-        Width of the strip.
+        Width of the strip at each station.
     inside : ndarray of bool, shape (n, m)
-        Whether each place lies in the image.
+        Whether each sampled point lies in the image.
     """
 
     colours: NDArray[np.float32]
@@ -80,7 +80,10 @@ class UnrolledPicture:
 
     @cached_property
     def bins(self) -> ColourBins:
-        """Bins of a histogram of all colours; the outer bins also hold the extreme 0.5 % of a channel on each side."""
+        """Bins of a histogram of all colours.
+
+        The first and the last bin of a channel also contain the lowest and the highest 0.5 % of its values.
+        """
         channels = self.colours.shape[2]
         bins = _BINS if channels > 1 else 3 * _BINS
         low, high = np.percentile(self.colours.reshape(-1, channels), (0.5, 99.5), axis=0)
@@ -109,7 +112,7 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
     Returns
     -------
     UnrolledPicture or None
-        None if the strip has fewer than five places.
+        None if the strip has fewer than five points.
     """
     places = fine_places(strip.place, coarse, fine)
     wide = fine.beam.width_px
@@ -143,5 +146,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Convert points (n, 2) from pixels of the coarse working picture to pixels of the fine working picture."""
+    """Convert n points from px of the coarse working picture to px of the fine working picture, shape (n, 2)."""
     return fine.from_picture(coarse.to_picture(points))

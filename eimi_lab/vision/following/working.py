@@ -30,7 +30,7 @@ class WorkingPicture:
     origin_px : ndarray, shape (2,)
         Upper left corner of the part in the image.
     factor : float
-        Factor by which the part was enlarged.
+        Factor by which the part of the image was enlarged.
     beam : StatedBeam
         Nominal place and size of the beam in this picture.
     """
@@ -52,11 +52,11 @@ class WorkingPicture:
         return float(brightest - darkest)
 
     def to_picture(self, points: Array) -> Array:
-        """Map places (..., 2) of this picture to the image from which it was cut."""
+        """Convert points from px of this picture to px of the image from which this picture was cut, shape (..., 2)."""
         return (points + 0.5) / self.factor - 0.5 + self.origin_px
 
     def from_picture(self, points: Array) -> Array:
-        """Map places (..., 2) of the image to this picture."""
+        """Convert points from px of the original image to px of this picture, shape (..., 2)."""
         return (points - self.origin_px + 0.5) * self.factor - 0.5
 
 
@@ -96,9 +96,10 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 def _noise(pixels: NDArray[np.float32]) -> float:
     """Estimate the standard deviation of the noise of a channel, in grey levels.
 
-    The second difference along the rows is taken of the second difference along the columns, so that smooth changes of
-    the light have no effect (J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding 64
-    (1996) 300). The median of the absolute values replaces the mean in that paper, so that edges do not count as noise.
+    The estimate is computed from second differences along the rows of second differences along the columns, which
+    hardly contain smooth changes of the light (J. Immerkær, "Fast noise variance estimation", Computer Vision and Image
+    Understanding 64 (1996) 300). The paper takes the mean of their absolute values. Here the median is taken, so that
+    edges do not count as noise.
     """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # a quarter of the pixels is enough

@@ -2,6 +2,6 @@
 
 beam_curve      the centre line of a beam of fixed length, as a curve with few parameters
 beam_tracker    find the beam in each frame near its place in the previous frames
-step_places     measure the places of the edges on profiles, even if the motion blurs the edges
+step_places     measure the positions of the edges on grey-value profiles, even if the motion blurs the edges
 steady_view     remove the motion of the camera
 """

@@ -1,6 +1,7 @@
 """The centre line of a beam of fixed length in the picture, described by its direction at each arc length.
 
-The direction is a polynomial in the arc length. The integral of the direction gives the place of each point. While the
+The direction is a polynomial in the arc length. The integral of the unit vector in this direction gives the points of
+the line. While the
 beam bends, the point at a fixed arc length is therefore always the same material point.
 """
 
@@ -20,7 +21,7 @@ _NODES = 129
 _STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
 
 _OF_NODES = chebyshev.chebvander((2.0 * np.arange(_NODES - 1) + 1.0) / (_NODES - 1.0) - 1.0, DEGREE)
-"""Values of the Chebyshev polynomials midway between neighbouring nodes of the arc length, (nodes - 1, DEGREE + 1)."""
+"""The Chebyshev polynomials midway between neighbouring nodes of the arc length, shape (nodes - 1, DEGREE + 1)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class BeamCurve:
     Parameters
     ----------
     root_px : ndarray, shape (2,)
-        Begin of the line, at the clamp.
+        First point of the line, at the clamp.
     coefficients : ndarray, shape (DEGREE + 1,)
         Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) as a function of the arc
         length.
@@ -50,7 +51,10 @@ class BeamCurve:
     length_px: float
 
     def at(self, along_px: Array) -> tuple[Array, Array]:
-        """Return the points and the unit normals of the line, both (p, 2), at arc lengths (p,), px."""
+        """Return the points (px) and the unit normals of the line at p arc lengths, each of shape (p, 2).
+
+        along_px: the arc lengths from the clamp, px, shape (p,).
+        """
         nodes, places = self._integrated
         direction = self._direction(along_px)
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
@@ -85,7 +89,10 @@ class BeamCurve:
         return BeamCurve(self.root_px + change_of[0] * across, self.coefficients + change_of[1:], self.length_px)
 
     def extrapolated(self, before: BeamCurve, share: float) -> BeamCurve:
-        """Return this curve plus `share` times the change from the curve `before` to this curve."""
+        """Return the centre line that continues the motion from the curve `before` to this curve.
+
+        The change from `before` to this curve, times `share`, is added to this curve.
+        """
         return BeamCurve(
             self.root_px, self.coefficients + share * (self.coefficients - before.coefficients), self.length_px
         )

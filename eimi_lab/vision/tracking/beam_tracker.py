@@ -121,7 +121,7 @@ class BeamTracker:
 
     @property
     def outline_px(self) -> Array:
-        """A polygon (n, 2) around the beam in the first frame, px, with a margin of a beam's width."""
+        """The corners of a polygon around the beam in the first frame, px, shape (n, 2); the margin is a beam's width."""
         places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
         aside = 3.0 * float(self._half_px.max()) * normals
         ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
@@ -129,7 +129,7 @@ class BeamTracker:
                           (places + aside)[::-1]])  # fmt: skip
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the beam in the next frame; most points are NaN if the beam was not detected."""
+        """Return the edges and the centre line of the beam in the next frame; mostly NaN if the beam is not detected."""
         grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
@@ -157,10 +157,10 @@ class BeamTracker:
         return beam
 
     def _grey(self, image: NDArray[Any], widths: float) -> NDArray[Any]:
-        """Return one channel (H, W) of a frame.
+        """Return the grey values of a frame, shape (H, W).
 
-        Of an 8-bit colour frame, only the part within reach of the search is converted; `widths` is this reach in beam
-        widths.
+        Of an 8-bit colour frame, only the part near the beam is converted. `widths` is the distance from the beam up to
+        which the frame is searched, in beam widths.
         """
         if image.ndim == 2:
             return image
@@ -185,7 +185,11 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Return the centre line of the contrasting band near a curve; None if too little of the band is detected."""
+        """Return the centre line of the band near a curve that contrasts with its surroundings.
+
+        reach: largest distance between the band and the curve, in beam widths. Return None if the band is detected at
+        too few points.
+        """
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)
             weight = (contrast > _FAINT * self._contrast).astype(float)
@@ -213,7 +217,7 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return the largest distance (px) that a point moved since the last frame, the largest possible smear."""
+        """Return the largest motion (px) of a point of the beam since the last frame, which limits its motion blur."""
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
@@ -239,7 +243,7 @@ class BeamTracker:
         return SeenBeam(middle, *sides), curve
 
     def _edge(self, grey: NDArray[Any], places: Array, normals: Array, side: float, reach: float) -> Array:
-        """Return the points (p, 2) of one edge, px; NaN where a profile shows no step of the right sign and height."""
+        """Return p points of one edge, px, shape (p, 2); NaN where no step of the right sign and height is detected."""
         inner = float(min(reach, 2.0 * _WIDEST * self._half_px.min()))
         across = stations(inner, max(inner, min(reach, 2.0 * self._half_px.max())))
         outward = side * normals
@@ -259,5 +263,8 @@ def _across(points: Array, places: Array, normals: Array) -> Array:
 
 
 def _nearest(line: Array, places: Array) -> Array:
-    """Return, for each place, the nearest point of a line."""
+    """Return, for each of n points, the nearest point of a line, shape (n, 2).
+
+    line: points of the line, shape (m, 2). places: the n points, shape (n, 2).
+    """
     return np.asarray(line[((places[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)])

@@ -18,7 +18,7 @@ from eimi_lab.vision.intensity import eight_bit
 Array = NDArray[np.float64]
 
 MOVED_PX = 0.3
-"""Motion of the picture (px) below which the camera counts as fixed: corners cannot be followed more accurately."""
+"""If the picture moves less than this (px), the camera counts as fixed. Corners cannot be followed more accurately."""
 _CORNERS, _FEWEST = 80, 12
 _QUALITY, _DISTANCE_PX = 0.02, 12
 _WINDOW = (15, 15)
@@ -40,7 +40,7 @@ class SteadyView:
     Attributes
     ----------
     moved_px : float
-        Largest motion of the picture so far.
+        Largest motion of the picture relative to the reference frame so far.
     """
 
     def __init__(self, reference: NDArray[Any], outline_px: Array) -> None:
@@ -60,7 +60,10 @@ class SteadyView:
         return len(self._corners) >= _FEWEST
 
     def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return a frame in the view of the reference frame; unchanged as long as the camera has not moved."""
+        """Return a frame, transformed so that fixed objects are where they are in the reference frame.
+
+        The frame is returned unchanged as long as the camera has not moved, or if `is_possible` is false.
+        """
         if not self.is_possible:
             return image
         measured = self._follow(self._small(image))
@@ -94,7 +97,10 @@ class SteadyView:
         return np.asarray(grey, np.uint8)
 
     def _follow(self, grey: NDArray[np.uint8]) -> Array | None:
-        """Return the affine map (2, 3) from the reference to a frame; None if too few corners are detected."""
+        """Return the affine map from points of the reference frame to points of a frame, shape (2, 3).
+
+        Return None if too few corners are detected.
+        """
         guess = (self._corners @ self._to_frame[:, :2].T + self._to_frame[:, 2]).astype(np.float32)
         places, followed, _ = cv2.calcOpticalFlowPyrLK(
             self._reference, grey, self._corners, guess.copy(), winSize=_WINDOW, maxLevel=_LEVELS,

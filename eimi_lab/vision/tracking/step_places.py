@@ -1,8 +1,8 @@
-"""Measure the places of steps from the area under profiles of grey values, independently of the blur.
+"""Measure the positions of edges from the area under profiles of grey values, independently of the blur.
 
-A frame of a moving beam is blurred by the lens and by the motion during the exposure. The area under a step from 0 to 1
-is the distance from the mean place of the step to the end of the profile, for any blur. If the speed is constant during
-an exposure, the mean place is the place at the middle of the exposure.
+A frame of a moving beam is blurred by the lens and by the motion during the exposure. For any blur, the area under a
+blurred step from 0 to 1 is the distance from the mean position of the step to the end of the profile. If the speed is
+constant during the exposure, the mean position is the position at the middle of the exposure.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class StepPlaces(NamedTuple):
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Place of each step, in the coordinate along the profile.
+        Position of each step, in the coordinate along the profile.
     height : ndarray, shape (n,)
-        Outer minus inner grey value.
+        Grey value at the outer end minus grey value at the inner end of each profile.
     """
 
     offset_px: Array
@@ -33,14 +33,14 @@ class StepPlaces(NamedTuple):
 
 
 def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
-    """Return the place and the height of one step on each profile.
+    """Return the position and the height of one step on each of n profiles of grey values.
 
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Evenly spaced places along the profiles, outward.
+        Evenly spaced coordinates along the profiles, increasing outward.
     profiles : ndarray, shape (n, m)
-        Grey values.
+        Grey values of the n profiles.
 
     Returns
     -------
@@ -64,25 +64,27 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Return the shift of a band on each profile at which the band contrasts most with both of its sides.
+    """Return, for each profile across the beam, the shift at which a band contrasts most with both of its sides.
 
     Parameters
     ----------
     profiles : ndarray, shape (n, m)
         Grey values at every pixel across the beam.
     stations_px : ndarray, shape (m,)
-        Places along the profiles, one pixel apart.
+        Coordinates along the profiles, one pixel apart.
     half_px : ndarray, shape (n,)
         Half of the width of the band on each profile.
     reach_px : ndarray, shape (n,)
-        Largest shift.
+        Largest permitted shift on each profile.
     polarity : float
         +1 for a dark band, -1 for a bright band.
 
     Returns
     -------
-    shift_px, contrast : ndarray, shape (n,)
-        Shift, and the smaller of the two differences in grey value between the band and its sides.
+    shift_px : ndarray, shape (n,)
+        Shift of the middle of the band from the coordinate 0.
+    contrast : ndarray, shape (n,)
+        The smaller of the two differences in mean grey value between the band and the regions on its two sides.
     """
     total = np.concatenate([np.zeros((len(profiles), 1)), np.cumsum(polarity * profiles, axis=1)], axis=1)
     first = stations_px[0] - 0.5
