@@ -121,7 +121,7 @@ class BeamTracker:
 
     @property
     def outline_px(self) -> Array:
-        """The corners of a polygon around the beam in the first frame, px, shape (n, 2); the margin is a beam's width."""
+        """The corners of a polygon around the beam in the first frame, px, shape (n, 2); the margin is a width."""
         places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
         aside = 3.0 * float(self._half_px.max()) * normals
         ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
@@ -129,7 +129,7 @@ class BeamTracker:
                           (places + aside)[::-1]])  # fmt: skip
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the edges and the centre line of the beam in the next frame; mostly NaN if the beam is not detected."""
+        """Return the edges and the centre line of the beam in the next frame; mostly NaN if no beam is detected."""
         grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
