@@ -1,4 +1,4 @@
-"""The TOML files that a user edits, as validated values.
+"""Read and validate the TOML files that a user edits.
 
 Each kind of file has a module with a pydantic model of the file and a function ``load_…``, which takes a path or the
 name of a shipped file. If a file is wrong, the function raises an `InputError` that tells the file, the key, the value

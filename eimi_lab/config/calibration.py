@@ -1,4 +1,4 @@
-"""Read calibration.toml: scale of the picture, position and direction of the beam in it, and the field of the coil."""
+"""Read calibration.toml: scale of the picture, place and direction of the beam in it, and field of the coil."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Calibration(Document):
     """The contents of calibration.toml.
 
     In the picture, x points to the right and y down, and the centres of the pixels have integer coordinates. Angles are
-    in degrees, clockwise from +x. In the table [uncertainty], the number for clamp_midpoint_px applies both to x and to
+    in degrees, clockwise from +x. In the table [uncertainty], the number for clamp_midpoint_px applies to x and also to
     y, and the key of the focal length is focal_length_px.
     """
 
@@ -84,13 +84,16 @@ class Calibration(Document):
     """Direction of gravity, clockwise from +x of the picture; 90 is down."""
     gravity: bool = True
     """false if the weight does not bend the beam, because the beam bends in a horizontal plane. A tip force without an
-    angle has the direction gravity_angle_deg even then."""
+    angle has the direction gravity_angle_deg even then.
+    """
     field_angle_deg: Angle | None = None
     """Direction of the field of a positive current, clockwise from +x of the picture; across the beam. The key is
-    required with coil_constant_mT_per_A."""
+    required with coil_constant_mT_per_A.
+    """
     background_field_mT: Pair | None = None
     """Field at the magnet without a current, such as that of the earth: the components to the right and down in the
-    picture."""
+    picture.
+    """
     field: CoilShapeTable | None = None
     """The field of the coil as a function of position; by default the field is uniform."""
     camera_matrix: Matrix | None = None
@@ -101,10 +104,12 @@ class Calibration(Document):
     """Distance from the entrance pupil of the lens to the middle plane of the beam."""
     camera_tilt_deg: Pair | None = None
     """Angles between the plane of the beam and the plane of the sensor. The first angle is positive if the beam is
-    nearer to the camera at the right of the picture, the second if it is nearer at the bottom. Needs stand_off_mm."""
+    nearer to the camera at the right of the picture, the second if it is nearer at the bottom. Needs stand_off_mm.
+    """
     ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
     """Two ticks of the ruler by which the scale was measured. A correction of camera_tilt_deg does not change the
-    distance between them."""
+    distance between them.
+    """
     telecentric: bool = False
     """true for a telecentric lens, which needs no stand_off_mm."""
     calibrated_on: date | None = None
@@ -151,7 +156,7 @@ class Calibration(Document):
     def positive_field_deg(self) -> float:
         """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
 
-        +y of the beam frame has the same direction. Without a coil, the direction is at 90° to the beam.
+        The direction is that of +y in the beam frame. Without a coil, the direction is at 90° to the beam.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 
@@ -191,7 +196,7 @@ class Calibration(Document):
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
-        """Return the values as JSON, without the keys ``excluded``.
+        """Return the values of the calibration as JSON, without the keys ``excluded``.
 
         Absent keys that later releases added are left out, so that the JSON of an old calibration does not change.
         """
@@ -199,7 +204,7 @@ class Calibration(Document):
         return self.model_dump_json(exclude=excluded | absent)
 
     def age_days(self, taken: datetime) -> float | None:
-        """Return the number of days from ``calibrated_on`` to the time ``taken``; None if that key is absent."""
+        """Return the number of days from the date ``calibrated_on`` to the time ``taken``; None without this date."""
         if self.calibrated_on is None:
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
@@ -240,7 +245,7 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return the keys of `PLACES` that are missing in a calibration file and in the changes of its values.
+    """Return the keys of `PLACES` that are missing both in a calibration file and in ``changes``.
 
     Raises
     ------
@@ -259,7 +264,10 @@ def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
 
 
 def changed_calibration(calibration: Calibration, changes: Changes) -> Calibration:
-    """Return a calibration with new values, which its text also contains. Raises InputError if it is not valid."""
+    """Return a calibration in which new values replace the values of some keys.
+
+    The text of the new calibration also contains the new values. Raises InputError if the new calibration is not valid.
+    """
     table = calibration.model_dump(exclude_unset=True, exclude_none=True)
     return _changed(table, changes, calibration.text, "calibration")
 

@@ -40,16 +40,20 @@ class CoilShapeTable(Table):
     """Distance between the planes of the loops; equal to the radius for a Helmholtz coil, 0 for a single loop."""
     centre_mm: Pair | None = None
     """Point half-way between the loops, along and across the beam; by default the point to which
-    coil_constant_mT_per_A applies."""
+    coil_constant_mT_per_A applies.
+    """
     map: Annotated[tuple[Row, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
     """Measured field: name of a CSV file in the same folder, with the columns x_mm, y_mm, bx_mT and by_mT at the points
-    of a rectangular grid. A dataset contains the rows of the file."""
+    of a rectangular grid. A dataset contains the rows of the file.
+    """
     gradient_per_m: Pair | None = None
     """Relative change of the strength per metre along and across the beam. It can be given alone, or in addition to the
-    loops or the map."""
+    loops or the map.
+    """
     against_current: Annotated[tuple[Pair, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
     """Currents (A) and readings of a gaussmeter (mT) from which `eimi calibrate-coil` computed the coil constant. They
-    are stored only for information."""
+    are stored only for information.
+    """
 
     @model_validator(mode="after")
     def _consistent(self) -> CoilShapeTable:
@@ -81,7 +85,7 @@ class CoilShapeTable(Table):
         return FieldTable(x, y, rows[:, 2:].reshape(len(x), len(y), 2))
 
     def shape(self, specimen: Specimen, field_deg: float) -> CoilShape:
-        """Return the dependence of the field on the position, as the simulation of a specimen needs it.
+        """Return the field as a function of position, in the form that the simulation of a specimen needs.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ class Interlock(Table):
 
     @property
     def in_words(self) -> str:
-        """The bounds as text.
+        """The bounds of the reading as text.
 
         Examples
         --------

@@ -21,10 +21,12 @@ class TrueMaterial(Table):
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
     parameters: dict[str, float]
     """Parameters of the law. A name ends in _Pa if its value is in pascal. With a Prony series, these are the
-    parameters after complete relaxation."""
+    parameters after complete relaxation.
+    """
     prony_h: Numbers = ()
     """Prony series: the ratio mu_i / mu_inf for each term i, where mu_inf is the shear modulus after complete
-    relaxation. Without a series the material is elastic, and a ring-down is simulated with a loss factor of 0.1."""
+    relaxation. Without a series the material is elastic, and a ring-down is simulated with a loss factor of 0.1.
+    """
     prony_tau_s: Numbers = ()
     """Prony series: the relaxation time of each term."""
 
@@ -60,7 +62,7 @@ class TrueMaterial(Table):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The parameters in the order in which the law takes them, moduli in Pa."""
+        """The parameters of the material in the order of its law, moduli in Pa."""
         return tuple(self.parameters[key] for key in self._keys)
 
 
@@ -77,7 +79,8 @@ class TrueBench(Table):
     """True field at the magnet for each ampere; by default the value in the calibration."""
     background_field_mT: Pair | None = None
     """True field without a current: the components to the right and down in the picture. By default the field in the
-    calibration."""
+    calibration.
+    """
     field: CoilShapeTable | None = None
     """True field of the coil as a function of position; by default the field in the calibration."""
 

@@ -55,6 +55,6 @@ class People(Document):
 
 
 def load_people(path: str | Path) -> People:
-    """Read people.toml. Raises InputError, which tells the file and the wrong key."""
+    """Read people.toml. Raises InputError, whose message gives the file and the wrong key."""
     file = Path(path)
     return parse(People, read_text(file), file)

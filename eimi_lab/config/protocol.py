@@ -35,7 +35,8 @@ class Currents(Table):
     """Whether the run returns through the same set-points to the first set-point."""
     both_polarities: bool = False
     """Whether the run then repeats all states with the opposite sign of the current. If the supply cannot reverse the
-    current, the run pauses and asks the user to swap the leads of the coil."""
+    current, the run pauses and asks the user to swap the leads of the coil.
+    """
 
     @model_validator(mode="after")
     def _range_or_list(self) -> Currents:
@@ -91,10 +92,12 @@ class Ramp(Table):
     """Largest difference between consecutive set-points that are sent during a ramp."""
     tolerance_A: float = Field(gt=0)
     """Largest permitted difference between measured current and set-point in a state. The run stops if the difference
-    is larger."""
+    is larger.
+    """
     down_within_s: float = Field(default=2.0, gt=0, le=LONGEST_RAMP_DOWN_S)
     """Longest time in which the current returns to zero at the end of the run. If necessary, the current changes faster
-    than rate_A_per_s."""
+    than rate_A_per_s.
+    """
 
 
 class SupplyLimits(Table):
@@ -106,7 +109,10 @@ class SupplyLimits(Table):
     """Largest voltage to which the program sets the supply."""
 
     def stricter(self, other: SupplyLimits) -> SupplyLimits:
-        """Return the smaller current and the smaller voltage of these limits and the limits ``other``."""
+        """Return limits with the smaller of the two currents and the smaller of the two voltages.
+
+        The two limits are this object and ``other``.
+        """
         return SupplyLimits(
             current_A=min(self.current_A, other.current_A), voltage_V=min(self.voltage_V, other.voltage_V)
         )
@@ -117,7 +123,8 @@ class Settle(Table):
 
     noise_ratio: float = Field(gt=1)
     """Limit of the mean squared difference between two frames, divided by the value that camera noise alone causes. For
-    a beam at rest the ratio is 1."""
+    a beam at rest the ratio is 1.
+    """
     pairs: int = Field(ge=1)
     """Number of successive pairs of frames whose ratio must be below noise_ratio."""
     drift_window_s: float = Field(gt=0)
@@ -126,7 +133,8 @@ class Settle(Table):
     """Shortest duration of a state after its current was set. To record creep, give about 60 s."""
     timeout_s: float = Field(gt=0)
     """Longest time to wait for the beam. If the beam is not at rest then, the frames are taken, and the state gets the
-    flag NOT_SETTLED."""
+    flag NOT_SETTLED.
+    """
 
     @model_validator(mode="after")
     def _long_enough(self) -> Settle:
@@ -147,7 +155,7 @@ class Transients(Table):
 class Conditioning(Table):
     """Cycles of the current from zero to a maximum and back to zero before the run.
 
-    They are useful because silicone softens when it is stretched for the first time (Mullins effect: L. Mullins,
+    The cycles are useful because silicone softens when it is stretched for the first time (Mullins effect: L. Mullins,
     Rubber Chem. Technol. 42 (1969) 339).
     """
 
@@ -175,7 +183,8 @@ class RingDown(Table):
     """Current before the step to zero; by default the last current of the run."""
     rate_Hz: float | None = Field(default=None, gt=0)
     """Frames per second that the camera should reach. If the rig file has no camera.frame_rate_Hz, the camera is set to
-    this rate."""
+    this rate.
+    """
     repeats: int = Field(default=1, ge=1, le=100)
     """Number of ring-downs."""
 
@@ -216,12 +225,13 @@ class Protocol(Document):
     """Steps of the current to zero after the last state, of which every frame is stored."""
     creep: bool = False
     """Whether creep is recorded: frames at logarithmically spaced times are stored during each whole state, after its
-    current was set. transients.frames_per_state is the number of frames, and settle.dwell_s the shortest duration."""
+    current was set. transients.frames_per_state is the number of frames, and settle.dwell_s the shortest duration.
+    """
 
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Read the table `release` of early versions, which recorded one ring-down, as the table `ring_down`."""
+        """Convert the table `release` of a protocol of an early version into the table `ring_down`."""
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]
@@ -244,7 +254,10 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of run, conditioning and ring-downs: the key of the protocol, and the current in A."""
+        """The extreme currents of the run, the conditioning and the ring-downs.
+
+        Each entry consists of the key of the protocol that gives the current, and the current in A.
+        """
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         from_A = self.ring_down.from_A if self.ring_down else None
@@ -258,7 +271,7 @@ class Protocol(Document):
 
     @property
     def rate_Hz(self) -> float | None:
-        """The frames per second that the protocol requires for ring-downs; None if it requires no rate."""
+        """The frames per second that the protocol requires for ring-downs; None if the protocol requires no rate."""
         return self.ring_down.rate_Hz if self.ring_down else None
 
     @property

@@ -48,7 +48,8 @@ class Supply(Table):
     """Largest current and voltage that the coil tolerates. The protocol also has limits; the smaller value applies."""
     off_below_A: float | None = Field(default=None, gt=0)
     """Measured current below which the coil counts as off. The default is 20 mA, or more for supplies that measure a
-    larger current at zero even if they are not faulty."""
+    larger current at zero even if they are not faulty.
+    """
 
     @field_validator("driver")
     @classmethod
@@ -89,33 +90,38 @@ NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The side camera. A setting that is absent in the file is not changed in the camera."""
+    """The camera of a rig. A setting that is absent in the file is not changed in the camera."""
 
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
     source: int | str
     """The number of a device, a path, a serial number, the IP address of a GigE camera, or the address of an emulated
-    coil."""
+    coil.
+    """
     exposure_s: float | None = Field(default=None, gt=0)
     """Exposure time. This and all other settings are written to the camera and read back. If a setting is absent, the
-    camera keeps its present value."""
+    camera keeps its present value.
+    """
     gain: float | None = None
     """Gain: in dB for Basler and GenICam cameras; in a unit of the device for OpenCV."""
     gamma: float | None = Field(default=None, gt=0)
     """Gamma: the exponent for Basler and GenICam cameras; in a unit of the device for OpenCV."""
     region: Annotated[tuple[int, int, int, int], Field(strict=False)] | None = None
     """Region of the sensor that is read: left, top, width and height in pixels. Pixels in the calibration are counted
-    from the upper left corner of this region."""
+    from the upper left corner of this region.
+    """
     bit_depth: int | None = Field(default=None, ge=8, le=16)
     """Bits per pixel, 8 to 16."""
     frame_rate_Hz: float | None = Field(default=None, gt=0)
     """Frames per second of a camera without trigger, which is needed to record a ring-down at a constant rate. By
-    default, the driver decides when the camera exposes."""
+    default, the driver decides when the camera exposes.
+    """
     pixel_format: str | None = None
     """Pixel format of a GenICam camera, such as "Mono12Packed" or "BayerRG8"."""
     trigger: str | None = None
     """Trigger of a GenICam camera: "software", or an input such as "Line1". Without frame_rate_Hz the default is
-    "software"."""
+    "software".
+    """
     playback: Playback = NO_PLAYBACK
     """How a folder of pictures or a video replaces the camera."""
 
@@ -158,10 +164,10 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the camera with the frame rate ``rate_Hz``, or unchanged if this rate does not apply.
+        """Return the camera of the rig with the frame rate ``rate_Hz``.
 
-        The camera is unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if pictures or
-        a video replace the camera.
+        The camera is returned unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if
+        pictures or a video replace the camera.
         """
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
         if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
@@ -215,7 +221,7 @@ class Rig(Document):
     """The contents of rig.toml.
 
     In the file, ``calibration`` and ``virtual.materials`` are names of files in the same folder. The true materials are
-    in a file of their own, because a dataset contains the text of the rig file and must not reveal the materials.
+    in a separate file, because a dataset contains the text of the rig file and must not reveal the materials.
     """
 
     name: str = Field(min_length=1)
@@ -234,7 +240,8 @@ class Rig(Document):
     """Gaussmeters, thermometers and other sensors, each in a table [[sensors]]."""
     interlocks: Annotated[tuple[Interlock, ...], Field(strict=False)] = ()
     """Bounds of readings, each in a table [[interlocks]]. The coil is switched off if a reading is outside its
-    bounds."""
+    bounds.
+    """
     uncertainty: OfRig | None = None
     """Standard uncertainty of the zero of the current. 0 means exact; an absent key means unknown."""
 
@@ -300,9 +307,9 @@ def _replace_by_file(table: dict[str, Any], key: str, rig: Path, load: Callable[
     Parameters
     ----------
     table
-        The table with the name, which is changed in place.
+        The table that contains the name of the file. This table is changed in place.
     key
-        The key of the name.
+        The key whose value is the name of the file.
     rig
         Path of the rig file.
     load

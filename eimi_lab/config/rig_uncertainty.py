@@ -21,7 +21,7 @@ class _RigUncertainty(Document):
 
 
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """Return the uncertainty of the current in a rig file as an uncertainty of the field.
+    """Return the uncertainty of the current that a rig file specifies, as an uncertainty of the field.
 
     Parameters
     ----------

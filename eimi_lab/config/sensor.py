@@ -24,7 +24,7 @@ SUPPLY = "supply"
 Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
 
 UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
-"""The unit that a sensor must have, by the quantity that it measures; a quantity that is absent may have any unit."""
+"""The unit that a sensor must have, by the quantity that the sensor measures. Any other quantity may have any unit."""
 
 
 class RigSensor(Table):
@@ -35,28 +35,34 @@ class RigSensor(Table):
     driver: str
     """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package.
     coil-resistance measures the temperature of the coil by its resistance, from the voltage and the current of the
-    supply."""
+    supply.
+    """
     address: str = Field(min_length=1)
     """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig; "supply" for the driver
-    coil-resistance."""
+    coil-resistance.
+    """
     measures: Quantity = "other"
     """The measured quantity. field: the field along the axis of the coil, positive for a positive current; a fit uses
     these readings instead of coil_constant_mT_per_A. specimen_temperature, coil_temperature. other: the readings are
-    only stored, and can have an interlock."""
+    only stored, and can have an interlock.
+    """
     at_magnet: float = 1.0
     """Field at the magnet divided by the field at the probe; negative if the probe points in the opposite direction."""
     uncertainty: float | None = Field(default=None, ge=0)
     """Standard uncertainty of one reading, in the unit of the reading; by default the uncertainty that the sensor
-    reports."""
+    reports.
+    """
     uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
     """Relative standard uncertainty of a factor that is common to all readings: calibration of the probe, and
-    at_magnet."""
+    at_magnet.
+    """
 
     at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
     """For the driver coil-resistance: temperature of the coil before the run, which is the room temperature."""
     at_rest_A: float | None = Field(default=None, gt=0)
     """For the driver coil-resistance: current with which the resistance at this temperature is measured before the
-    first state."""
+    first state.
+    """
 
     @field_validator("driver")
     @classmethod

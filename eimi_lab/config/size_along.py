@@ -12,7 +12,7 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """A width or depth in mm that varies along the beam. As a number, this is the mean over the arc length.
+    """A width or depth in mm that varies along the beam. The value as a number is the mean over the arc length.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class SizeAlong(float):
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Return the mean of the size over the arc length, as a number that has the table as attribute `rows`."""
+        """Return the mean of a width or depth over the arc length, as a number with the table as attribute `rows`."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows

@@ -44,7 +44,8 @@ LEAST_LENGTH_MM = 1.0
 
 IN_G_CM3 = (0.1, 20.0)
 """A number between these bounds is assumed to be a density in g/cm³, because no soft solid has such a density in kg/m³.
-A smaller number is allowed, and makes the weight of the beam negligible."""
+A smaller number is allowed, and makes the weight of the beam negligible.
+"""
 
 
 def _long_in_millimetres(length_mm: float) -> float:
@@ -83,25 +84,30 @@ class Beam(Table):
     width_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
     """Width across the beam, as the camera sees it. The bending stiffness is proportional to the cube of the width. If
     the width varies along the beam, give a table of rows [arc length, width] from the clamp to the tip. Two rows with
-    the same arc length are a step."""
+    the same arc length are a step.
+    """
     depth_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
     """Depth along the line of sight of the camera: a number, or a table as for ``width_mm``."""
     density_kg_m3: Density
     """Density of the silicone."""
     poisson_ratio: float = Field(default=0.5, gt=0, le=0.5)
     """Poisson's ratio of the material at small strain. A fit assumes an incompressible material (0.5). For a ratio
-    below 0.495, the result tells the effect of this assumption on the modulus."""
+    below 0.495, the result tells the effect of this assumption on the modulus.
+    """
     section: mechanics.Section = "solid"
     """Model of the cross-section: "solid" for the beam in three dimensions, or one of the planar approximations
-    "plane-stress" and "plane-strain"."""
+    "plane-stress" and "plane-strain".
+    """
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
     """Magnetisation of silicone that was cast with magnetic powder: the components along and across the beam at
-    rest."""
+    rest.
+    """
     rest_shape: Literal["measured", "straight"] | CentreLine = MEASURED
     """Shape of the beam without load. "measured": from the edges in the states without field and tip force; gravity
     must act along the beam. "straight": a straight beam with the width in width_mm. A centre line of another shape is
     given as points [x, y] from the clamp to the tip, or as the name of a CSV file in the same folder, with the columns
-    x_mm and y_mm."""
+    x_mm and y_mm.
+    """
     measured_with: str | None = Field(default=None, min_length=1)
     """Name of the instrument that measured the lengths. Its error is the same for all specimens with this name."""
 
@@ -124,7 +130,8 @@ class Magnet(Table):
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Direction of the magnetisation at rest: 0 is along the beam toward the tip, and 90 is the direction of the field
     of a positive current. Data sheets give an uncertainty of 3 to 5 degrees; 1 degree changes the modulus by 3 to
-    5 %."""
+    5 %.
+    """
 
 
 class TipLoad(Table):
@@ -147,7 +154,8 @@ class SpecimenFile(Document):
     """Point at which a tip force acts; by default the middle of the tip."""
     uncertainty: OfSpecimen | None = None
     """Standard uncertainties, with the keys of the values, such as width_mm, or magnet_width_mm for the width of the
-    magnet. 0 means exact; an absent key means unknown."""
+    magnet. 0 means exact; an absent key means unknown.
+    """
 
     @model_validator(mode="after")
     def _consistent(self) -> SpecimenFile:
@@ -203,7 +211,10 @@ class SpecimenFile(Document):
         return self
 
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
-        """Return the smallest width or depth of the beam between the ends of the magnet; ``side`` is the key."""
+        """Return the smallest width or depth (mm) of the beam between the ends of the magnet.
+
+        ``side`` is the key of the width or of the depth.
+        """
         size: float = getattr(self.specimen, side)
         rows = rows_of(size)
         if not rows:
@@ -216,10 +227,10 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the values with which uncertainties are compared, by the key of the uncertainty.
+        """Return the quantities with whose values uncertainties are compared, by the key of the uncertainty.
 
-        Each entry is the key of the value in the file, and the value. The value is None if the file does not contain
-        the quantity.
+        Each entry consists of the key of the quantity in the file, and the value of the quantity. The value is None if
+        the file does not contain the quantity.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
@@ -238,7 +249,7 @@ class SpecimenFile(Document):
         """Return the sources of uncertainty in the table [uncertainty] of the specimen file.
 
         The errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument,
-        the errors of lengths are common to all specimens that were measured with it.
+        the errors of lengths are common to all specimens that were measured with this instrument.
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with
@@ -288,8 +299,8 @@ class SpecimenFile(Document):
 def load_specimen(name: str | Path) -> SpecimenFile:
     """Read a specimen from a path, or a shipped specimen by its name ("type1").
 
-    If the file names a CSV file with the centre line, the name is replaced by the points in the text of the result, so
-    that the text is complete. Raises InputError if a file cannot be read, or if the specimen is not valid.
+    If the file names a CSV file with the centre line, the text of the returned specimen contains the points instead of
+    the name. Raises InputError if a file cannot be read, or if the specimen is not valid.
     """
     file = locate(name, "specimens")
     text = read_text(file)

@@ -21,7 +21,7 @@ from eimi_lab.process.paths import reachable
 class Table(BaseModel):
     """The base class of the models of TOML tables.
 
-    Instances cannot be changed. Unknown keys, values of another type, NaN and infinite numbers are errors.
+    Instances are immutable. Unknown keys, values of another type, NaN and infinite numbers are errors.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -306,7 +306,8 @@ def _shown(value: object) -> str:
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
     """Return the keys of the table at a location in a file; an empty list if there is no table at this location.
 
-    ``table`` is the pydantic model of the file, and ``location`` are the names of the enclosing tables and the table.
+    ``table`` is the pydantic model of the file. ``location`` contains the names of the enclosing tables, followed by
+    the name of the table.
     """
     for part in location:
         if part.isdecimal():  # one of several tables [[name]]

@@ -1,7 +1,8 @@
-"""The table [uncertainty] of specimens, calibrations and rigs, which contains standard uncertainties of the values.
+"""The table [uncertainty] in the files of specimens, calibrations and rigs.
 
-Each uncertainty has the key of its value. 0 means that the value is exact, and an absent key means that the uncertainty
-is unknown. `eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
+The table contains standard uncertainties of the quantities in the file. An uncertainty has the same key as its
+quantity. 0 means that the quantity is exact, and an absent key means that the uncertainty is unknown.
+`eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] of a kind of file, each with its source of uncertainty."""
+    """Return the permitted keys of the table [uncertainty] in a kind of file, each with the name of its source."""
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
 
@@ -59,9 +60,9 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
     table
         The table [uncertainty]: standard uncertainties by key.
     values
-        The quantities to check, by the key of their uncertainty: the key of the quantity in the file, and its value.
-        The value is None if the file does not contain the quantity. Quantities for which a relative uncertainty is not
-        meaningful, such as angles, are absent.
+        The quantities to check, by the key of the uncertainty. Each entry consists of the key of the quantity in the
+        file, and the value of the quantity, which is None if the file does not contain the quantity. Quantities for
+        which a relative uncertainty is not meaningful, such as angles, are absent.
     largest
         Largest permitted relative uncertainty.
 
@@ -86,16 +87,16 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys of the values that have no uncertainty in the table [uncertainty].
+    """Return the keys of the quantities that have no uncertainty in the table [uncertainty].
 
     Parameters
     ----------
     everything
-        A name for all keys together, which is the only result if ``table`` is None.
+        A name for all keys together. If ``table`` is None, only this name is returned.
     table
         The table [uncertainty]; None if the file has no such table.
     keys
-        The keys of the values in the file.
+        The keys of the quantities in the file.
     """
     if table is None:
         return (everything,)
@@ -114,10 +115,11 @@ def stated_sources(
     table
         The table [uncertainty]; None if the file has no such table.
     shared_by
-        Function that returns, for a key, the name of the object (an instrument, a specimen) that causes the error. The
-        error is common to all datasets with the same object.
+        Function that returns, for a key, the name of the object that causes the error, such as an instrument or a
+        specimen. The error is common to all datasets with the same object.
     in_units
-        Factors by key from the unit of the key to the unit of the source; 1 for a key that is absent.
+        By key: the factor that converts the unit of the key to the unit of the source of uncertainty. The factor is 1
+        for a key that is absent.
     """
     names = keys_of(file)
     return tuple(
