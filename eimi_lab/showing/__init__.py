@@ -1,4 +1,4 @@
-"""The parts that all figures and tables have in common.
+"""The parts that all figures and tables of results have in common.
 
 drawing  the style of figures, and figures as files
 palette  colours, markers and line styles

@@ -1,4 +1,4 @@
-"""The style of all figures of results, figures for a notebook, and figures as files."""
+"""Draw figures of results in one style, show figures in a notebook, and convert figures to files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STYLE: Any = {
     "path.simplify_threshold": 0.2,
 }
 styled = matplotlib.rc_context(STYLE)
-"""Decorator for functions that draw. Artists take their style at creation, so that the style must be set before."""
+"""Decorator for functions that draw. It sets the style of all figures before any part of a figure is created."""
 
 
 class Drawing(Figure):
@@ -55,7 +55,7 @@ class Drawing(Figure):
 
 
 def saved(figure: Figure, format: str, **how: Any) -> bytes:
-    """Return a figure as the bytes of a file, without the time of its creation.
+    """Return a figure as the bytes of a file that does not contain the time of creation.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 
 def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
-    """Return the x values of the states in a figure (K,), and the label of the x axis.
+    """Return the x value of each of K states in a figure, shape (K,), and the label of the x axis.
 
     The x values are the fields in mT. If the field is constant, the x values are the numbers of the states.
     """
@@ -95,7 +95,10 @@ def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray
 
 
 def colours_in_order(values: NDArray[np.float64]) -> ScalarMappable:
-    """Return the map from the values of an ordered quantity to colours, between the smallest and the largest value."""
+    """Return the map from the values of an ordered quantity to colours.
+
+    The colours extend from the smallest to the largest of the values.
+    """
     ends = (values.min(), values.max()) if len(values) else (0.0, 1.0)
     return ScalarMappable(Normalize(ends[0], max(ends[1], ends[0] + 1e-9)), matplotlib.colormaps[IN_ORDER])
 

@@ -1,4 +1,4 @@
-"""Colours, markers and line styles of all figures.
+"""Colours, markers and line styles of all figures of results.
 
 This module does not import matplotlib, because matplotlib loads slowly.
 """

@@ -1,7 +1,7 @@
 """Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens of hidden materials.
 
 hidden_materials   the laws of the specimens, which differ from all fitted laws
-extent             the extent of the evaluation: the whole evaluation or a quick part
+extent             the extent of the evaluation: the full evaluation or a quick part
 stored_parts       store each result, so that an interrupted study can continue
 observed           simulate the edges of the specimens, with the noise of the edge finder
 routes             identify laws by bending of type 1 and by tensile tests

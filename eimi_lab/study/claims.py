@@ -1,7 +1,7 @@
-"""Compare four claims of the paper with the results of the study.
+"""Compare four claims of the paper (Di Lecce et al. 2022) with the results of the study.
 
-The claims are those of the abstract and the results of the paper, in the words of this project. The numbers of the
-paper are not compared, because geometry and materials differ.
+The claims are taken from the abstract and the results of the paper, and are given in the words of this project. The
+numbers of the paper are not compared, because geometry and materials differ.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MEASURE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one claim of the paper for one material and section, with numbers as evidence."""
+    """The verdict on one claim of the paper for one material and section assumption, with numbers as evidence."""
 
     claim: str
     material: str
@@ -41,7 +41,7 @@ class Verdict:
 
 
 def verdicts(findings: Findings) -> list[Verdict]:
-    """Return the verdict on each claim for each section and material."""
+    """Return the verdict on each claim of the paper for each section assumption and material."""
     return [
         verdict
         for section in SECTIONS
@@ -72,7 +72,10 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return words on the laws by bending without equilibrium on an unseen type, with their limits of stability."""
+    """Return a text on the laws fitted to bending with which the beam has no equilibrium on an unseen type of specimen.
+
+    The text gives the limits of stability of these laws.
+    """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
         kinds = [k for k in untwisted(findings) if np.isinf(_bending_um(findings, key, section, k)[route.law])]

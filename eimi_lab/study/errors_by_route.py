@@ -1,4 +1,4 @@
-"""Compute the errors of identified laws on a specimen like `eimi validate`, with corrections for mesh and section."""
+"""Compute the errors of identified laws on a specimen as `eimi validate` does, corrected for mesh and section."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
     Returns
     -------
     list of dict
-        For each law: `error_mm` and `deviation_mm` by state, and the simulated `edges_mm` (2, n, 2) of the last state.
-        All values are None if the beam has no equilibrium with the law.
+        For each law: `error_mm` and `deviation_mm` by state, and the simulated edges `edges_mm` of the last state,
+        shape (2, n, 2). The axes of the edges are: left or right edge, n points, x and y in mm. All entries are None if
+        the beam has no equilibrium with the law.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()
@@ -59,10 +60,10 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 
 
 def mean_error_um(stored: dict[str, Any]) -> float:
-    """Return the mean error over the states in µm; infinity if the beam has no equilibrium with the law."""
+    """Return the mean error of a law over the states in µm; infinity if the beam has no equilibrium with the law."""
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean deviation over the states in µm; infinity if the beam has no equilibrium with the law."""
+    """Return the mean deviation of a law over the states in µm; infinity if the beam has no equilibrium."""
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

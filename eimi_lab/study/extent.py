@@ -1,4 +1,4 @@
-"""The extent of the evaluation: materials, specimens, laws, states and windows."""
+"""The extent of a study: the materials, specimens, laws, states and windows of strain that are evaluated."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ TRAINED_ON = "type1"
 
 @dataclass(frozen=True)
 class Extent:
-    """The materials, specimens, laws, states and windows that a study evaluates.
+    """The materials, specimens, laws, states and windows of strain that a study evaluates.
 
     Attributes
     ----------
     materials, types, laws : tuple of str
         Keys of the hidden materials, names of the shipped specimens, and names of the fitted laws.
     states : int or None
-        Number of states of each protocol, evenly chosen; None for all.
+        Number of states that are chosen from each protocol at even distances; None for all states.
     windows_percent : tuple
         Largest strains of the windows of tensile curves in per cent; None for the whole curve.
     open_questions : bool
@@ -46,7 +46,10 @@ class Extent:
         return tuple(kind for kind in self.types if kind != TRAINED_ON)
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the chosen states of a protocol with `count` states, first and last included."""
+        """Return the indices of the chosen states of a protocol with `count` states.
+
+        The first and the last state are chosen.
+        """
         return np.unique(np.linspace(0, count - 1, min(self.states or count, count)).round().astype(int))
 
 

@@ -63,7 +63,10 @@ def _legend(figure: Figure) -> None:
 
 
 def _stress_strain(findings: Findings) -> Figure:
-    """Draw figure 1: stress against strain of the hidden material, of laws by bending, and of Yeoh's law by tension."""
+    """Draw figure 1: stress against strain.
+
+    The figure shows the hidden material, the laws fitted to bending, and Yeoh's law fitted to tension.
+    """
     keys = findings.inputs.extent.materials
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
     for row, key in zip(grid, keys, strict=True):
@@ -105,7 +108,10 @@ def _curves_by_route(axes: Axes, routes: list[Route], strain: Array) -> None:
 
 
 def _boxes(findings: Findings) -> Figure:
-    """Draw figure 7: the errors of all states by type, for each law by bending and for the best tensile fit."""
+    """Draw figure 7: the errors of all states by type of specimen.
+
+    The figure shows each law fitted to bending and the best tensile fit.
+    """
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(SECTIONS), 5.2, 2.8)
     for row, key in zip(grid, keys, strict=True):
@@ -141,7 +147,10 @@ def _boxes(findings: Findings) -> Figure:
 
 
 def _overlays(findings: Findings) -> Figure:
-    """Draw figure 8: measured and simulated edges of the strongest state of each type, and the tip of the left edge."""
+    """Draw figure 8: measured and simulated edges in the strongest field for each type of specimen.
+
+    The figure also shows the tip of the left edge.
+    """
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(types), max(3.0, 10.0 / len(types)), 3.2)
     for row, key in zip(grid, keys, strict=True):
@@ -176,7 +185,7 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Draw figure 9: the mean error over the unseen types without twist, against the field."""
+    """Draw figure 9: the error against the field, as the mean over the unseen types of specimen without twist."""
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)
     for row, key in zip(grid, keys, strict=True):

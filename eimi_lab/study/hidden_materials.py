@@ -29,7 +29,10 @@ class _OfOneShape(InvariantLaw):
     coordinates = (_MODULUS,)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the initial shear modulus (P, 1) of P candidates, the only parameter of the law."""
+        """Return the initial shear modulus of P candidates in Pa, shape (P, 1); it is the only parameter of the law.
+
+        `x` holds the search coordinate of each candidate, shape (P, 1).
+        """
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -40,8 +43,8 @@ class _OfOneShape(InvariantLaw):
 class PowersOfFirstInvariant(_OfOneShape):
     """A law with three powers of I1 and a linear term in I2; see `formula`.
 
-    The sum of the powers is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The shares fulfil Σ m + 2 c = 1, so
-    that mu is the initial shear modulus.
+    The sum of the powers is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The shares m of the powers and the
+    share c of the term in I2 fulfil Σ m + 2 c = 1, so that mu is the initial shear modulus.
     """
 
     name = "powers of I1, and I2"
@@ -51,9 +54,10 @@ class PowersOfFirstInvariant(_OfOneShape):
     second = 0.05
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives with respect to x = I1 - 3 and y = I2 - 3.
+        """Return the strain energy W and the derivatives ∂W/∂x, ∂W/∂y and ∂²W/∂x².
 
-        The functions log1p and expm1 keep the values accurate near rest.
+        Here x = I1 - 3 and y = I2 - 3, where I1 and I2 are the first and the second invariant. The functions log1p and
+        expm1 keep the results accurate at small strains.
         """
         mu, growth = parameters[..., 0], np.log1p(x / 3)
         terms = list(zip(self.shares, self.powers, strict=True))
@@ -71,9 +75,10 @@ class FadingGent(_OfOneShape):
     lasting, most, fading, rate, second = 0.66, 60.0, 0.26, 6.0, 0.04
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the energy and its derivatives with respect to x = I1 - 3 and y = I2 - 3.
+        """Return the strain energy W and the derivatives ∂W/∂x, ∂W/∂y and ∂²W/∂x².
 
-        The values are valid for x below its limit Jm.
+        Here x = I1 - 3 and y = I2 - 3, where I1 and I2 are the first and the second invariant. The result is valid for
+        x below the limit Jm of Gent's law.
         """
         mu, jm, room = parameters[..., 0], self.most, np.maximum(self.most - x, 1e-9)
         fade = np.exp(-self.rate * x)
@@ -98,7 +103,7 @@ class HiddenMaterial:
     tested_to : float
         Engineering strain at which the tensile test ends.
     numbers : str
-        The other numbers of the law, in words.
+        The constants of the law apart from the modulus, in words.
     """
 
     name: str
@@ -110,11 +115,17 @@ class HiddenMaterial:
 
     @property
     def parameters(self) -> Array:
-        """Return the parameter of the material as an array (1, 1): one candidate with one parameter."""
+        """Return the initial shear modulus of the material in Pa as an array of shape (1, 1).
+
+        The axes are one candidate and one parameter of the law.
+        """
         return np.array([[self.modulus_Pa]])
 
     def tensile_curve(self) -> tuple[Array, Array]:
-        """Return strain (m,) and stress (m,) in Pa of a tensile test without measurement errors; engineering values."""
+        """Return engineering strain and engineering stress (Pa) of a tensile test without measurement errors.
+
+        Both arrays have the shape (m,), for m points of the curve.
+        """
         strain = np.linspace(0.01, self.tested_to, round(100 * self.tested_to))
         return strain, engineering_stress(self.law, self.parameters[0], strain)
 

@@ -1,8 +1,8 @@
 """Simulate the measured edges of the hidden specimens.
 
-The edges are the outline of the solid on a finer mesh than that of a fit. Normal noise is added, of the size of the
-error of the edge finder. Frames are not rendered: on a clean picture the error of the edge finder is a hundredth of a
-pixel, and rendering would take most of the time.
+The edges are the outline of the beam model with a solid section, on a finer mesh than the mesh of a fit. Normal noise
+of the size of the error of the edge finder is added. Frames are not rendered: on a clean picture the error of the edge
+finder is a hundredth of a pixel, and rendering would take most of the time.
 
 The specimen of type 4 is turned about its own axis, as the paper reports. Here the angle is proportional to the field
 and to the distance from the clamp. The camera then sees a part of the depth in addition to the width. The beam models
@@ -39,20 +39,22 @@ _AT_ENDS = 4  # points of an edge that are not measured at the clamp; half as ma
 
 
 def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
-    """Return the fields of the K states that are measured on a material, in mT, shape (K,)."""
+    """Return the fields of the K states in which specimens of a material are measured, in mT, shape (K,)."""
     fields = np.array(load_protocol(material.protocol).currents_A) * COIL_mT_PER_A
     return fields[extent.chosen(len(fields))]
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return the shipped specimen of this type (`type1` to `type4`) with the solid section."""
+    """Return the shipped specimen of a type, `type1` to `type4`, with a solid section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 
 def outlines_mm(
     material: HiddenMaterial, specimen: Specimen, fields: Array, bulk_modulus_Pa: float | None = None
 ) -> Array:
-    """Simulate the left and right edges of a specimen of a hidden material as a solid, without noise.
+    """Simulate the left and right edges of a specimen of a hidden material without noise.
+
+    The beam model has a solid section.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def outlines_mm(
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
-        n points of the left and the right edge in each state, mm.
+        x and y in mm of n points of the edges. The axes are: state, left or right edge, point, coordinate.
 
     Raises
     ------
@@ -84,9 +86,10 @@ def outlines_mm(
 
 
 def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
-    """Return the simulated measured edges of a specimen type of a material (mm), shape (K, 2, n, 2), for K states.
+    """Return the edges in K states, with simulated noise, of a type of specimen (`kind`) of a material (`key`).
 
-    The edges have noise. The edges of type 4 also include the twist of the beam.
+    The shape is (K, 2, n, 2): state, left or right edge, n points, x and y in mm. The edges of type 4 also include the
+    twist of the beam.
     """
     material, specimen = MATERIALS[key], specimen_of(kind)
     fields = field_mT(material, extent)
@@ -97,7 +100,10 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Return normal noise in mm. The text ``of``, such as the name of a specimen, is the seed of the random numbers."""
+    """Return normal noise in mm in an array of this shape.
+
+    The text ``of``, such as the name of a specimen, is the seed of the random numbers.
+    """
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 
@@ -109,10 +115,10 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
     Parameters
     ----------
     edges : ndarray, shape (K, 2, n, 2)
-        Edges without twist in K states, in mm.
+        Edges without twist, in mm. The axes are: state, left or right edge, point, coordinate.
     specimen : Specimen
     at_tip_rad : ndarray, shape (K,)
-        Angle at the tip in each state, in radians.
+        Angle of the section at the tip in each of the K states, in radians.
 
     Returns
     -------
@@ -129,7 +135,11 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:
-    """Return the data of a fit: edges (K, 2, n, 2) in mm and fields (K,) in mT of K states, and the specimen."""
+    """Return the data of a fit to a type of specimen (`kind`) with this section assumption.
+
+    `edges`, shape (K, 2, n, 2), holds x and y in mm of n points of the left and right edge in K states. `fields`, shape
+    (K,), holds the fields of the states in mT.
+    """
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])

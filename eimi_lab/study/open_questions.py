@@ -1,7 +1,7 @@
-"""Answer the open questions of the paper: compressibility, magnetic moment, number of states, choice of the optimiser.
+"""Answer open questions of the paper: compressibility, magnetic moment, number of states and choice of optimiser.
 
 The first three questions use a specimen of type 1 made of a Neo-Hookean silicone. The law of the fit is then the true
-law, so that each deviation is due to the effect in question. Each answer is a list of rows for JSON.
+law, so that each deviation is due to the input in question. Each answer is a list of rows for JSON.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Fit a magnet that is stronger than stated, once with the stated moment and once with a prior on the moment.
 
     The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
-    simulated by a stronger field. Each returned row is one setting of magnet and prior.
+    simulated by a stronger field. Each returned row holds the result for one magnet and one prior.
     """
     off = 1 + MOMENT_OFF
     settings: tuple[tuple[str, float, float | None], ...] = (
@@ -124,9 +124,10 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Compute the half-width of the 95 % interval of the modulus, in per cent, for several numbers of states.
 
-    For each noise σ the half-width is predicted as 1.96 σ / s. Here s is the root of the sum of squares of the changes
-    of all edge points for a relative change of the modulus. The edge points are assumed independent. A fit with a noise
-    of 0.1 px is computed for comparison.
+    For each standard deviation σ of the noise, the half-width is predicted as 1.96 σ / s. Here s is the root of the sum
+    of squares of the displacements of all edge points, divided by the relative change of the modulus that causes the
+    displacements. The errors of the edge points are assumed independent. A fit with a noise of 0.1 px is computed for
+    comparison.
     """
     rows = []
     for count in STATES[: extent.cases]:
@@ -162,7 +163,11 @@ def _fit(
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:
-    """Return the change of all edge points (mm, root of the sum of squares) per relative change of the modulus."""
+    """Return the sensitivity of the edges to the modulus (mm).
+
+    The sensitivity is the root of the sum of squares of the displacements of all edge points, divided by the relative
+    change of the modulus that causes the displacements.
+    """
     step = 1e-3
     around = PLAIN.modulus_Pa * np.array([[1 - step], [1 + step]])
     shapes = experiment.model.solve(PLAIN.law, around, experiment.loads, tolerance_mm=1e-4)

@@ -37,25 +37,34 @@ _NEAR = 0.01
 
 @dataclass
 class _Counted:
-    """A problem that records all evaluated candidates (n,) in the unit cube, and their objectives in mm, in order."""
+    """An optimisation problem that records each evaluated candidate and the objective of the candidate.
+
+    A candidate is a point of the unit cube with n coordinates, shape (n,). The objective is the mean error in mm.
+    """
 
     problem: Problem
     units: list[Array] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def evaluate(self, units: Array) -> Evaluation:
-        """Evaluate and record P candidates (P, n) in the unit cube, and return the evaluation."""
+        """Evaluate and record P candidates, and return the evaluation.
+
+        `units` holds the n coordinates of each candidate in the unit cube, shape (P, n).
+        """
         evaluation = self.problem.evaluate(units, 1.0)
         self.units += list(np.atleast_2d(units))
         self.values += evaluation.objective_mm.tolist()
         return evaluation
 
     def objective(self, unit: Array) -> float:
-        """Evaluate and record one candidate (n,) in the unit cube, and return its objective in mm."""
+        """Evaluate and record one candidate, and return the objective of the candidate in mm.
+
+        `unit` holds the n coordinates of the candidate in the unit cube, shape (n,).
+        """
         return float(self.evaluate(unit[None]).objective_mm[0])
 
     def moduli_Pa(self) -> Array:
-        """Return the modulus of the best candidate after each of the m evaluations (Pa), shape (m,)."""
+        """Return, for each of m evaluations, the modulus of the best candidate so far (Pa), shape (m,)."""
         values = np.array(self.values)
         best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
         parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
@@ -149,9 +158,9 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which all moduli are within one per cent of the target.
+    """Return the number of evaluations after which the modulus stays within one per cent of the target.
 
-    None is returned if the last modulus is not within one per cent.
+    Return None if the last modulus is not within one per cent of the target.
     """
     far = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
     first = int(far[-1]) + 1 if len(far) else 0

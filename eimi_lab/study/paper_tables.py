@@ -19,7 +19,7 @@ from eimi_lab.study.whole_study import Findings
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a study. `name` is the name of its CSV file, and `note` is printed below the table."""
+    """A table of a study. `name` is the name of the CSV file of the table, and `note` is printed below the table."""
 
     name: str
     title: str
@@ -35,7 +35,7 @@ class Table:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number as text with this many significant digits; `–` for None, `∞` for infinity.
+    """Return a number as text with `digits` significant digits; `–` for None, `∞` for infinity.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def parameters(findings: Findings, key: str) -> Table:
 class Advantage:
     """The mean errors of laws fitted to bending and of laws fitted to a tensile curve, for one material and section.
 
-    The means are over the types of specimen to which no law was fitted.
+    The means are taken over types of specimen to which no law was fitted.
 
     Attributes
     ----------
@@ -148,7 +148,11 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return the smallest error by tension divided by the largest error by bending, and by the smallest."""
+        """Return two ratios of errors of laws fitted to tension and laws fitted to bending.
+
+        The smallest error of the laws fitted to tension is divided by the largest error of the laws fitted to bending,
+        and then by the smallest error of the laws fitted to bending.
+        """
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 
@@ -193,7 +197,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 def untwisted(findings: Findings) -> list[str]:
     """Return the types of specimen to which no law was fitted, without the type that twists.
 
-    If only the type that twists is left, this type is returned.
+    If a law was fitted to every type except the type that twists, this type is returned.
     """
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
@@ -343,7 +347,10 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a sentence with the smallest number of states for which a fit has a half-width of at most 1 %."""
+    """Return a sentence with the smallest sufficient number of states.
+
+    With this number of states, the half-width of the 95 % interval of the modulus is at most 1 %.
+    """
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
     return (
         f"{min(enough)} states are enough if all other inputs are exact."

@@ -24,7 +24,7 @@ BENDING = "bending"
 
 @dataclass(frozen=True)
 class Route:
-    """An identified law, and the data from which it was identified.
+    """A law with identified parameters, and the data from which the parameters were identified.
 
     Attributes
     ----------
@@ -34,7 +34,8 @@ class Route:
     modulus_Pa : float
         The initial shear modulus in Pa.
     source : {"bending", "own", "published"}
-        The data: bending of type 1, the tensile curve of the hidden material, or a published tensile curve.
+        The data: bending of a specimen of type 1, the tensile curve of the hidden material, or a published tensile
+        curve.
     window : str
         The window of the tensile curve, such as `20 %` or `full`; empty for bending.
     """
@@ -47,7 +48,7 @@ class Route:
 
     @property
     def name(self) -> str:
-        """Return the data of a law as a name for tables: `bending`, `tension 20 %` or `published curve, full`."""
+        """Return the name of the data for tables, such as `bending`, `tension 20 %` or `published curve, full`."""
         if self.source == BENDING:
             return BENDING
         return f"{'tension' if self.source == 'own' else 'published curve,'} {self.window}"
@@ -59,9 +60,9 @@ class Route:
 
 
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
-    """Identify a law by bending.
+    """Identify the parameters of a law from the bending of a specimen.
 
-    Return the fields of a `Route` and the numbers of the search as a dictionary for JSON.
+    Return a dictionary for JSON with the fields of a `Route`, and with the cost of the search.
     """
     fit = identify(law, [experiment], seed=seed)
     return {
@@ -126,7 +127,7 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
 def published_curves(folder: Path | None, materials: Sequence[str]) -> dict[str, Path]:
     """Return the file with the tensile test of each material; empty without a folder.
 
-    The name of the file begins with the first word of the material's key, and ends with `.csv`.
+    The name of such a file begins with the first word of the material's key, and ends with `.csv`.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class StoredParts:
         return parts
 
     def part(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Return the stored result with this name. If there is no such file, compute and store the result first."""
+        """Return the stored result with this name; if the result is not stored yet, compute and store it first."""
         if not self._file(name).exists():
             self._write(name, compute())
         return self._read(name)

@@ -57,13 +57,14 @@ class Findings:
     fields : dict of ndarray, shape (K,)
         Fields of the K states in mT, by material.
     edges : dict of ndarray, shape (K, 2, n, 2)
-        Measured edges in mm, by material and type.
+        Measured edges in mm, by material and type of specimen. The axes are: state, left or right edge, n points, x and
+        y.
     bending : dict of list
-        Fits to the bending of type 1, one for each law, by material and section.
+        Fits to the bending of a specimen of type 1, one for each law, by material and section assumption.
     tensile : dict of list
-        Tensile fits, by material.
+        Fits to tensile curves, by material.
     errors : dict of list
-        Errors of each identified law, by material, section and type.
+        Errors of each identified law, by material, section assumption and type of specimen.
     answers : dict of list
         Answers to the open questions, by name; empty if the open questions were not part of the study.
     """
@@ -134,7 +135,7 @@ def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the tensile fits to the curve of the hidden material, and to its published curve if there is one."""
+    """Return the fits to the tensile curve of a hidden material and, if available, to a published tensile curve."""
     fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])
