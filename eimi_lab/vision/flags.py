@@ -1,7 +1,7 @@
 """The table of all quality checks, with the measured quantity, limit, severity and remedy of each check.
 
-A state with an unusable flag is left out of a fit. A state with a doubtful flag is used; the check determines the
-standard deviation that is added to its points. A note does not affect a fit.
+A fit leaves out a state with an unusable flag. A fit uses a state with a doubtful flag, and the check determines the
+standard deviation that is added to the edge points of this state. A note does not affect a fit.
 
 To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """
@@ -18,8 +18,8 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 def _motion_px(ratio: float) -> float:
     """Return the motion of a beam (px) between two frames whose settling ratio is given (see `settling_statistic`).
 
-    The excess of the ratio over 1 grows with the square of the motion. Measured ratios: 1.06 at a motion of 1/20 px,
-    2.3 at 1/5 px.
+    The difference ratio - 1 grows with the square of the motion. The measured ratio is 1.06 at a motion of 1/20 px, and
+    2.3 at a motion of 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
@@ -261,7 +261,7 @@ def judge(
     limits : mapping of str to float, optional
         Limits that replace limits of the table, with the same keys.
     words : mapping of str to str, optional
-        Replacements for the words in braces in the remedies.
+        For each word in braces in the remedies, the text that replaces this word.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """Motions of the beam in a dataset: ring-downs and creep, as positions of points at measured times.
 
-stored_motions    motions in the file
+stored_motions    store motions in the file of a dataset, and read them
 motion_facts      facts about a recording that the user gives: kind, rate, release, weights, shutter
 free_motion       the part of a recording after the release of the beam
 beam_modes        modes of a cantilever, and the amplitudes of these modes in a motion

@@ -6,7 +6,7 @@ With ξ = x / L, where x is the distance from the clamp and L is the length, eac
 
 where β is one of the solutions of cos β cosh β = -1 (R. D. Blevins, Formulas for natural frequency and mode shape,
 1979, table 8-1). The true modes of a beam with a magnet or a weight differ from these modes. The amplitudes only
-describe a measured shape in a few numbers.
+describe the measured shape of the beam by a few numbers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def cantilever_modes(share: Array) -> Array:
     Returns
     -------
     ndarray, shape (p, 3)
-        Deflection of each mode at each point; every mode is 1 at the tip.
+        Deflection of the three modes (columns) at the p points (rows); every mode is 1 at the tip.
 
     Examples
     --------
@@ -65,8 +65,9 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
     Returns
     -------
     ndarray, shape (n, m)
-        Amplitude of each mode at the tip, mm; NaN for a frame that shows fewer than m points. The number m of modes is
-        3, or the number of different distances of the points from the clamp if this is smaller.
+        Deflection of the tip in each of m modes (columns) in each frame (rows), mm; NaN for a frame that shows fewer
+        than m points. m is 3, or the number of different distances of the points from the clamp if this number is
+        smaller.
     """
     modes = cantilever_modes(motion.rest_mm[:, 0] / length_mm)[:, : len(np.unique(motion.rest_mm[:, 0].round(3)))]
     is_seen = motion.seen
@@ -94,8 +95,8 @@ def tip_angles_deg(motion: Motion) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Angle in degrees, positive from +x toward +y; NaN for a frame that does not show both points. All angles are NaN
-        if both points are equally far from the clamp.
+        Angle in degrees, positive from +x toward +y; NaN for a frame that does not show both of these points. All
+        angles are NaN if both points are equally far from the clamp.
     """
     order = np.argsort(motion.rest_mm[:, 0], kind="stable")[-2:]
     if len(order) < 2 or np.ptp(motion.rest_mm[order, 0]) <= 0.0:

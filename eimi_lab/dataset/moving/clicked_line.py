@@ -3,7 +3,7 @@
 The scale may be inaccurate, because the frequency and the loss of a ring-down do not depend on it. The direction in
 which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from the clamp divided
 by the length. A uniform load, such as the weight, bends a clamped beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A load at
-the tip bends it in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
+the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
     Parameters
     ----------
     changes : mapping
-        Values of a calibration by key. The points are ``changes["picture"]["along_px"]``. All other values replace
-        those that `clicked_calibration` computes.
+        Values of a calibration by key. The clicked points are ``changes["picture"]["along_px"]``. All other values
+        replace the values that `clicked_calibration` computes.
     specimen, origin
         See `clicked_calibration`.
 
@@ -103,9 +103,9 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
 def _direction_deg(points: Array) -> float:
     """Return the direction in which a beam leaves its clamp, in degrees clockwise from +x of the picture.
 
-    ``points`` (n, 2) are points on the centre line, the first at the clamp. Three or more points are fitted with the
-    shape under a uniform load. For two points the result is the direction of the line through the points. If this line
-    is less than 20° from a horizontal or vertical direction, the result is the horizontal or vertical direction.
+    ``points`` contains n points on the centre line, px, shape (n, 2). The first point is at the clamp. Three or more
+    points are fitted with the shape under a uniform load. For two points, the result is the direction of the line
+    through the points, or the horizontal or vertical direction if this direction differs by less than 20°.
     """
     from_clamp = points[1:] - points[0]
     chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))
@@ -130,7 +130,7 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
     rest_px : ndarray, shape (p, 2)
         Points of the centre line at rest; NaN for a point that was not seen.
     along_mm : ndarray, shape (p,)
-        Distances of these points from the clamp along the beam.
+        Distances of the p points from the clamp along the beam.
     has_tip_load : bool
         Whether a weight hangs at the tip.
     """
@@ -154,8 +154,9 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
 def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:
     """Return the coordinates of points in a system whose first axis has a given direction.
 
-    The points (n, 2) are measured from the clamp, and ``axis_deg`` is the direction, clockwise from +x of the picture.
-    The second axis is 90° clockwise of the first axis. Each returned array has the shape (n,).
+    ``from_clamp`` contains the n points minus the clamp, px, shape (n, 2). ``axis_deg`` is the direction of the first
+    axis, clockwise from +x of the picture. The second axis is 90° clockwise of the first axis. Returned are the first
+    and the second coordinates, each of shape (n,).
     """
     cosine, sine = np.cos(np.radians(axis_deg)), np.sin(np.radians(axis_deg))
     return from_clamp @ np.array([cosine, sine]), from_clamp @ np.array([-sine, cosine])

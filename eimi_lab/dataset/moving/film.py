@@ -50,10 +50,10 @@ class Film:
     right_px: Array
 
     def sigma_mm(self, middle_mm: Array) -> Array:
-        """Return the standard deviation of the noise of each point across the beam, mm, shape (p,).
+        """Return the standard deviation of the noise of each of the p points across the beam, mm, shape (p,).
 
         In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points. The standard deviation
-        of a point follows from the scatter of its distances to this polynomial over all frames.
+        of a point follows from the scatter, over all frames, of its distance from the polynomial of the frame.
 
         Parameters
         ----------

@@ -45,8 +45,10 @@ class FilmedPoints:
         Positions; NaN for a point that was not seen in a frame.
     rest_mm : ndarray, shape (p, 2)
         Positions of the points in the undeformed beam.
-    time_s, sigma_mm : ndarray, shape (n, p)
-        Time of each point, and standard uncertainty of one coordinate.
+    time_s : ndarray, shape (n, p)
+        Time at which each point was exposed.
+    sigma_mm : ndarray, shape (n, p)
+        Standard uncertainty of one coordinate of each point.
     """
 
     points_mm: Array
@@ -77,7 +79,7 @@ def points_of_film(
     row_time_s : float
         Time between the exposures of two neighbouring rows; 0 for a global shutter.
     rows : tuple of float
-        The numbers (a, b, c), by which the pixel (x, y) of a frame is in the row a x + b y + c of the sensor.
+        Three numbers (a, b, c). The pixel (x, y) of a frame lies in the row a x + b y + c of the sensor.
     """
     frame = BeamFrame(calibration)
     middle = frame.to_mm(film.middle_px.reshape(-1, 2)).reshape(film.middle_px.shape)
@@ -174,7 +176,7 @@ def frame_at_rest(path: Path) -> NDArray[Any]:
 
 
 def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the last but one of the frames in ``kept``, which maps numbers to frames.
+    """Return the last but one of the frames in ``kept``, whose keys are the numbers of the frames.
 
     The last frame may show the hand that stops the camera.
     """

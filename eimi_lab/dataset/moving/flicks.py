@@ -68,16 +68,16 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
 
 
 def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
-    """Return whether the amplitude of a vibration rises faster than it decays, as after a flick.
+    """Return whether the amplitude of a vibration rises to a maximum faster than it decays, as after a flick.
 
     When two vibrations beat, the amplitude rises as slowly as it decays.
 
     Parameters
     ----------
     size
-        (n,) the amplitude in each frame.
+        Amplitude in each of the n frames, shape (n,).
     peak
-        The frame of a maximum of the amplitude.
+        Number of the frame with the maximum of the amplitude.
     frames
         Number of frames in one period.
     """
@@ -89,10 +89,10 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 
 
 def _deflection(points_mm: Array) -> Array | None:
-    """Return the deflection of the point with the largest motion in each of n frames, mm, shape (n,).
+    """Return the deflection, in each of n frames, of the point with the largest motion, mm, shape (n,).
 
-    Frames that do not show the point are filled by interpolation. The result is None if no point was seen in more than
-    half of the frames.
+    For frames that do not show this point, the deflection is interpolated. The result is None if no point was seen in
+    more than half of the frames.
     """
     seen = np.isfinite(points_mm[..., 1])
     often = seen.mean(axis=0) > 0.5
@@ -107,7 +107,10 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _period(moved: Array, rate_Hz: float) -> int:
-    """Return the number of frames in one period of the strongest vibration of a deflection (n,)."""
+    """Return the number of frames in one period of the strongest vibration of a point.
+
+    moved: deflection of the point in n frames, shape (n,).
+    """
     n = len(moved)
     power = np.abs(np.fft.rfft(np.diff(moved) * np.hanning(n - 1), 2 * n)) ** 2  # a difference suppresses slow motion
     frequency = np.fft.rfftfreq(2 * n, 1.0 / rate_Hz)

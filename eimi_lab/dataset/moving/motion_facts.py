@@ -16,10 +16,10 @@ class MotionFacts:
     kind : {"ring_down", "creep"}
         "ring_down" if the beam swings freely, "creep" if the beam creeps under a constant load.
     rate_Hz : float, optional
-        Frames per second of the recording, from which the times are computed instead of those in the file. A video
-        that is played in slow motion needs this rate.
+        Frames per second of the recording. The times of the frames are then computed from this rate, and the times in
+        the file are ignored. A video that is played in slow motion needs this rate.
     released_s : float, optional
-        Time in the recording at which the beam was released, or its load changed.
+        Time in the recording, in s, at which the beam was released, or at which the load of the beam changed.
     hanging_N : float
         Weight that hangs at the tip during the motion.
     removed_N : float

@@ -35,7 +35,7 @@ def recorded_motions(
     projection : Projection, optional
         Projection from colours to grey values.
     report : callable
-        Function that gets a line of text for each motion.
+        Function that is called with a line of text for each motion.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def _followed(
     set_points
         All set-points of the run.
     from_A
-        The current before the step, A.
+        Coil current before the set-point `step`, A.
     projection
         Projection from colours to grey values.
     label

@@ -28,8 +28,8 @@ _SAME = 0.02  # relative difference of rates
 def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
     """Return the times at which the frames of a video were recorded, in s from the first frame, shape (n,).
 
-    The times in the file are multiplied by the playback rate over the rate of the recording. A longer interval after a
-    lost frame is therefore preserved. If the user gives no rate, a note on standard error tells the rate that is used.
+    The times in the file are multiplied by playback rate / recording rate. A longer time between two frames, where a
+    frame was lost, is therefore preserved. If the user gives no rate, a note on standard error gives the rate used.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def _boxes(path: Path) -> bytes:
 
 
 def _value(header: bytes, number: int) -> float | None:
-    """Return the value of a metadata key of an MP4 file as a rate in Hz; None if it is not a plausible rate.
+    """Return the value of a metadata key of an MP4 file as a rate in Hz; None if the value is not a plausible rate.
 
     ``header`` is the box `moov`, and ``number`` is the number of the key, from 1.
     """

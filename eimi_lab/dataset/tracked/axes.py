@@ -24,7 +24,8 @@ PIXEL = "px"
 class Placing:
     """Information from the user by which tracked points are converted into the beam frame.
 
-    Give either ``calibration``, or ``clamp`` and ``axis_deg`` and, if the file does not contain it, ``unit``.
+    Give either ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, also give ``unit`` if the file does
+    not contain its unit.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Placing:
     unit
         Unit of the file: px, mm, cm, m or in; None if the file contains its unit.
     pixels_per_mm
-        Scale, if the unit is px.
+        Scale of the pictures, if the unit is px.
     clamp
         Middle of the clamped section, in the unit and axes of the file.
     axis_deg
@@ -41,7 +42,7 @@ class Placing:
     sigma
         Standard deviation of one coordinate in the unit of the file; None if the file contains standard deviations.
     rest
-        Number of the frame in which the beam is at rest; None if the file contains positions at rest.
+        Number of the frame in which the beam is at rest; None if the file contains the positions of the points at rest.
     plane
         For points in three dimensions, the two axes of the plane in which the beam bends, such as ``"xz"``.
     """
@@ -65,11 +66,11 @@ class PlacedTracks:
     tracks
         The tracks in the unit and axes of their file.
     places_mm
-        (k, n, 2) positions.
+        Positions of the points in each frame, shape (k, n, 2).
     rest_mm
-        (n, 2) positions at rest.
+        Positions of the points at rest, shape (n, 2).
     sigma_mm
-        (k, n) standard deviations of one coordinate.
+        Standard deviation of one coordinate of each point, shape (k, n).
     """
 
     tracks: Tracks
@@ -161,7 +162,7 @@ def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float
 
 
 def _unit_mm(tracks: Tracks, placing: Placing, origin: str) -> float:
-    """Return the length of the unit of the file in mm. The unit comes from the file or from the user."""
+    """Return the length of the unit of the positions in mm. The unit comes from the file or from the user."""
     if tracks.unit is not None and placing.unit not in (None, tracks.unit):
         raise InputError(f"--unit {placing.unit}: contradicts {origin}, whose unit is {tracks.unit}; leave --unit out")
     unit = tracks.unit or placing.unit

@@ -63,10 +63,10 @@ def _read(path: Path) -> Columns:
 
 
 def _rows(table: Columns, key: str) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return, for each row of a table, its number in the column ``key`` and five values.
+    """Return, for each row of a table, the number in the column ``key`` and an array of five numbers.
 
-    The values are x and y in the reference picture, the displacements in x and y, and the standard deviation of a
-    displacement (NaN if the table has none).
+    The five numbers are the coordinates x and y in the reference picture, the displacements in x and y, and the
+    standard deviation of a displacement (NaN if the table has none), all in px.
     """
     sigma = table.get("SIGMA", np.full(len(table[key]), np.nan))
     rows = np.column_stack([*(table[column] for column in _NEEDED), sigma])

@@ -67,7 +67,10 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Return the lines of a sparse file as a dense table, with the names of its columns; an absent value is NaN."""
+    """Convert the lines of a sparse file into a dense table; an absent value is NaN.
+
+    Returned are the names of the columns, and the table with one row for each frame.
+    """
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]
     if len(entries) != stored or any(len(entry) != 3 for entry in entries) or rows * columns > _MOST_CELLS:

@@ -51,7 +51,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """The replacement of every object of a pickle that is not an array. It accepts all calls and does nothing."""
+    """An object that accepts all calls and does nothing. It replaces every object of a pickle that is not an array."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)

@@ -68,7 +68,8 @@ def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
     Returns
     -------
     displacements, spacing, pixel
-        The displacements u and v of each picture, both of shape (rows, columns); dispinfo.spacing; dispinfo.pixtounits.
+        For each picture, the displacements in x and in y, each of shape (rows, columns), in the unit of the file. Then
+        the numbers dispinfo.spacing and dispinfo.pixtounits.
     """
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]

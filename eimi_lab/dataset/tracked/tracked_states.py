@@ -89,7 +89,7 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index, in the tracks, of the frame that a row of the table of states gives by number or time."""
+    """Return the index in the tracks of the frame that a row of the table of states names by its number or time."""
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
         raise InputError(
@@ -112,10 +112,10 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
 
 
 def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
-    """Return the indices (n,) of the tracked points that are used.
+    """Return the indices of the n tracked points that are used for a dataset, shape (n,).
 
-    These points are on the beam at rest, and were seen in at least one of the frames ``at``. If they are more than
-    `MOST_POINTS`, only this number of points is returned, evenly spaced in the order of the file.
+    The points used are on the beam at rest, and were seen in at least one of the frames with the indices ``at``. Of
+    more than `MOST_POINTS` such points, `MOST_POINTS` are returned, evenly spaced in the order of the file.
 
     Raises InputError if there is no such point. A note on standard error tells how many points are left out.
     """

@@ -12,24 +12,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """Positions of n points in k frames, in the unit and axes of the file. A value that the file lacks is None.
+    """Positions of n tracked points in k frames, in the unit and axes of the file. A value missing in the file is None.
 
     Parameters
     ----------
     names
         Names of the points.
     frames
-        (k,) numbers of the frames, as the tracking program counts them.
+        Numbers of the frames, as the tracking program counts frames, shape (k,).
     places
-        (k, n, 2) or (k, n, 3) positions; NaN for a point that was not seen in a frame.
+        Positions of the points in each frame, shape (k, n, 2) or (k, n, 3); NaN for a point that was not seen in a
+        frame.
     rest
-        (n, 2) positions in the reference picture.
+        Positions of the points in the reference picture, shape (n, 2).
     sigma
-        (k, n) standard deviation of one coordinate.
+        Standard deviation of one coordinate of each point in each frame, shape (k, n).
     unit
         Unit of the positions: px, mm, cm, m or in.
     times_s
-        (k,) times of the frames, s.
+        Times of the frames in s, shape (k,).
     image_axes
         Whether positions are pixels in the axes of a calibration: the centre of the first pixel is 0, 0, and y points
         down.
