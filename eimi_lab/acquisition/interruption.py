@@ -33,9 +33,10 @@ class Heeded(Protocol):
 
 
 class Interruption:
-    """The connection between the instruments and files of a bench and the run that uses them.
+    """Calls by which the instruments of a bench and the writer of its dataset let the run react to a signal.
 
-    Without a run, the methods do nothing.
+    The instruments and the writer call the methods during long operations. Each call is passed to the run that is
+    inside `heeding`. Without such a run, the methods do nothing.
     """
 
     def __init__(self) -> None:
@@ -43,7 +44,7 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Pass the calls of instruments and files to `run` until the context ends."""
+        """Pass the calls of the instruments and of the writer to `run` until the context ends."""
         self._run = run
         try:
             yield
@@ -53,8 +54,8 @@ class Interruption:
     def between_messages(self) -> None:
         """Interrupt the exchange with the supply after a second signal, or if the run stood still for too long.
 
-        The line to the supply calls this method before each message, because a set-point and the reading back of its
-        value take long on a slow line.
+        The line to the supply calls this method before each message. On a slow line it takes long to send a set-point
+        and to read the value back.
         """
         if self._run:
             self._run.leave_in_haste()

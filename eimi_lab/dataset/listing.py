@@ -1,4 +1,4 @@
-"""Find the pictures that a table of states lists: image files, or frames of a video by number or by time."""
+"""Find the pictures that a table of states lists: image files, or frames of a video."""
 
 from __future__ import annotations
 
@@ -167,7 +167,10 @@ def _near(row: Row, images: list[Path]) -> str:
 
 
 def _beside(row: Row) -> list[Path]:
-    """Return a list with the image at the path that a row gives relative to the table; empty if it does not exist."""
+    """Return the image that a row of the table names by a relative path, in a list.
+
+    The path is relative to the folder of the table. The list is empty if there is no image at this path.
+    """
     image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []

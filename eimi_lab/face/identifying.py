@@ -269,7 +269,7 @@ def fit(
 
 
 def _prior_text(prior: Prior | str) -> str:
-    """Return a prior as text in the form that the option `--prior` takes, with all digits of the numbers."""
+    """Return a prior as the text that the option `--prior` expects, with all digits of the numbers."""
     return prior if isinstance(prior, str) else f"{prior.parameter}={prior.mean!r},{prior.standard_deviation!r}"
 
 
@@ -295,7 +295,7 @@ def identify_laws(
     Returns
     -------
     fits, evidence
-        The fits, and the data of each dataset with states as the inference uses them.
+        The fits, and the evidence of each dataset that has states: the data in the form that the inference uses.
 
     Raises
     ------

@@ -284,7 +284,8 @@ def _of_video(
             used, is_clicked = _loaded(calibration, changes), False
         else:
             if "along_px" not in changes.get("picture", {}):
-                raise InputError(_where(source, output, "a video needs --along 'X,Y X,Y X,Y', or --calibration"))
+                problem = "a video needs --calibration, or --along 'X,Y X,Y X,Y' with pixels of points on the beam"
+                raise InputError(_where(source, output, problem))
             used = clicked_from_changes(changes, specimen, str(source))
             is_clicked = not {"axis_angle_deg", "clamp_midpoint_px"} & changes.keys()
         read = read_video_motions(source, used, specimen, facts, is_clicked=is_clicked)

@@ -160,7 +160,8 @@ class _Underway:
         if self.log:
             self.log(generation, objectives)
         self.generations += 1
-        self.tell(f"{self.task}, generation {self.generations}, {1e3 * generation.best_mm:.2f} µm")
+        best_um = 1e3 * generation.best_mm
+        self.tell(f"{self.task}, generation {self.generations}, smallest objective so far {best_um:.2f} µm")
 
 
 def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateRecord:

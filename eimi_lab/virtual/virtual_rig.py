@@ -53,10 +53,10 @@ class Coil(Protocol):
 class VirtualCamera:
     """A camera that sees the virtual beam.
 
-    With a frame rate, the camera exposes at this rate, keeps the frames that were not yet taken, and sees how the beam
-    swings between equilibria. Without a frame rate, the camera exposes when a frame is requested, at most ten times per
-    second of its clock. It then sees an elastic beam in its equilibrium at once. A beam with a Prony series moves and
-    creeps for every camera.
+    With a frame rate, the camera exposes at this rate, and its buffer keeps the frames until they are requested. The
+    frames then show how the beam swings between equilibria. Without a frame rate, the camera exposes when a frame is
+    requested, at most ten times per second of the clock. The frames then show an elastic beam in equilibrium. A beam
+    with a Prony series swings and creeps with and without a frame rate.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class VirtualCamera:
         return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
 
     def flush(self) -> None:
-        """Discard the frames that a camera with a frame rate has exposed and that were not yet taken."""
+        """Discard the frames that wait in the buffer. Only a camera with a frame rate has a buffer."""
         if self._runs_freely:
             missed = max(0, int((self._clock.now() - self._exposed_s) / self._period_s))
             self._number += missed
@@ -177,7 +177,10 @@ class VirtualCamera:
         return self._beam.outlines_mm(field_mT) if self._scene is None or self._beam.moves(field_mT) else None
 
     def _moved(self) -> Outlines | None:
-        """Move the beam until the exposure, and return its outlines; None if the beam looks as in the last frame."""
+        """Compute the motion of the beam up to the time of the exposure, and return the outlines of the beam.
+
+        None if the beam looks as in the last frame.
+        """
         now_mT = self._field_at_mT(self._exposed_s)
         if self._motion is None:
             assert self._specimen is not None
@@ -297,7 +300,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
-    """Return the true material of the virtual beam, with the mesh, the seed and the optics of the simulation.
+    """Return the true material of the virtual beam, and the mesh, the seed and the optics of the simulation.
 
     Raises InputError for the same reasons as `open_virtual_rig`.
     """
@@ -317,9 +320,10 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
 def _as_it_is(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the true specimen and the true calibration, with properties that the files of a fit do not give.
+    """Return the true specimen and the true calibration of a virtual bench.
 
-    `bench` contains these properties, such as a bend of the beam from its casting.
+    They differ from the files that a fit reads by the properties in `bench`, such as a bend of the beam from its
+    casting.
     """
     beam = specimen.mechanics()
     if beam.magnet:

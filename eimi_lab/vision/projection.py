@@ -1,4 +1,4 @@
-"""Project the colours of pictures to one grey value, with the same weights for all pictures of a dataset.
+"""Convert the colours of pictures to grey values. All pictures of a dataset are converted with the same weights.
 
 The projection is linear in the camera's colours or in the coordinates of the colour space CIELAB. Fisher's linear
 discriminant maximises the difference between the root of the beam (index in) and its surroundings (index out), relative
@@ -9,8 +9,8 @@ to the scatter of the colours:
 with the weights w, the median colours m, averaged over the pictures, and the mean covariance C of the colours inside
 and outside (R. A. Fisher, "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179).
 
-A single channel is used unless the discriminant separates root and surroundings better by a quarter. A person may name
-a channel.
+The discriminant is used only if it separates root and surroundings at least 1.25 times as well as the best single
+channel. Otherwise this channel is used. A person may also choose the channel.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Projection:
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """Return the projection that `to_json` wrote as text."""
+        """Return the projection from the text that `to_json` returned."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 
@@ -109,24 +109,25 @@ class Projection:
 def choose_projection(
     images: Iterable[NDArray[Any]], calibration: Calibration, width_mm: float, length_mm: float
 ) -> Projection:
-    """Choose the projection in which the beam's root differs most from its surroundings.
+    """Choose the weights that convert colours to grey values so that the beam differs most from its surroundings.
 
-    If `calibration.picture` names a channel, this channel is the projection. If it gives the colour of the beam, this
-    colour replaces the measured colours of the root.
+    The beam and its surroundings are compared at the root of the beam. If `calibration.picture.channel` is given, this
+    channel is chosen. If `calibration.picture.beam_colour` is given, this colour replaces the measured colours of the
+    root.
 
     Parameters
     ----------
     images : iterable of ndarray, shape (H, W, 3)
-        Pictures of one dataset: blue, green, red.
+        Pictures of one dataset. The last axis is blue, green, red.
     calibration : Calibration
-        Calibration with the place of the beam's root.
+        Gives the place of the beam's root.
     width_mm, length_mm : float
         Width and length of the specimen.
 
     Returns
     -------
     Projection
-        If the root lies outside all pictures, the usual grey value: 0.114 blue + 0.587 green + 0.299 red.
+        The weights. If the root lies outside all pictures: 0.114 blue + 0.587 green + 0.299 red, the usual grey value.
     """
     named = calibration.picture or Picture()
     if named.channel is not None:

@@ -1,6 +1,7 @@
-"""A centre line that is expected before the search: clicked by a person, or taken from an earlier picture.
+"""The centre line at which the search for the beam expects the beam.
 
-The search prefers strips near the expected line. Only the picture determines where the edges are.
+A person clicks this line, or an earlier picture gives it. The search prefers strips near the expected line. The
+expected line does not move the edges: only the picture determines their places.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ class CentreLine:
     free_px : ndarray, shape (n,)
         Distance from each point of the line within which a strip has no cost.
     evidence : float
-        Gain of a search step within the free distance.
+        Gain of a search step whose distance from the line is at most `free_px`.
     largest_cost : float
-        Largest cost of a search step outside the free distance.
+        Largest cost (negative gain) of a search step farther from the line than `free_px`.
     """
 
     points: Array
@@ -56,8 +57,10 @@ class CentreLine:
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
         """Return the gain of search steps, from the distance between the end of each step and this line.
 
-        Within the free distance the gain is `evidence`. At a distance e beyond the free distance, in half beam widths,
-        the gain is -e²/2, but not below -`largest_cost`. Beyond the end of the line the gain is 0.
+        The gain depends on the distance between the end of the step and the part of the line at a similar distance
+        from the clamp. Let e be the amount by which this distance exceeds `free_px`, in half beam widths. The gain is
+        `evidence` if the distance does not exceed `free_px`. Otherwise the gain is the larger of -e²/2 and
+        -`largest_cost`. For steps that end farther from the clamp than the end of the line, the gain is 0.
 
         Parameters
         ----------
@@ -71,6 +74,7 @@ class CentreLine:
         Returns
         -------
         ndarray, shape (...)
+            The gains.
         """
         if along_px > self.length_px:
             return np.zeros(x.shape)
