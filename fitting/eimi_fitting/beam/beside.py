@@ -88,7 +88,7 @@ class SolidShapes(Shapes):
 
 
 class SolidBeside:
-    """A solid model and a planar model in plane stress with the same lines, for one candidate at a time.
+    """A solid model and a planar model (plane stress) on the same grid lines; solves one candidate at a time.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return shapes at rest in which every state is marked as diverged, for a candidate that was not solved."""
+        """Return the result for a candidate that was not solved: shapes at rest, every state marked as diverged."""
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
             rigid=np.zeros_like(flat.rigid),
@@ -220,12 +220,12 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
-        The states are solved in Leja's order: the next state is the one with the largest product of the distances from
-        the solved states. The interpolation ends if a solved shape differs by less than ``accuracy_mm`` from the shape
-        that was interpolated before.
+        States are solved one after another in Leja's order: the next state has the largest product of distances from
+        the solved states, with the distances along the scalar s of `beam.depth_effect`. No further state is solved if
+        the last solved shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
 
-        Returns None if the loads do not lie on a straight line, or if Newton's method does not converge in a few steps
-        because the solid shape is not close to the planar shape.
+        Returns None if the loads do not lie on a straight line. Also returns None if Newton's method does not converge
+        in a few steps from the planar shape to the solid shape in one of the states.
         """
         along = _along_ray(loads)
         if along is None:

@@ -65,7 +65,7 @@ class SolidGrid:
     mesh : Bricks
         The elements of silicone.
     per_specimen : float
-        The fraction of a load on the whole specimen that acts on the mesh: 1/2.
+        1/2, the fraction of a load that acts on the mesh. The mesh is half of the specimen.
     block_mm, magnet_nodes, face_mm, turn_rad
         See `Grid`.
     """

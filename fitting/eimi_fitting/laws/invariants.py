@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """An invariant of a planar deformation, with its derivatives by a and J; see `laws.law` for a and J.
+    """The value of an invariant of a planar deformation, and the derivatives of the invariant by a and J.
 
-    The second derivative by a is zero.
+    `laws.law` defines a and J. The second derivative by a is zero.
     """
 
     value: Array
@@ -72,14 +72,15 @@ class InvariantEnergy(ABC):
 
     @abstractmethod
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W, dW/dx, dW/dy and d²W/dx².
+        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx².
 
         Parameters
         ----------
         parameters
-            (..., n) parameters.
+            (..., n) parameters of the law.
         x, y
-            (...) I1 - 3 and I2 - 3. If ``needs_second`` is False, ``y`` may be a scalar zero.
+            (...) x = I1 - 3 and y = I2 - 3. For an energy that does not depend on I2 (``needs_second`` is False),
+            ``y`` may be a scalar zero.
         """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
@@ -116,11 +117,11 @@ class InvariantEnergy(ABC):
 
 
 class InvariantLaw(InvariantEnergy):
-    """A complete law whose strain energy is a function of the invariants.
+    """A complete law whose strain energy is a function of the invariants I1 and I2.
 
-    A subclass gives its energy, its initial shear modulus and the coordinates of its search. By default, stability is
+    A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
     examined by a scan, a tensile curve is fitted within the bounds of the search, and the law cannot be exported to a
-    finite-element program. A subclass can override these methods with better ones.
+    finite-element program. A subclass can override these three methods.
 
     Examples
     --------

@@ -107,9 +107,10 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, mode: RingMode, gaps: Array) -> Array:
-        """Return deviations (..., 2) of ln(frequency) and loss factor, divided by their uncertainties.
+        """Return the residuals (..., 2) of one mode from the deviations ``gaps`` of ln(frequency) and loss factor.
 
-        The results are uncorrelated.
+        The deviations are multiplied by the inverse Cholesky factor of their covariance. The residuals are therefore
+        uncorrelated and have the variance 1.
         """
         covariance = self.inflation**2 * mode.covariance + np.diag([MESH_ERROR**2, (_LOSS_ERROR * mode.loss) ** 2])
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
@@ -130,7 +131,7 @@ class RingEvidence:
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads on a beam over time, each described by a curve of its moment as a function of the rotation of the tip.
+    """The loads on a beam over time. A curve gives the moment of each load as a function of the rotation of the tip.
 
     Attributes
     ----------
@@ -142,17 +143,20 @@ class LoadHistory:
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the history of K loads that begin at the given times.
+        """Return the history of the loads of K states.
+
+        For each load, the rotation of the tip is computed for seven shear moduli. The moduli and rotations give the
+        curve of the load's moment.
 
         Parameters
         ----------
         beam : RingingBeam
         middle_Pa : float
-            The middle of the shear moduli for which the curves are computed.
+            A typical shear modulus. The seven moduli lie between 0.4 and 2.5 times this modulus.
         loads : Loads
-            K states.
+            The loads of the K states.
         begins_s : sequence of float
-            K times.
+            The K times (s) at which the loads begin.
         """
         model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
         shapes = model.solve(beam.law, beam.parameters(moduli), loads)
@@ -173,7 +177,8 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
     """Return the stiffness of gravity against a rotation of the tip (Pa).
 
-    It is the shear modulus times K_g / K_m of the lowest mode, see `beam.vibration`.
+    This stiffness is the shear modulus times K_g / K_m of the lowest mode. The module `beam.vibration` defines the
+    stiffness K_g due to gravity and the stiffness K_m of the material.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -191,7 +196,7 @@ class CreepEvidence:
     time_s, rotation, sigma : ndarray, shape (k,)
         Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
     label : str
-        Where the recording comes from.
+        Origin of the recording, for messages.
     """
 
     history: LoadHistory
@@ -218,9 +223,9 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus that an elastic fit to the static states of a run gives, as evidence.
+    """The shear modulus from an elastic fit to the static states of a run, as evidence.
 
-    The edges of a state are measured some time after its load was set. The material has relaxed during this time.
+    The edges of a state are measured some time after the load was set. The material has relaxed during this time.
 
     Attributes
     ----------
@@ -253,9 +258,9 @@ class StaticEvidence:
         return float(np.median(self.seen_s - begins))
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm of the modulus that an elastic fit to the states computed for P candidates would give.
+        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidates, (P,).
 
-        The shape is (P,).
+        The fit uses the states that are computed for the candidate.
         """
         order = np.argsort(self.seen_s)
         theta = creep(instantaneous_Pa, series, self.history.steps, self.seen_s[order], np.exp(load_log))
@@ -316,7 +321,7 @@ class StaticEvidence:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The shear modulus with which the computed sag of the beam at rest is the measured sag, as evidence.
+    """The shear modulus for which the computed sag of the beam at rest equals the measured sag, as evidence.
 
     Attributes
     ----------
@@ -333,8 +338,8 @@ class RestEvidence:
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
         """Return the evidence of the sag in a recorded ring-down.
 
-        None if the weight of the beam hardly bends it, or if no modulus near that of the ring-down gives the measured
-        sag.
+        None if the beam hardly bends under its own weight, or if no modulus near the modulus of the ring-down gives the
+        measured sag.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -371,14 +376,14 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: the sources contribute little to the uncertainty of this modulus. See `Evidence.effects`."""
+        """Return zeros, because the sources change this modulus only a little; see `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return repeated ring-downs with larger uncertainties, if the ring-downs differ by more than their uncertainties.
+    """Return the ring-downs with larger uncertainties if repeated ring-downs differ by more than their uncertainties.
 
-    The uncertainties are multiplied by the Birge ratio, the root of chi-square divided by the degrees of freedom.
+    The uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).
     """
     widened = []
     for ring in rings:
