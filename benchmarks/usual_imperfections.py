@@ -113,7 +113,7 @@ def main() -> None:
     """Print the coverage of the intervals of quick and of full fits, and the differences between the two kinds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
-    parser.add_argument("--full", type=int, default=24, help="number of those that are fitted in full")
+    parser.add_argument("--full", type=int, default=24, help="number of experiments that are fitted in full")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2, help="number of processes")
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""The guardian process: it switches off when a run dies, and does nothing else."""
+"""The guardian process switches the coil off when a run dies, and does nothing else."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.patience import PATIENCE_S
 
 
 class Bench:
-    """A coil on a Korad behind a pseudo-terminal, or on a supply behind TCP, with current in it."""
+    """A coil that carries current, and its emulated supply: a Korad on a pseudo-terminal, or another one over TCP."""
 
     def __init__(self, driver: str) -> None:
         self.coil = CoilSupply(WallClock())
@@ -248,7 +248,10 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Check a guardian repeatedly, as a run does; reports from before it was stopped may still be unread."""
+    """Check a guardian repeatedly for some seconds, as a run does.
+
+    One check is not enough: the run may still have to read reports that a stopped guardian sent before it was stopped.
+    """
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         guardian.beat()

@@ -1,4 +1,7 @@
-"""When the guardian takes over and how long it tries, on a clock that advances only while the guardian waits."""
+"""Tests of the time at which the guardian takes over, and of the duration of its attempts to switch the coil off.
+
+The clock of these tests advances only while the guardian waits.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock in place of the module `time`; it advances only while the guardian sleeps or waits."""
+    """A clock that replaces the module `time`, and that advances only while the guardian sleeps or waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -66,7 +69,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """The run's end of the pipe: it writes each message at its time (s). `waited` returns the guardian's decision."""
+    """A run that sends messages to the guardian through a pipe, each message at a given time."""
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
         self._clock, self._began_s = clock, clock.now_s
@@ -93,7 +96,11 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Return the decision, the supply to switch off, and the time (s) of the decision; b"" ends the run."""
+        """Send `messages`, each with its time (s) from the beginning, and return what the guardian decides.
+
+        The empty message ends the run. The result is the reason for which the guardian takes over, the supply to
+        switch off, and the time (s) of the decision. The reason is None if the run ended with the coil off.
+        """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
         return takeover, ward, self._clock.now_s - self._began_s
@@ -161,7 +168,10 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """Attempts to switch off: the first ones raise `errors` in turn; all later ones raise the last, or succeed."""
+    """Attempts to switch the coil off. Each of the first attempts raises one of `errors`, in the given order.
+
+    All later attempts succeed if `succeed` is true. Otherwise they raise the last error again.
+    """
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
         self._clock, self._errors, self._succeed = clock, errors, succeed
@@ -270,7 +280,7 @@ def test_a_measured_current_is_in_the_report(monkeypatch: pytest.MonkeyPatch, cl
 
 
 class Supply:
-    """A supply with a serial number and without current; its output is on, and cannot be switched off if `stays_on`."""
+    """A supply whose output is on although no current flows. If `stays_on`, the output cannot be switched off."""
 
     def __init__(self, stays_on: bool) -> None:
         self.limits = WARD.limits
@@ -314,7 +324,7 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
 
 
 class Recorder:
-    """A guardian that notes what the run tells it."""
+    """A guardian that records the calls of the run."""
 
     def __init__(self) -> None:
         self.told: list[str] = []

@@ -47,7 +47,11 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 
 
 class FilmedBeam:
-    """A camera that shows a beam at `place_px` of the frames since the last flush; some frames may be buffered."""
+    """A camera whose frames show a beam at a given place.
+
+    The place in the n-th frame is `place_px(n)`, with n counted from the first frame that was taken. The next
+    `buffered` frames are old: they show the beam at 40 px, until `flush` discards them.
+    """
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
         self.clock = SimulatedClock()
@@ -90,13 +94,13 @@ def test_a_beam_at_rest_is_watched_for_its_pairs_and_for_the_window(frame: Calla
 
 
 def test_a_beam_that_creeps_too_slowly_for_two_neighbours_is_waited_for(frame: Callable[..., NDArray[Any]]) -> None:
-    """A motion of 1/50 pixel between two frames is below the limit; 2/5 pixel within the window is above it."""
+    """A motion of 1/50 pixel between two frames is below the limit, but 2/5 pixel within the window is above."""
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
 @pytest.mark.parametrize("window_s", [0.05, 2.0])
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
-    """A beam that is jerked every third frame: two quiet pairs in a row, but never three, however short the window."""
+    """A beam that is jerked every third frame gives two quiet pairs in a row, but never three."""
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
 
@@ -259,7 +263,7 @@ OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"
 
 
 class Interrupting(KoradDialect):
-    """A supply that sends this number of signals to the process while the current is set to 0.7 A."""
+    """A supply that sends `signals` signals to the process while the current is set to 0.7 A."""
 
     signals = 0
 

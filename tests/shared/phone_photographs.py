@@ -1,9 +1,9 @@
-"""Photographs of a level beam with weights, as a phone takes them, of a solid whose modulus is known.
+"""Simulated photographs that a phone takes of a level beam with weights. The modulus of the beam is known.
 
-The solid has its own mesh, finer than that of a fit in all directions, and is projected point by point through a
-pinhole camera that is tilted about all three axes and has some distortion. What a person reads off and types has
-errors of the size that is usual: of the caliper, of the clicks, of a ruler beside the plane of the beam, of a clamp
-that is not quite level, and of a focal length in Exif that is rounded and wrong by some per cent.
+The beam is a solid with a mesh that is finer than the mesh of a fit in all directions. The solid is projected point by
+point through a pinhole camera that is tilted about all three axes and has some distortion. The values that a person
+measures and types have usual errors: of the caliper, of the clicks, of a ruler that is not in the plane of the beam, of
+a clamp that is not quite level, and of a focal length in Exif that is rounded and wrong by some per cent.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _DISTANT = 90.0  # smallest distance of the colours of beam and wall
 
 @dataclass(frozen=True)
 class PhoneScene:
-    """The properties of a set of photographs that a person does not know.
+    """The true properties of a set of photographs. The person who evaluates the photographs does not know them.
 
     Attributes
     ----------
@@ -52,19 +52,19 @@ class PhoneScene:
     focal_px : float
         The true focal length.
     stated_focal_mm : int
-        The 35 mm equivalent that Exif states.
+        The focal length in Exif, as the equivalent for 35 mm film.
     camera_mm : ndarray, shape (3,)
-        The pupil: to the right of the clamp, below it, and behind it (negative: toward the camera).
+        Place of the pupil in mm from the clamp: right, down and away. The third number is negative.
     turned : ndarray, shape (3, 3)
         Rotation from the world to the camera.
     distortion : float
-        First radial coefficient.
+        First radial coefficient of the lens distortion.
     clamp_deg : float
         Angle by which the beam leaves its clamp downward.
     ruler_deg, ruler_z_mm : float
-        Angle of the ruler to the level, and its distance from the middle plane.
+        Angle between ruler and horizontal, and distance of the ruler from the middle plane.
     seed : int
-        Of colours and noise.
+        Seed of the colours and of the noise.
     """
 
     modulus_Pa: float
@@ -82,14 +82,14 @@ class PhoneScene:
     seed: int
 
     def to_px(self, places_mm: Array) -> Array:
-        """Return where places (..., 3) mm in the world (right, down, away) appear, (..., 2) px."""
+        """Project places (..., 3) of the world, mm (right, down, away), into the photograph: (..., 2) px."""
         seen = (places_mm - self.camera_mm) @ self.turned.T
         plane = seen[..., :2] / seen[..., 2:]
         plane = plane * (1.0 + self.distortion * (plane**2).sum(axis=-1, keepdims=True))
         return np.asarray(self.focal_px * plane + (np.array(self.size) - 1.0) / 2.0)
 
     def in_world(self, places_mm: Array) -> Array:
-        """Return places (..., 3) of the beam frame (y down) in the world, rotated with the clamp."""
+        """Convert places (..., 3), mm, from the beam frame with y down into the world: rotate by the clamp's angle."""
         angle = np.radians(self.clamp_deg)
         c, s = np.cos(angle), np.sin(angle)
         return places_mm @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -136,7 +136,7 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
 
 @dataclass(frozen=True)
 class BentBody:
-    """The surface of the bent beam as lines from clamp to clamp: (layers, n, 3) mm in the world."""
+    """The surface of a bent beam: lines from the clamp around the tip to the clamp, (layers, n, 3) mm, world."""
 
     around: Array
 
@@ -223,7 +223,7 @@ def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Genera
 def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, float]:
     """Return the dimensions that a person types, measured with a caliper and, for the length, with a ruler.
 
-    The errors of width and depth are those that `eimi_fitting` takes as usual in a laboratory.
+    The errors of width and depth are the usual errors of a laboratory according to `eimi_fitting`.
     """
     beam = scene.specimen
     return {
@@ -271,7 +271,7 @@ def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
 
 
 def cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tuple[slice, slice]:
-    """Set the mask to the covered share of each pixel, in the rectangle that is returned."""
+    """Write into the mask the share of each pixel that the polygons cover, and return the rectangle that changed."""
     every = np.vstack(polygons)
     limit = np.array(mask.shape[::-1])
     first = np.clip(np.floor(every.min(axis=0)).astype(int) - 2, 0, limit)
