@@ -111,7 +111,7 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise can explain the ``held_out_error`` of the first alternative (below 1.5)."""
+        """Return whether noise can explain the ``held_out_error`` of the first alternative: whether it is below 1.5."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property

@@ -177,8 +177,8 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
     """Return the stiffness of gravity against a rotation of the tip (Pa).
 
-    This stiffness is the shear modulus times K_g / K_m of the lowest mode. The module `beam.vibration` defines the
-    stiffness K_g due to gravity and the stiffness K_m of the material.
+    This stiffness is the shear modulus times K_g / K_m of the lowest mode. The module `beam.vibration` defines
+    K_g and K_m.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -376,7 +376,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros, because the sources change this modulus only a little; see `Evidence.effects`."""
+        """Return zeros: the sources contribute little to the uncertainty of this modulus. See `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 
