@@ -22,7 +22,7 @@ _SHOWN = 12  # alternatives that are printed
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
     """Discover which terms the law of a material needs, from datasets and tensile curves.
 
-    The options are those of `eimi_fitting.discovery.terms_of_a_law.discover`.
+    The function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options.
 
     Raises
     ------
@@ -44,7 +44,10 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """Return the terms with these names; without names, all terms of `LIBRARY`. Raises InputError for a wrong name."""
+    """Return the terms of a law with these names; without names, all terms of `LIBRARY`.
+
+    Raises InputError for a wrong name.
+    """
     try:
         return tuple(Term.of(name) for name in names) or LIBRARY
     except ValueError as error:

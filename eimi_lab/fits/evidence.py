@@ -277,8 +277,8 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
     """Return the keys of specimen and calibration without a stated uncertainty.
 
-    If a specimen gives no uncertainty at all, `dimensions` is returned for its keys; if a calibration gives none,
-    `calibration` is returned.
+    If the specimen gives no uncertainty at all, the word `dimensions` replaces the keys of the specimen. If the
+    calibration gives no uncertainty at all, the word `calibration` replaces the keys of the calibration.
     """
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
@@ -349,7 +349,10 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return the points and the standard deviations of both edges, with `by_mm` added in quadrature to the latter."""
+    """Return points and standard deviations (mm) of the left edge, then points and standard deviations of the right edge.
+
+    The standard deviation `by_mm` is added in quadrature to the standard deviation of each point.
+    """
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 

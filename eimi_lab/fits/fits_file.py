@@ -45,7 +45,7 @@ class Fits(Record):
 
     @staticmethod
     def of(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> Fits:
-        """Return the content of fits.json for these fits, with the comparison of the fitted laws."""
+        """Return an object `Fits` with the given fits, and with the comparison of the fitted laws."""
         return Fits(fits=tuple(fits), comparison=_comparison(fits))
 
     def write(self, path: str | Path, force: bool = False) -> Path:

@@ -261,7 +261,10 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @staticmethod
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
-        """Return the record of a fit to these datasets, with the residuals, which are not written to a file."""
+        """Return the record of a fit to the datasets `evidence`.
+
+        The record also holds the residuals, which are not written to a file.
+        """
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
         identified = {of_both.name: getattr(fit, of_both.name) for of_both in fields(IdentifiedLaw)}
@@ -398,7 +401,7 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt with the index of its state in the dataset, in place of the index among the used states."""
+    """Return a doubt in which the index of a state among the used states is replaced by the index in the dataset."""
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)

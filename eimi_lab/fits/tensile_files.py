@@ -94,7 +94,10 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 
 
 def read_tensile(path: Path) -> TensileTest:
-    """Read a tensile test in one of the two formats. Raises InputError with file, row and value."""
+    """Read a tensile test from a file in one of the two formats that the module describes.
+
+    Raises InputError, whose message gives the file, the row and the value.
+    """
     text = read_text(path)
     header = [cell.strip() for cell in re.split("[,;\t]", text.removeprefix("\ufeff").partition("\n")[0])]
     if ";" in text.partition("\n")[0] and not {*STRAINS, *STRESSES} & {*header}:
