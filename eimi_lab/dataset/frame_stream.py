@@ -81,7 +81,7 @@ class FrameStream:
         Raises
         ------
         ValueError
-            If the size or the bit depth of the frame differs from those of the stack.
+            If the size or the bit depth of the frame differs from the size or the bit depth of the stack.
         OSError, RuntimeError
             If an earlier frame could not be written.
         """

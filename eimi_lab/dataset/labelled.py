@@ -18,8 +18,8 @@ _MM = {"units": "mm"}
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
     """Return the tracked points of all states as an xarray.Dataset with the dimensions (state, point, axis).
 
-    The variables are the positions at rest ``rest`` and in the state ``place``, and the standard deviation ``sigma``
-    of a coordinate, all in mm. Field, current, tip force and flags of each state are coordinates.
+    The variable ``rest`` holds the positions at rest, ``place`` the positions in the state, and ``sigma`` the standard
+    deviation of a coordinate, all in mm. Field, current, tip force and flags of each state are coordinates.
 
     Parameters
     ----------

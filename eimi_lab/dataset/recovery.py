@@ -308,7 +308,7 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Remove damaged frames of the states, add the flag DROPPED to these states, and return their numbers.
+    """Remove damaged frames, add the flag DROPPED to the states of these frames, and return the numbers of the states.
 
     ``damaged`` gives the rows of the damaged frames in the stack of frames. A state whose frames are all damaged gets a
     black frame.

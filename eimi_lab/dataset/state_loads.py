@@ -61,8 +61,8 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     Raises
     ------
     InputError
-        If a value is wrong, if the row has neither or both of current and field, or if it has a current other than 0
-        without a coil constant.
+        If a value is wrong, if the row gives neither current nor field or gives both, or if the row gives a current
+        other than 0 but no coil constant is known.
     """
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
     only_weights = "tip_force_N" in row.cells and calibration is not None and not calibration.mT_per_A

@@ -138,7 +138,7 @@ class DatasetWriter:
     ) -> DatasetWriter:
         """Return a writer that appends states to an existing dataset, which was closed properly or recovered.
 
-        The parameters are those of the class. Raises InputError if the file cannot be opened for writing.
+        The class describes the parameters. Raises InputError if the file cannot be opened for writing.
         """
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn

@@ -183,7 +183,7 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: Report
 def _on_unseen_specimens(
     fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents
 ) -> Iterator[Validation]:
-    """Yield the errors of a fit on those datasets of the report whose specimens were not used for the fit."""
+    """Yield the errors of a fit on each dataset of the report whose specimen was not used for the fit."""
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:
         if contents.dataset.specimen.specimen.name not in fitted_specimens:

@@ -36,7 +36,8 @@ class Crop:
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
         """Return the part of an image in the rectangle, scaled for matplotlib.
 
-        The result has grey levels from 0 to 1, shape (H, W), or red, green and blue from 0 to 1, shape (H, W, 3).
+        The result has H rows and W columns. It holds grey levels from 0 to 1, shape (H, W), or red, green and blue from
+        0 to 1, shape (H, W, 3).
         """
         cut = image[self.top : self.bottom, self.left : self.right]
         scaled = cut / (np.iinfo(cut.dtype).max if cut.dtype.kind in "ui" and cut.dtype.itemsize > 1 else 255)

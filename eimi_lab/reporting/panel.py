@@ -17,7 +17,7 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 
 @dataclass(frozen=True, kw_only=True)
 class _Panel:
-    """The place of a panel in the report, its title and its template.
+    """The fields that all panels of a report have: place in the report, title and template.
 
     Attributes
     ----------

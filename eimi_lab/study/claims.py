@@ -150,9 +150,9 @@ def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
 
 
 def in_words(findings: Findings) -> list[str]:
-    """Return a paragraph for each material that compares bending with tension.
+    """Return, for each material, a paragraph that compares laws fitted to bending with laws fitted to tension.
 
-    The comparison is made in plane strain and with the solid section.
+    The comparison is made with the section assumptions plane strain and solid.
     """
     compared = {(a.material, a.section): a for a in advantages(findings, untwisted(findings))}
     lines = []

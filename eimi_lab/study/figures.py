@@ -35,7 +35,10 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the tensile fit of a material with the smallest errors on the unseen types."""
+    """Return the index, among the routes, of the fit to the tensile curve of a material with the smallest errors.
+
+    The mean errors are summed over the types of specimen that `untwisted` returns.
+    """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
     errors = findings.errors

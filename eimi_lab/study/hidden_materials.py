@@ -41,7 +41,7 @@ class _OfOneShape(InvariantLaw):
 
 
 class PowersOfFirstInvariant(_OfOneShape):
-    """A law with three powers of I1 and a linear term in I2; see `formula`.
+    """A law with three powers of the first invariant I1 and a linear term in the second invariant I2; see `formula`.
 
     The sum of the powers is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The shares m of the powers and the
     share c of the term in I2 fulfil Σ m + 2 c = 1, so that mu is the initial shear modulus.
@@ -68,7 +68,7 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """Gent's law (1996, Rubber Chem. Technol. 69:59) with an added term that softens with strain, and a term in I2."""
+    """Gent's law (1996, Rubber Chem. Technol. 69:59) with a term that softens with strain, and a term in I2."""
 
     name = "fading Gent"
     formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"

@@ -42,9 +42,9 @@ STATES = (2, 3, 6, 11, 16)
 def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Fit materials of finite bulk modulus, once as incompressible and once with a free bulk modulus.
 
-    The incompressible fits use the solid section and plane strain. The fit with a free bulk modulus uses plane strain,
-    because the search has a bulk modulus only for this section. The edges for this fit are simulated in plane strain,
-    too.
+    The incompressible fits are made once with a solid section and once in plane strain. The fit with a free bulk
+    modulus uses plane strain, because the search can free the bulk modulus only in plane strain. The edges for this fit
+    are also simulated in plane strain.
 
     Parameters
     ----------

@@ -42,7 +42,10 @@ class StudyInputs:
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """Return the inputs as a dictionary for JSON. An interrupted study continues only if its inputs are equal."""
+        """Return the inputs of a study as a dictionary for JSON.
+
+        An interrupted study continues only with the same inputs.
+        """
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
         return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
 
@@ -78,7 +81,10 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Return the identified laws in the order of `errors`: bending fits, then tensile fits."""
+        """Return the identified laws of a material, in the order of `errors`.
+
+        The laws fitted to bending come first, and the laws fitted to tensile curves follow.
+        """
         return [Route.of(stored) for stored in (*self.bending[material, section], *self.tensile[material])]
 
 
@@ -130,7 +136,7 @@ def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str],
 
 
 def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
-    """Return the measured edges of a specimen as lists, for JSON."""
+    """Return the simulated measured edges of a specimen as nested lists, for JSON."""
     return list(measured_edges_mm(key, kind, extent).round(6).tolist())
 
 
