@@ -349,7 +349,7 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return points and standard deviations (mm) of the left edge, then points and standard deviations of the right edge.
+    """Return the points and the standard deviations of the left edge, and then of the right edge, in mm.
 
     The standard deviation `by_mm` is added in quadrature to the standard deviation of each point.
     """

@@ -43,8 +43,8 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Fit materials of finite bulk modulus, once as incompressible and once with a free bulk modulus.
 
     The incompressible fits are made once with a solid section and once in plane strain. The fit with a free bulk
-    modulus uses plane strain, because the search can free the bulk modulus only in plane strain. The edges for this fit
-    are also simulated in plane strain.
+    modulus uses plane strain, because the search can free the bulk modulus only in plane strain. The edges of each fit
+    are simulated with the section assumption of the fit.
 
     Parameters
     ----------
