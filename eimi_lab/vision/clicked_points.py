@@ -34,7 +34,7 @@ def check_clicked_points(calibration: Calibration, specimen: SpecimenFile, shape
     ------
     InputError
         If a point lies outside the picture, if two points are the same, if the points are not in the order from the
-        clamp to the tip, or if the line through them is much longer than the beam.
+        clamp to the tip, or if the line through the points is much longer than the beam.
     """
     if calibration.picture is None or calibration.picture.along_px is None:
         return

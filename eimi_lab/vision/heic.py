@@ -59,7 +59,7 @@ def read_heic(raw: bytes, path: Path) -> NDArray[np.uint8]:
     Raises
     ------
     InputError
-        If pillow-heif is not installed, if the file is damaged or too large, or if it is an AVIF picture.
+        If pillow-heif is not installed, if the file is damaged or too large, or if the file is an AVIF picture.
     """
     kind = kind_of(raw)
     if kind == _AVIF:

@@ -218,7 +218,7 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection with the given weights, and with the separation of beam and surroundings that it achieves.
+    """Return a projection with the given weights, and with the separation of beam and surroundings in its grey values.
 
     The separation is measured on each side of the beam's root in each picture. The 20th percentile of the measured
     separations is used, so that a few clear sides or pictures do not determine the result.

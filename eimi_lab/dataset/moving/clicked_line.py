@@ -49,7 +49,7 @@ def clicked_calibration(
     Raises
     ------
     InputError
-        If the number of points is wrong, or if the line through them is too short or too crooked.
+        If the number of points is wrong, or if the line through the points is too short or too crooked.
     """
     points = np.array(along_px, float)
     if not 2 <= len(points) <= 6:

@@ -95,7 +95,7 @@ def follow_film(
     origin : str
         Name of the film in messages.
     projection : Projection, optional
-        Projection from colours to grey values; by default it is chosen in the first frame.
+        Projection from colours to grey values; by default, the projection is chosen in the first frame.
     tracker : BeamTracker, optional
         A tracker with the position of the beam in another frame of the film.
 

@@ -95,7 +95,7 @@ def points_of_film(
 
 @dataclass(frozen=True)
 class VideoMotions:
-    """The motions of the beam that were measured in a video, and the calibration that was used for them.
+    """The motions of the beam that were measured in a video, and the calibration that was used for the measurement.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Facts about the recording of a motion that the user gives because the recording does not contain them."""
+"""Facts about the recording of a motion that the recording does not contain, and that the user therefore gives."""
 
 from __future__ import annotations
 

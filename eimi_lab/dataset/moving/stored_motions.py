@@ -1,6 +1,6 @@
 """Store and read motions in a dataset. The groups `ring_down_points` and `creep_points` have a group for each motion.
 
-The group of a motion has the name 0, 1, … and is an NXdata. For n frames and p points it contains:
+The group of a motion has the name 0, 1, … and is an NXdata. For a motion of p points in n frames, the group contains:
 
     points              (n, p, 2) positions of the points
     time, sigma         (n, p) times and standard uncertainties of the points

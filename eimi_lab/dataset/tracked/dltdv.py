@@ -30,7 +30,7 @@ _MOST_CELLS = 100_000_000
 def read_dltdv(path: Path) -> Tracks:
     """Return the points in a DLTdv file as tracks: points of one camera in pixels, or points in three dimensions.
 
-    Frames are counted from 1. Raises InputError if DLTdv did not write the file, or if it has points of several
+    Frames are counted from 1. Raises InputError if DLTdv did not write the file, or if the file has points of several
     cameras.
     """
     lines = read_text(path).splitlines()

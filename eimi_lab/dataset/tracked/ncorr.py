@@ -4,8 +4,8 @@ The file contains displacements on a grid of pixels of the reference picture. Nc
 which are HDF5 files. Files that were saved again as version 7 can also be read.
 
 data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i relative to the reference picture,
-in a unit that the user chose in Ncorr; it is 0 outside the region of interest. dispinfo.pixtounits is the size of a
-pixel in this unit. dispinfo.spacing is the number of pixels between neighbouring points of the grid.
+in a unit that the user chose in Ncorr. The displacement is 0 outside the region of interest. dispinfo.pixtounits is the
+size of a pixel in this unit. dispinfo.spacing is the number of pixels between neighbouring points of the grid.
 
 Source of the format: `callback_topmenu_savedata`, and the description of `data_dic`, in ncorr.m of
 github.com/justinblaber/ncorr_2D_matlab.

@@ -49,7 +49,7 @@ def import_tracks(
     placing
         How coordinates of the file are converted into the beam frame.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y. It is ignored if ``placing`` has a calibration.
+        Direction of gravity in the beam frame, from +x toward +y. Ignored if ``placing`` has a calibration.
     path
         The dataset to write.
     force

@@ -353,7 +353,7 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
     -------
     calibration : Calibration
     lines : list of str
-        Lines for a person, with the direction and its uncertainty.
+        Lines for a person, with the direction of gravity and the uncertainty of this direction.
 
     Raises
     ------
@@ -381,7 +381,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     Parameters
     ----------
     calibration : Calibration
-        The values.
+        The calibration to write.
     path : Path
         The file to write.
     force : bool
@@ -390,7 +390,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     Raises
     ------
     InputError
-        If the file exists and `force` is false, or if it cannot be written.
+        If the file exists and `force` is false, or if the file cannot be written.
     """
     uncertain = calibration.uncertainty
     lines = [

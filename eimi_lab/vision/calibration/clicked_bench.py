@@ -1,7 +1,7 @@
 """Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
 
 The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
-divided by the scale. The roll of the camera follows from the ruler, if it lies level or hangs plumb, or from the edge
+divided by the scale. The roll of the camera follows from a level or plumb ruler, or from the edge
 of the clamp. There is no coil.
 """
 
@@ -151,7 +151,7 @@ def measure_bench(
 
 
 def _region(clamp: tuple[float, float], reach_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, width and height (px) of the part of the picture that the beam can reach."""
+    """Return left, top, width and height (px) of the rectangle of the picture that the beam can reach."""
     left, top = (max(0, math.floor(middle - reach_px)) for middle in clamp)
     right, bottom = (min(most, math.ceil(middle + reach_px)) for middle, most in zip(clamp, size, strict=True))
     return left, top, right - left, bottom - top
@@ -210,7 +210,7 @@ def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]
 
 
 def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
-    """Return the two clicked ends of the clamp line, px; raise InputError if they are missing or too close."""
+    """Return the two clicked ends of the clamp line, px; raise InputError if the ends are missing or too close."""
     if len(clicked.clamp_px) < 2 or math.dist(*clicked.clamp_px) < 0.5 * FEWEST_RULER_PX:
         raise InputError(
             f"click both ends of the clamp's edge, at least {0.5 * FEWEST_RULER_PX:g} px apart, because the direction "

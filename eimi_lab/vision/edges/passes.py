@@ -380,7 +380,7 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
     """Return evenly spaced arc lengths from `begin` to `end`, px, and the stride between requested arc lengths.
 
-    Requested are arc lengths at least `spacing` apart, at most `MOST_POINTS` of them. Further arc lengths are added
+    At most `MOST_POINTS` arc lengths are requested, at least `spacing` apart. Further arc lengths are added
     between the requested arc lengths until neighbours are at most `widest` apart. The distance of neighbours stays so
     large that their profiles do not overlap. Every stride-th returned arc length is a requested one.
     """

@@ -110,8 +110,8 @@ class Cover:
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        For each profile, the index from 0 to k - 1 of the side whose silicone it crosses; -1 for a profile that does
-        not cross the magnet.
+        For each profile, the index from 0 to k - 1 of the side whose silicone the profile crosses; -1 for a profile
+        that does not cross the magnet.
     width_px : ndarray, shape (k,)
         Prior mean of the width of the silicone on each side.
     tolerance_px : ndarray, shape (k,)
@@ -247,7 +247,7 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values of the dark plateau, the bright plateau and the offset of n profiles: three arrays (n,).
+    """Return initial values of the dark plateau, the bright plateau and the offset of n profiles, each of shape (n,).
 
     The plateaus are mean grey values at the two ends of a profile. The offset follows from the area under the profile.
     """

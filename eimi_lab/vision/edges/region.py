@@ -62,7 +62,8 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     Raises
     ------
     InputError
-        If the region is not entirely in the picture, or if it does not contain the clamp and all clicked points.
+        If the region is not entirely in the picture, or if the region does not contain the clamp and all clicked
+        points.
     """
     if calibration.picture is None or calibration.picture.region_px is None:
         return None

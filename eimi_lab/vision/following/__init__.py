@@ -3,8 +3,8 @@
 follow         the entry point: from one image to both edges and their quality
 centre_line    an expected centre line: clicked by a person, or from an earlier picture
 stated         clamp, axis, width and length of the beam in pixels, from calibration and specimen file
-in_picture     compute place and size of the beam in pixels, and scale an image to 255
-working        cut the image to the reach of the beam, and scale it to a given width of the beam
+in_picture     compute place and size of the beam in pixels, and scale grey values to 0 to 255
+working        cut the image to the reach of the beam, and scale the image to a given width of the beam
 reflections    remove narrow clipped reflections
 hypotheses     hypotheses where the beam continues, and how well the image supports each hypothesis
 beam_search    search for the strip of the picture that shows the beam, from the clamp outward

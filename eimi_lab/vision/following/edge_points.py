@@ -233,7 +233,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     points : ndarray, shape (n, 2)
         Points of one edge, in order.
     sensitivity : ndarray, shape (n,)
-        Standard deviation of each point up to a common factor.
+        Standard deviation of each point, up to a factor that all points share.
 
     Returns
     -------

@@ -205,7 +205,7 @@ def _change(width: Array) -> float:
 
 
 def _narrowing(width: Array) -> float:
-    """Return by which share of its width the body becomes narrower away from the clamp; 0 if it becomes wider.
+    """Return by which share of its width the body becomes narrower away from the clamp; 0 if the body becomes wider.
 
     The median widths of five equal parts of the length are compared. The tail of a fish or the neck of a drop becomes
     narrower, but a beam does not.

@@ -91,8 +91,8 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
     """Return the colours of a picture at given points by bilinear interpolation, shape (n, m, channels).
 
-    x, y: coordinates of the points, px, shape (n, m). They are rounded to 1/32 px. Beyond the border of the picture the
-    colours of the border are used.
+    x, y: coordinates of the points, px, shape (n, m). The coordinates are rounded to 1/32 px. Beyond the border of the
+    picture the colours of the border are used.
     """
     x, y = x.astype(np.float32, copy=False), y.astype(np.float32, copy=False)
     parts = [slice(at, at + _ROWS) for at in range(0, len(x), _ROWS)]

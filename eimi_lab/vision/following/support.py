@@ -127,8 +127,8 @@ def sure_share(sound: Mask) -> dict[str, float]:
 def _end(along: Array, sound: Mask, length: float) -> int:
     """Return the number of stations before the end of the beam.
 
-    Both edges of a beam end at its tip. If a single edge continues near the nominal length, it belongs to a body in the
-    background.
+    Both edges of a beam end at its tip. If a single edge continues near the nominal length, this edge belongs to a body
+    in the background.
     """
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
@@ -224,7 +224,7 @@ def _as_wide(before: Array, after: Array, gap: float) -> bool:
 
 
 def _leads_to(before: Array, after: Array, scale: float, lever: int) -> bool:
-    """Return whether the straight line through the last points of an edge before a gap leads to the points after it.
+    """Return whether the straight line through the last edge points before a gap leads to the points after the gap.
 
     before, after: points of the edge before and after the gap, px, shapes (a, 2) and (b, 2). scale: nominal width of
     the beam, px. lever: number of points through which the line is fitted.

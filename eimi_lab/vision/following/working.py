@@ -1,4 +1,4 @@
-"""Cut the image to the reach of the beam, and scale it so that the beam is a given number of pixels wide."""
+"""Cut the image to the reach of the beam, and scale the image so that the beam has a given width in pixels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class WorkingPicture:
     pixels : ndarray of float32, shape (height, width, channels)
         Grey values on a scale from 0 to 255.
     origin_px : ndarray, shape (2,)
-        Upper left corner of the part in the image.
+        Upper left corner of this part in the image.
     factor : float
         Factor by which the part of the image was enlarged.
     beam : StatedBeam

@@ -2,7 +2,7 @@
 
 Corners around the beam are followed from a reference frame into each frame by the method of Lucas and Kanade with
 pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a scale are fitted to the corners. Corners that move in
-another way, for example those of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
+another way, for example corners of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SteadyView:
         return len(self._corners) >= _FEWEST
 
     def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return a frame, transformed so that fixed objects are where they are in the reference frame.
+        """Return a frame, transformed so that fixed objects are at the same pixels as in the reference frame.
 
         The frame is returned unchanged as long as the camera has not moved, or if `is_possible` is false.
         """
@@ -89,7 +89,7 @@ class SteadyView:
         return 2.0 if self._halved else 1.0
 
     def _small(self, image: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return a frame as 8-bit grey values, at half of its size if it is wide."""
+        """Return a frame as 8-bit grey values; a wide frame is reduced to half of its size."""
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         grey = grey if grey.dtype == np.uint8 else eight_bit(grey)
         if self._halved:
