@@ -1,4 +1,4 @@
-"""Draw the data of a bootstrap replicate: whole states, with replacement.
+"""Draw the states of a bootstrap replicate of experiments, with replacement.
 
 The light, the blur and the rest position of clamp and beam are common to one frame. An error of these quantities moves
 all points of the edges together. The points of a state are therefore dependent, and the states are assumed independent.
@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment with K states drawn at random from its K states, with replacement and in their order.
+    """Return each experiment of K states with K states drawn at random from it, with replacement, in ascending order.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The budget of an interval: the effect of each stated source on the initial shear modulus, and the next measurement.
+"""Compute the effect of each source of uncertainty on the initial shear modulus, and the quantity to measure next.
 
 Let x be the optimum, d_s the change of the optimum for one standard uncertainty of source s
 (`inference.interval.considered`), and mu(x) the initial shear modulus. The source has the effect
@@ -33,7 +33,7 @@ class BudgetEntry:
     source : str
         A key of `SOURCES`.
     words : str
-        Name of the source for people.
+        Name of the source of uncertainty for people.
     standard_uncertainty : float
         The stated standard uncertainty, in ``unit``.
     unit : str
@@ -63,7 +63,8 @@ class MeasureNext:
     words : str
         Name of the quantity for people.
     initial_shear_modulus_interval_95_Pa : tuple of float
-        Lower and upper end of the 95 % interval in Pa if the uncertainty of this quantity were halved.
+        Lower and upper end of the 95 % interval of the initial shear modulus in Pa if the uncertainty of this quantity
+        were halved.
     """
 
     source: str | None
@@ -73,7 +74,7 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """The random changes of an optimum of n unknowns in D draws.
+    """The random changes of an optimum of n unknowns in D draws, with S sources of uncertainty.
 
     Parameters
     ----------
@@ -93,14 +94,14 @@ class Moves:
     steps: Steps
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return the unknowns in all D draws, with the noise and the errors of the sources multiplied by factors.
+        """Return the n unknowns in D draws, after the noise and the errors of the sources are multiplied by factors.
 
         Parameters
         ----------
         of_noise : float
             Factor on the changes by noise, priors and model errors.
         of_sources : float or ndarray, shape (S,)
-            Factor on the errors of all S sources, or on the error of each source.
+            One factor on the errors of all S sources, or one factor for each source.
 
         Returns
         -------
@@ -114,7 +115,7 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the effect of each source on the modulus, and the quantity to measure next.
+    """Return the effect of each source of uncertainty on the modulus, and the quantity to measure next.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ def budget(
 def budget_entries(
     sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each source on the modulus, the largest effect first.
+    """Return the effect of each source of uncertainty on the initial shear modulus, the largest effect first.
 
     Parameters
     ----------

@@ -1,18 +1,18 @@
-"""The effect of stated uncertainties on the residuals and on the estimate (consider covariance).
+"""Compute the effect of the uncertainties of inputs on the residuals and on the optimum of a fit.
 
-A source is a quantity with a stated standard uncertainty. A source that is not freed keeps its stated value in the fit,
-and an error of this value changes the optimum. Let c_s be the change of the residuals for one standard uncertainty of
-source s, J the derivatives of the residuals in the unknowns, W the weights of the residuals, and H the Hessian
-(`inference.interval.covariance`). The optimum changes by
+A source is an input with a standard uncertainty that a file specifies. A source that is not freed keeps its stated
+value in the fit, and an error of this value changes the optimum. Let c_s be the change of the residuals for one
+standard uncertainty of source s, J the derivatives of the residuals in the unknowns, W the weights of the residuals,
+and H the Hessian (`inference.interval.covariance`). The optimum changes by
 
     d_s = -inv(H) J' W c_s
 
-and the covariance of the estimate grows by the sum of d_s d_s' over all sources (Schmidt 1966, Adv. Control Syst.
-3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
+and the covariance of the estimate grows by the sum of d_s d_s' over all sources (consider covariance: Schmidt 1966,
+Adv. Control Syst. 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
 
 The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh. One standard
-uncertainty changes the shapes only a little. The solver therefore starts in all states from the shapes with the stated
-values.
+uncertainty changes the shapes of the beam only a little. The solver therefore starts from the shapes for the stated
+values of the sources.
 """
 
 from __future__ import annotations
@@ -66,17 +66,17 @@ class ConsideredSources:
 
     @property
     def standard_uncertainty(self) -> float:
-        """The standard uncertainty of the number in the unit of its source; above zero."""
+        """The standard uncertainty of the uncertain number, in the unit of its source; above zero."""
         return self.shared.standard_uncertainty or 0.0
 
     @property
     def freed(self) -> Nuisance:
-        """The same number as an unknown of a fit; its standard uncertainty is the standard deviation of the prior."""
+        """The uncertain number as an unknown of a fit, with its standard uncertainty as prior standard deviation."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the uncertain sources of the experiments that are neither freed nor covered by a freed source."""
+    """Return the sources of uncertainty of a problem that are neither freed nor covered by a freed source."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
@@ -90,10 +90,10 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return sources that are important although no file states them, with their usual uncertainty.
+    """Return important sources of uncertainty that no file specifies, with their usual uncertainty.
 
-    They are the sources with ``Source.is_decisive`` that are not freed. A source is returned only if it changes the
-    specimen and if the specimen is in a field.
+    These sources have ``Source.is_decisive`` and are not freed. A source is returned only if it changes the specimen
+    and if the specimen is in a field.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -107,7 +107,10 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a source changes the specimen of an experiment with a field; magnet sources need a magnet."""
+    """Return whether a source of uncertainty changes the specimen, and the specimen is in a field.
+
+    The specimen must have a magnet if the source belongs to the magnet.
+    """
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -116,7 +119,7 @@ def _concerns(source: str, experiment: Experiment) -> bool:
 def considered(
     problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
 ) -> tuple[ConsideredSources, ...]:
-    """Return the effect of each stated source on the residuals at an optimum.
+    """Return the effect of each source of uncertainty on the residuals at an optimum.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def considered(
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     groups : sequence of SharedUnknowns, optional
-        The sources to consider; by default those of `sources_of`.
+        The sources of uncertainty whose effect is computed; by default the result of `sources_of`.
 
     Returns
     -------
@@ -149,7 +152,7 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the change of the residuals for one standard uncertainty of each number.
+    """Return the change of the residuals for one standard uncertainty of each uncertain number.
 
     Parameters
     ----------
@@ -158,7 +161,7 @@ def changes_of(
     unit : ndarray, shape (n,)
         Unit coordinates at which the changes are computed. A freed source starts from its value at these coordinates.
     numbers : sequence of (SharedUnknowns, int)
-        For each number, its source and its index among the parts of the source.
+        For each uncertain number, its source and its index among the parts of the source.
 
     Returns
     -------
@@ -172,7 +175,7 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the change of the residuals of experiment ``index`` for one standard uncertainty of each number."""
+    """Return the residual changes in mm of experiment ``index`` for one standard uncertainty of each number."""
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
@@ -194,7 +197,7 @@ def _changes(
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate of a fit: a law with its parameters and the deviations of the freed nuisances.
+    """One candidate of a fit: a hyperelastic law with n parameters, and the deviations of the freed nuisances.
 
     Parameters
     ----------
@@ -205,7 +208,8 @@ class Candidate:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        For each freed number, its source, its index among the parts of the source, and its deviation.
+        For each freed number: its source (a key of `SOURCES`), its index among the parts of the source, and its
+        deviation in the unit of the source.
     """
 
     law: Law
@@ -226,7 +230,7 @@ def changes_by(
     numbers: Sequence[tuple[str, int, float]],
     near: Configuration | None = None,
 ) -> list[Array | None]:
-    """Return the change of a candidate's residuals for each deviation, by finite differences.
+    """Return the change of the residuals of a candidate for each deviation of an input, by finite differences.
 
     Parameters
     ----------
@@ -237,12 +241,12 @@ def changes_by(
     numbers : sequence of (str, int, float)
         For each deviation, its source, its index among the parts of the source, and its size in the unit of the source.
     near : Configuration, optional
-        Shapes near the solution, one for each state, from which the solver starts.
+        Shapes of the beam near the solution, one for each state, from which the solver starts.
 
     Returns
     -------
     list of ndarray or None
-        For each deviation of full size, the change in mm, with the shape (K, G, m) for G groups of m points in K
+        For each deviation, the change of the residuals in mm, with the shape (K, G, m) for G groups of m points in K
         states. None if the model finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
@@ -286,7 +290,7 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The changes of an optimum of n unknowns by its S sources.
+    """The changes of an optimum of n unknowns by S sources of uncertainty.
 
     Parameters
     ----------
@@ -307,7 +311,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the changes of the optimum by each source, as if the parameters had no bounds.
+    """Return the change of the optimum by each source of uncertainty, as if the parameters had no bounds.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The evidence linearised about an optimum, and the covariance of the optimum.
+"""Linearise the evidence of a fit about its optimum, and compute the covariance of the optimum.
 
 State k has N_k points and residuals r_k with the root mean square e_k. J_k = dr_k/dx are the slopes of the residuals in
 the unknowns x. With K states, the mean e of the errors e_k, and N independent points
@@ -46,7 +46,7 @@ class LinearStates:
     slopes : ndarray, shape (n, K, G, m)
         Derivatives of the residuals in the unit coordinates of the unknowns, in mm.
     used : ndarray, shape (K, G, m)
-        Above zero for points that are used, see ``Misfit.weights``.
+        Above zero for points that are used, else zero (``Misfit.weights``).
     weights : ndarray, shape (K,)
         The weights w_k of the states.
     counts : ndarray, shape (K,)
@@ -64,11 +64,11 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The contribution sum_k w_k J_k' J_k to the information A, (n, n), with weights w_k and slopes J_k."""
+        """The sum over the states k of w_k J_k' J_k, shape (n, n), for weights w_k and slopes J_k in n unknowns."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the score sum_k w_k J_k' r_k, shape (n,), with the weights w_k and slopes J_k of the states k.
+        """Return the sum over the states k of w_k J_k' r_k, shape (n,), for weights w_k, slopes J_k and residuals r_k.
 
         The residuals r_k in mm have the shape (K, G, m) for G groups of m points in K states.
         """
@@ -77,10 +77,10 @@ class LinearStates:
     def score_variance(self, observed: Observation) -> Array:
         """Return the contribution of this experiment to the variance B of the score, shape (n, n).
 
-        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k with the symbols of the module. Tracked points are assumed to have
-        one common error in x and one in y in each state: B = sum_k w_k^2 v_k S_k' S_k. S_k are the slopes summed over
-        the points, for x and for y. The variance v_k is the mean square of the stated uncertainties or e_k^2 / 2,
-        whichever is larger.
+        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k with the symbols of the module `inference.interval.covariance`.
+        Tracked points are assumed to have one common error in x and one in y in each state: B = sum_k w_k^2 v_k S_k'
+        S_k. S_k are the slopes summed over the points, for x and for y. The variance v_k is the mean square of the
+        stated uncertainties or e_k^2 / 2, whichever is larger.
         """
         if isinstance(observed, EdgeObservation):
             tau = point_correlation(self.residuals, self.used, observed)
@@ -100,7 +100,7 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence linearised about an optimum of n unknowns.
+    """The evidence of a fit, linearised about an optimum of n unknowns.
 
     Parameters
     ----------
@@ -118,9 +118,10 @@ class Linearisation:
         Number of independent points in the likelihood: the number N in the weights w_k of the states. The weights are
         defined in the module `inference.interval.covariance`.
     noise_points : float
-        Number of independent points, estimated from the noise alone (`inference.interval.noise`).
+        Number of independent points, estimated from the part of the residuals that is noise
+        (`inference.interval.noise`).
     noise_mm : float
-        Mean error of the states in mm, computed from the noise alone.
+        Mean error of the states in mm, computed from the part of the residuals that is noise.
     residual_mm : float
         Root mean square of all residuals, in mm.
     curves : ndarray, shape (m,)
@@ -134,7 +135,8 @@ class Linearisation:
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        The matrices A, B and P of the module. ``prior`` does not contain the priors on the law's parameters.
+        The information A of the data, the variance B of the score, and the inverse variance P of the priors (see the
+        module). ``prior`` does not contain the priors on the law's parameters.
     """
 
     unit: Array
@@ -157,12 +159,12 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The inverse variance (n, n) of the priors on the law's parameters, a part of P (see the module)."""
+        """The inverse variance of the n unknowns by the priors on the law's parameters, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the log-likelihood with all priors, A + P of the module, shape (n, n)."""
+        """The Hessian of minus the log-likelihood and all log-priors in n unknowns, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
@@ -176,8 +178,8 @@ class Linearisation:
     def score_of(self, candidates: Evaluation) -> Array:
         """Return the scores of P candidates, shape (P, n), without the priors on the law's parameters.
 
-        The score is the gradient of minus the log-likelihood. The slopes of the residuals are those at the optimum; the
-        weights are computed from the errors of the candidates.
+        The score is the gradient of minus the log-likelihood in n unknowns. The slopes of the residuals belong to the
+        optimum. The weights are computed from the errors of the candidates.
         """
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
@@ -197,7 +199,7 @@ class Linearisation:
         Returns
         -------
         tuple of float
-            The distances, in standard deviations of the difference between prior and other evidence.
+            For each prior, the distance in standard deviations of the difference between prior and other evidence.
 
         Notes
         -----
@@ -213,7 +215,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance C of the optimum, shape (n, n); the level of the noise is multiplied by ``widened``."""
+        """Return the covariance of the optimum, shape (n, n), for a noise level multiplied by ``widened``."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -221,7 +223,7 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return the number tau of points that count as one independent point.
+    """Return the number tau of neighbouring residuals that count as one independent residual.
 
     Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
     product of two correlation lengths, along the edge and over the states (`eimi_fitting.correlation`). For tracked
@@ -235,7 +237,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
     weights : ndarray, shape (K, G, m)
         Zero for points that are not used.
     observed : EdgeObservation or PointObservation
-        The measurement, whose kind decides how tau is computed.
+        The measured edges or tracked points. tau is computed differently for edges and for tracked points.
 
     Returns
     -------
@@ -249,7 +251,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return the number N of independent points of all experiments, from the residuals of the first candidate."""
+    """Return the number of independent points of all experiments, from the residuals of the first candidate."""
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
         for m, e in zip(misfits, problem.experiments, strict=True)
@@ -257,7 +259,7 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """Linearise the evidence about an optimum, by central differences.
+    """Linearise the evidence of a fit about its optimum, by central differences.
 
     Parameters
     ----------
@@ -324,10 +326,10 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the contribution of the tensile curves to the variance B of the score, shape (n, n).
+    """Return the contribution of the tensile curves to the variance of the score in n unknowns, shape (n, n).
 
-    The residuals ``z`` at the optimum of the joint fit give the noise of each curve. The noise is at least that of a
-    fit of the law to this curve alone.
+    The residuals ``z`` at the optimum of the joint fit give the noise of each curve. This noise is at least the noise
+    of a fit to the curve alone.
     """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0

@@ -1,4 +1,4 @@
-"""The error of states that were omitted from a fit (cross-validation)."""
+"""Estimate the error of states that were omitted from a fit (cross-validation)."""
 
 from __future__ import annotations
 

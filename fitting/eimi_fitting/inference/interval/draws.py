@@ -1,4 +1,4 @@
-"""Draws from the joint distribution of all uncertain quantities of a fit; intervals are quantiles of the draws."""
+"""Draw from the joint distribution of all uncertain quantities of a fit. Intervals are quantiles of the draws."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _DIGITS = 7
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of the parameters of a fit and of the errors of its sources.
+    """Random draws of the parameters of an identified law and of the errors of the uncertain inputs.
 
     Parameters
     ----------
     seed : int
         Seed of the random numbers.
     names : tuple of str
-        Names of the law's parameters, then names of the other uncertain numbers.
+        Names of the law's parameters, then names of the uncertain numbers of the inputs.
     values : tuple of tuple of float
-        One row for each draw: the parameters in their units, then the deviations of the other numbers from their stated
-        values, in the units of their sources.
+        One row for each draw, in the order of ``names``: the parameters in their units, then the deviations of the
+        uncertain numbers from their stated values, in the units of their sources.
     """
 
     seed: int
@@ -39,15 +39,15 @@ class Draws:
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """Return all D draws of the parameter or number ``name``, shape (D,); raise ValueError for an unknown name."""
+        """Return the D draws of the parameter or number ``name``, (D,); raise ValueError for an unknown name."""
         return np.array(self.values)[:, self.names.index(name)]
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
     """Return D = 4000 draws of n independent standard normal numbers, shape (D, n).
 
-    The draws are a Latin hypercube: each of the D equally probable intervals of a number is drawn once (McKay, Beckman
-    and Conover 1979, Technometrics 21:239).
+    The draws are a Latin hypercube: the range of each number is divided into D equally probable parts, and each part
+    contains one draw (McKay, Beckman and Conover 1979, Technometrics 21:239).
     """
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
     return np.asarray(special.ndtri((ranks + 0.5) / _DRAWN))
@@ -67,12 +67,12 @@ def draw_noise(
     covariance : ndarray, shape (n, n)
         Covariance of the optimum due to noise and priors.
     ends : Ends
-        Ends of the intervals. If the profile likelihood gives the ends of a coordinate, its draws are scaled to these
-        ends.
+        Ends of the intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown are
+        scaled to these ends.
     model_errors : ndarray, shape (C, n)
-        Standard deviations of C errors of the beam models. Each error changes all unknowns in proportion.
+        Change of the n unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        Standard deviations of C errors of the beam models that change the first unknown only.
+        Additional change of the first unknown by one standard deviation of each of the C errors.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of the 400 of D = 4000 draws that are stored, from the modulus (D,) of each draw.
+    """Return the indices of 400 of D = 4000 draws for a result file, from the modulus of each draw, (D,).
 
     The draws are sorted by the modulus, and every tenth draw is stored. The quantiles of the modulus therefore hardly
     change.
@@ -111,7 +111,7 @@ def draw_parameters(
     modulus: Callable[[Array], Array],
     seed: int = 1,
 ) -> Draws:
-    """Draw parameters from their 95 % intervals and the correlation of their errors.
+    """Draw the parameters of a law from the 95 % intervals and the correlation of the errors of the parameters.
 
     Parameters
     ----------
@@ -120,7 +120,8 @@ def draw_parameters(
     values : ndarray, shape (n,)
         Best values of the n parameters.
     intervals : ndarray, shape (n, 2)
-        Lower and upper ends of the 95 % intervals. An asymmetric interval gives two half-normal distributions.
+        Lower and upper end of the 95 % interval of each parameter. An asymmetric interval gives two half-normal
+        distributions.
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
@@ -149,11 +150,11 @@ def rounded(values: Array) -> Array:
 
 
 def interval_95(values: Array) -> tuple[float, float]:
-    """Return the lower and the upper end of the 95 % interval of D draws: their 2.5 % and 97.5 % quantiles."""
+    """Return the 2.5 % quantile and the 97.5 % quantile of D draws, (D,), as ends of a 95 % interval."""
     low, high = np.quantile(values, [0.025, 0.975]).tolist()
     return low, high
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two 95 % intervals: from D draws of all uncertainties, and from draws of the fit alone."""
+    """Return a value with two 95 % intervals, from draws with all uncertainties and from draws of the fit alone."""
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

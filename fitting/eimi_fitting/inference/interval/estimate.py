@@ -1,4 +1,4 @@
-"""Estimate the unknowns with their 95 % intervals, and name the combinations that the data determine.
+"""Compute the 95 % intervals of the unknowns of a fit, and name the combinations that the data determine.
 
 - The covariance of the optimum is computed from the linearised evidence (`inference.interval.covariance`). The noise
   level is that of the residuals.
@@ -58,7 +58,7 @@ _SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate'
 
 @dataclass(frozen=True)
 class FreedNuisance:
-    """A freed nuisance and its estimated deviation from the stated value.
+    """A freed nuisance (an uncertain input that a fit estimates) and its deviation from the stated value.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ class FreedNuisance:
     datasets : tuple of int
         Indices of the datasets that share the nuisance, counted from 0 in the order of the experiments.
     deviation : Quantity
-        Estimated minus stated value.
+        Estimated value minus stated value, with intervals.
     prior_standard_deviation : float
-        Standard deviation of the prior, in the unit of the deviation.
+        Standard deviation of the prior of the nuisance, in the unit of the deviation.
     """
 
     name: str
@@ -97,7 +97,7 @@ class CorrectionEffect:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """The unknowns with their 95 % intervals.
+    """The unknowns of a fit of a hyperelastic law, with 95 % intervals.
 
     Parameters
     ----------
@@ -112,17 +112,18 @@ class Estimate:
     identifiability : Identifiability
         The combinations of unknowns that the data determine.
     mesh, section_change : CorrectionEffect or None
-        Effect of a mesh twice as fine, and effect of the solid section; None for a correction that does not apply.
+        Effect of a mesh twice as fine (``mesh``), and effect of the three-dimensional model of a solid section
+        (``section_change``). None for a correction that does not apply.
     held_out_error_mm : float or None
-        Mean error in mm of states that were omitted from the fit, by cross-validation; None if there is only one state.
-        The sources have the deviations that explain the residuals best.
+        Mean error in mm of states that were omitted from the fit, by cross-validation. The uncertain inputs have the
+        values that explain the residuals best. None if there is only one state.
     budget : tuple of BudgetEntry
-        The effect of each source on the modulus, the largest first.
+        The effect of each source of uncertainty on the initial shear modulus, the largest effect first.
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Important sources that no file states (``Source.is_decisive``), with the effect of their usual uncertainty. The
-        intervals do not contain this effect.
+        Important sources of uncertainty that no file specifies (``Source.is_decisive``), with the effect of their usual
+        uncertainty. The intervals do not contain this effect.
     draws : Draws or None
         Draws from the joint distribution of all uncertain quantities. The intervals are quantiles of these draws. None
         in result files of earlier releases.
@@ -150,9 +151,9 @@ def estimate(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate:
-    """Estimate the unknowns of a problem and their intervals at its optimum.
+    """Return the unknowns of a fit with their intervals, from the optimum of the fit.
 
-    Candidates are simulated only for the ends of the intervals and for the effects of sources that no file states.
+    Candidates are simulated only for the ends of the intervals and for sources of uncertainty that no file specifies.
 
     Parameters
     ----------
@@ -161,7 +162,7 @@ def estimate(
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
-        The changes of the optimum by these corrections.
+        The changes of the optimum by the corrections.
     noise : Noise
         The evidence linearised at the optimum, with the noise separated from the errors of the sources.
     refinements : sequence of str
@@ -209,7 +210,7 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effects on the modulus of important sources without a stated uncertainty, for a usual uncertainty."""
+    """Return the effect on the modulus of important sources that no file specifies, for their usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
@@ -224,8 +225,9 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         Bounds for the n unknowns: the change of the optimum by each correction, times the share that remains uncertain.
     modulus_errors : ndarray, shape (C,)
         Additional bounds for the modulus: sqrt(b² - a²), or 0 if a > b. Here a is the bound of the modulus in
-        ``model_errors``. b is the same bound for fixed other unknowns, or ``Effect.least_percent`` if this is larger.
-        The additional bounds are needed because the other unknowns may absorb a part of the error of a beam model.
+        ``model_errors``. b is the bound of the modulus if the other unknowns are fixed, or ``Effect.least_percent`` if
+        this percentage is larger. The additional bounds are needed because the other unknowns may absorb a part of the
+        error of a beam model.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -241,7 +243,7 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return ln(upper bound / lower bound) of the modulus, which is the first of the unknowns."""
+    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -263,12 +265,12 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the factor by which the estimated noise level widens the intervals.
+    """Return the factor by which the intervals are widened because the noise level is estimated.
 
-    The factor is the 97.5 % quantile of Student's t over that of the normal distribution. Level and correlation of the
-    noise of edges are estimated from the residuals. Each edge is one cluster of correlated residuals, so that E edges
-    give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics 165:137). The factor is 1 for
-    tracked points, because their uncertainty is stated.
+    The factor is the 97.5 % quantile of Student's t divided by the 97.5 % quantile of the normal distribution. Level
+    and correlation of the noise of edges are estimated from the residuals. Each edge is one cluster of correlated
+    residuals, so that E edges give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics
+    165:137). The factor is 1 for tracked points, because their uncertainty is stated.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         return 1.0
@@ -284,7 +286,7 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the intervals, from the profile likelihood for unknowns whose objective is not quadratic."""
+    """Return the ends of the intervals of all unknowns; the profile likelihood corrects the ends for ``checked``."""
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
@@ -327,7 +329,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return the quantities of `Estimate` by the names of its fields, and the draws that give their intervals."""
+    """Return fields of `Estimate` by name: the parameters, the moduli, the freed nuisances and the draws."""
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
@@ -355,9 +357,9 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return the values of the unknowns of P candidates in their physical units: an array (P,) for each name.
+    """Return the unknowns of P candidates in physical units, as one array (P,) for each name.
 
-    units: the n unit coordinates of each candidate, shape (P, n).
+    ``units`` has the n unit coordinates of each candidate, shape (P, n).
     """
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))

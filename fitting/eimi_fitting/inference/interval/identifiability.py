@@ -1,4 +1,4 @@
-"""The combinations of the unknowns that the data determine, in numbers and in words.
+"""Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
 
 Let A be the information of the data and P the diagonal inverse variance of the priors
 (`inference.interval.covariance`). The eigenvectors of P^(-1/2) A P^(-1/2) are combinations of unknowns with independent
@@ -44,7 +44,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The quantities that the data determine, and the quantities that the data do not determine.
+    """The unknowns of a fit that the data determine, and the unknowns that the data do not determine.
 
     Parameters
     ----------
@@ -59,11 +59,9 @@ class Identifiability:
     residual_mm : float
         Root mean square of all residuals in mm.
     correlation_points : float
-        Mean number of points that count as one independent point.
+        Mean number of neighbouring points that count as one independent point.
     points : int
-        Number of points.
-    independent_points : float
-        Number of independent points.
+        Number of measured points. independent_points : float Number of independent points.
     names : tuple of str
         Names of all unknowns.
     correlation : tuple of tuple of float
@@ -71,13 +69,13 @@ class Identifiability:
     directions : tuple of Direction
         The combinations of unknowns with independent errors, the best determined first.
     profiled : tuple of str
-        Names of the unknowns whose interval is that of the profile likelihood.
+        Names of the unknowns whose interval is computed from the profile likelihood.
     noise_mm, noise_points : float or None
-        Mean error in mm and number of independent points of the residuals that the stated sources do not explain; None
-        in files of earlier releases.
+        Mean error in mm (``noise_mm``) and number of independent points (``noise_points``) of the part of the residuals
+        that the sources of uncertainty do not explain. None in files of earlier releases.
     stated_squares : float
-        Sum of the squared deviations of freed nuisances and sources, in standard uncertainties, at the values that
-        explain the residuals best.
+        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties. The
+        inputs have the values that explain the residuals best.
     model_mm : float
         Mean over the states of the standard deviation of the remaining error of the beam model, in mm; 0 if no source
         is stated.
@@ -102,20 +100,20 @@ class Identifiability:
 
 
 def is_open(modulus: Quantity) -> bool:
-    """Return whether the upper end of the modulus's interval is above four times the lower, or an end is at most 0."""
+    """Return whether the interval of the modulus is very wide: upper end > 4 times lower end, or an end <= 0."""
     low, high = modulus.interval_95
     return not 0 < high <= _OPEN_FACTOR * low
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which parameters have more than half of their variance from coordinates that only the bounds limit.
+    """Return for which parameters more than half of the variance comes from coordinates that only bounds limit.
 
     Parameters
     ----------
     slopes : ndarray, shape (m, n)
-        Derivatives of the m parameters in the n coordinates.
+        Derivatives of the m parameters of the law in the n coordinates of the law.
     covariance : ndarray, shape (n, n)
-        Covariance of the coordinates.
+        Covariance of the n coordinates.
     open_coordinates : ndarray of bool, shape (n,)
         True for coordinates that the data do not determine.
 
@@ -189,8 +187,8 @@ def statement(
     eigen : sequence of Direction
         Combinations of unknowns with independent errors, the best determined first.
     ratios : sequence of str
-        Names of the nuisances that scale the magnetic load. The data determine the ratio of such a nuisance to the
-        modulus.
+        Names of the nuisances that scale the magnetic load. The data determine only the ratio of the magnetic load to
+        the modulus.
     remaining : sequence of float
         For each unknown, its standard deviation after the fit over its prior standard deviation.
     modulus : Quantity
@@ -239,7 +237,7 @@ def statement(
 
 
 def _percent(modulus: Quantity) -> str:
-    """Return the interval relative to its value as ``±0.4 %``, or as ``-20 % to +35 %`` if it is asymmetric."""
+    """Return the 95 % interval of the modulus relative to its value, as ``±0.4 %`` or ``-20 % to +35 %``."""
     below, above = (100 * (end / modulus.value - 1) for end in modulus.interval_95)
     half = 0.5 * (above - below)
     return f"±{half:.2g} %" if abs(above + below) < 0.2 * half else f"{below:+.2g} % to {above:+.2g} %"

@@ -1,8 +1,8 @@
-"""Separate the noise from the errors of stated sources: noise is the part of the residuals that no source explains.
+"""Separate noise from errors of uncertain inputs: noise is the part of the residuals that no such error explains.
 
-An error of a source, such as a wrong width, causes residuals along both edges. The intervals already contain the effect
-of this error on the estimate (`inference.interval.considered`). If these residuals also counted as noise, the error
-would count twice.
+A source is an input with a stated uncertainty. An error of a source, such as a wrong width, causes residuals along both
+edges. The intervals already contain the effect of this error on the estimate (`inference.interval.considered`). If
+these residuals also counted as noise, the error would count twice.
 
 The unknowns x and the deviations s of the sources, in standard uncertainties, are therefore fitted together:
 
@@ -43,17 +43,17 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence, linearised at the values of the n unknowns and S sources that explain it best.
+    """The evidence of a fit, linearised at the values of n unknowns and S uncertain inputs that explain it best.
 
     Parameters
     ----------
     states : tuple of LinearStates
-        The states of each experiment, with slopes (n + S, K, G, m) in the unknowns and the sources. The weights are
-        computed from the noise.
+        The linearised states of each experiment. The slopes have the shape (n + S, K, G, m): derivatives in n unknowns
+        and S inputs for G groups of m points in K states. The weights are computed from the noise.
     hessian : ndarray, shape (n + S, n + S)
-        Hessian of unknowns and sources.
+        Hessian of minus the log-likelihood with priors, in n unknowns and S uncertain inputs.
     squares : float
-        Sum of the squared deviations of freed nuisances and sources, in standard uncertainties.
+        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -63,18 +63,18 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the optimum by a correction of the residuals.
+    """The change of the optimum of a fit by a correction of the residuals to a better beam model.
 
     Parameters
     ----------
     correction : Correction
-        The change of the residuals by a finer mesh or a solid.
+        The change of the residuals by a finer mesh or a three-dimensional model.
     moved : ndarray, shape (n,)
         Change of the optimum in unit coordinates.
     share : float, optional
         Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
     least_percent : float
-        Smallest remaining uncertainty, in per cent of the modulus.
+        Smallest 95 % bound of the remaining error of the modulus, in per cent.
     """
 
     correction: Correction
@@ -90,14 +90,14 @@ class Effect:
 
 @dataclass(frozen=True)
 class Noise:
-    """The evidence linearised at the optimum, with the noise separated from the errors of the sources.
+    """The evidence of a fit linearised at the optimum, with noise separated from errors of uncertain inputs.
 
     Parameters
     ----------
     about : Linearisation
-        The evidence at the optimum. The variance of its score is that of the noise alone.
+        The linearised evidence at the optimum. The variance of the score is computed from the noise alone.
     explained : Explained
-        The evidence at the values of unknowns and sources that explain it best.
+        The linearised evidence at the values of unknowns and uncertain inputs that explain the residuals best.
     sources : tuple of ConsideredSources
         The S uncertain numbers that keep their stated values in the fit.
     mean_model_mm : float
@@ -121,7 +121,7 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Linearise the evidence, with level and correlation of the noise from residuals that no source explains.
+    """Linearise the evidence of a fit, and separate noise from the errors of uncertain inputs.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation in mm of the remaining error of the beam model, (K,) for K states by experiment."""
+    """Return the standard deviation of the remaining error of the beam model in mm, (K,) for each experiment."""
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -175,7 +175,7 @@ def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[A
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:
-    """Return the mean error over all states, in mm."""
+    """Return the mean over all states of the root mean square residual, in mm."""
     return float(np.mean(np.concatenate([linear.error_mm for linear in states])))
 
 
@@ -240,10 +240,10 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return e exp(q / (2 N)) in mm for N = ``points``, the mean error e of all states, and the squared deviations q.
+    """Return e exp(q / (2 N)) in mm, for the mean error e of all states and N = ``points`` independent points.
 
-    e contains the error of the beam model. q is the sum over nuisances and sources, in standard uncertainties. The
-    logarithm of the result is minus the log-likelihood over N.
+    e contains the error of the beam model. q is the sum of the squared deviations of all uncertain inputs, in standard
+    uncertainties. The logarithm of the result is minus the log-likelihood divided by N.
     """
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
@@ -269,7 +269,7 @@ def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
-    """Return the sum of the squared deviations of nuisances and sources, in standard uncertainties."""
+    """Return the sum of the squared deviations of all uncertain inputs, in standard uncertainties."""
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -281,18 +281,18 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Minimise the linearised residuals and the priors, with weights from the noise that remains.
+    """Minimise the squared linearised residuals and priors, with weights from the remaining residuals.
 
     Parameters
     ----------
     problem : Problem
         The problem of the fit.
     states : sequence of LinearStates
-        The states, linearised at ``at``.
+        The states, linearised at the point ``at``.
     at : ndarray, shape (n + S,)
-        Unit coordinates of n unknowns and S sources.
+        Unit coordinates of n unknowns and S uncertain inputs.
     unit : ndarray, shape (n + S,)
-        Centre of the priors.
+        Centre of the priors of unknowns and inputs.
     prior : ndarray, shape (n + S, n + S)
         Inverse variance of the priors.
     model_mm : sequence of ndarray, shape (K,)
@@ -333,7 +333,7 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return sqrt(error^2 + error of the beam model^2) in mm, shape (K,) for K states of each experiment."""
+    """Return sqrt(e^2 + m^2) in mm, (K,) for each experiment, for the errors e and model errors m of K states."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 

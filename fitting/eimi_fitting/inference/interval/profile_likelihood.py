@@ -1,14 +1,14 @@
-"""The ends of an interval by the profile likelihood, for objectives that are not quadratic.
+"""Compute the ends of an interval by the profile likelihood, for objectives that are not quadratic.
 
-The deviance D(x) is the rise of -2 log L, with the likelihood L, above its value at the optimum x*. The profile of
-coordinate i is
+The deviance D(x) of the unknowns x is -2 log L(x) minus its smallest value, with the likelihood L. The optimum is x*.
+The profile of coordinate i is
 
     D_i(t) = min of D(x) over all x with x_i = t
 
 (Raue et al. 2009, Bioinformatics 25:1923). Let h be the half-width of the interval from the covariance, and H the
 Hessian of D / 2. For a quadratic D, the profile at both ends is D_i(x*_i +- h) = h^2 / inv(H)_ii. In general, the
-interval ends where D_i has this value, the target. The minimum over the other coordinates is computed by Gauss-Newton
-steps with the Hessian of the optimum. Both ends of all coordinates are evaluated in one batch.
+interval ends where D_i has the value h^2 / inv(H)_ii, the target. The minimum over the other coordinates is computed by
+Gauss-Newton steps with the Hessian of the optimum. Both ends of all coordinates are evaluated in one batch.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Deviance = Callable[[Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Ends:
-    """The ends of the intervals of all n coordinates.
+    """The ends of the 95 % intervals of the n unknowns of a fit.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Ends:
 
 @dataclass
 class _End:
-    """One end of the interval of one coordinate, during the iteration that computes it.
+    """One end of the interval of one unknown (coordinate), during its iterative computation.
 
     Parameters
     ----------
@@ -67,9 +67,10 @@ class _End:
     point : ndarray, shape (n,)
         The present candidate for the end, in unit coordinates.
     deviance, score : float and ndarray, shape (n,)
-        Deviance of the candidate, and gradient of half the deviance.
+        Deviance of the candidate, and gradient (``score``) of half the deviance in the n coordinates.
     inside, outside : float
-        Largest known distance from the optimum that is inside the interval, and smallest known distance outside.
+        Largest known distance from the optimum inside the interval (``inside``), and smallest known distance outside
+        the interval (``outside``), in unit coordinates.
     """
 
     coordinate: int
@@ -117,7 +118,7 @@ class _End:
 def interval_ends(
     deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, checked: tuple[int, ...]
 ) -> Ends:
-    """Return the ends of the intervals about an optimum of n unknowns.
+    """Return the ends of the intervals of n unknowns about an optimum.
 
     Parameters
     ----------
@@ -133,14 +134,14 @@ def interval_ends(
     half_width : ndarray, shape (n,)
         Half-widths of the intervals for a quadratic deviance.
     checked : tuple of int
-        Indices of the coordinates whose ends are compared with the profile. The other coordinates keep the quadratic
-        ends.
+        Indices of the unknowns whose quadratic ends are compared with the profile likelihood. The other unknowns keep
+        the quadratic ends.
 
     Returns
     -------
     Ends
-        The ends. All converged ends lie within 0..1. If an end does not converge, it is the quadratic end or lies
-        farther out.
+        The ends. All converged ends lie within 0..1. An end that does not converge is the quadratic end or lies farther
+        out.
     """
     low, high = unit - half_width, unit + half_width
     if not checked:
@@ -178,7 +179,7 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the point of the unit cube at which a quadratic is smallest, for a given value of coordinate i.
+    """Return the point of the unit cube at which a quadratic function is smallest, for a given value of coordinate i.
 
     Parameters
     ----------
@@ -189,7 +190,7 @@ def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> A
     i : int
         Index of the coordinate that has a given value.
     to : float
-        The value of this coordinate; clipped to 0..1.
+        The given value of coordinate i; clipped to 0..1.
 
     Returns
     -------
