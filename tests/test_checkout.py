@@ -36,7 +36,7 @@ def test_a_command_imports_the_checkout(package: str, tmp_path: Path) -> None:
 
 
 def test_every_package_is_installed() -> None:
-    """An editable install finds a folder that pyproject.toml does not list, but a wheel leaves it out."""
+    """An editable install contains a folder that pyproject.toml does not list, but a wheel does not contain it."""
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"])
     rooms = set()
     for package, folder in PACKAGES.items():

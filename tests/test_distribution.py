@@ -1,4 +1,4 @@
-"""The archive and the wheel: every file of the packages is in them, and the wheel works without a checkout."""
+"""The source archive and the wheel contain every file of the packages, and the wheel works without a checkout."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FOLDERS = {
 
 
 def folder_of(package: str) -> Path:
-    """Return the folder of a package; a longer name has precedence over its parent."""
+    """Return the folder of a package. The entry of a subpackage has precedence over the entry of its parent."""
     parents = [name for name in FOLDERS if f"{package}.".startswith(f"{name}.")]
     if not parents:
         return ROOT / package.replace(".", "/")
@@ -29,7 +29,7 @@ def folder_of(package: str) -> Path:
 
 
 def test_every_file_of_a_package_is_in_the_wheel() -> None:
-    """A file that no pattern of package-data names is left out of the wheel without a warning."""
+    """A wheel omits, without a warning, every file that matches no pattern of package-data."""
     assert SETTINGS["include-package-data"] is False
     packages = {folder_of(package): package for package in SETTINGS["packages"]}
     left_out = []
@@ -47,7 +47,7 @@ def test_every_file_of_a_package_is_in_the_wheel() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt" or not (ROOT / ".git").exists(), reason="needs bash and a clone")
 def test_archive_and_wheel_without_a_checkout(tmp_path: Path) -> None:
-    """`.ci/package` installs the wheel of the unpacked archive, and runs commands and tests with it; needs an index."""
+    """`.ci/package` installs a wheel built from the archive, and runs commands and tests; it needs a package index."""
     command = [shutil.which("bash") or "bash", str(ROOT / ".ci" / "package"), str(tmp_path / "package")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

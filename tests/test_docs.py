@@ -41,7 +41,10 @@ SHORTER = {
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page; note: text of the comment before it; title: name of a file."""
+    """A block of commands or of a file on a page of the documentation.
+
+    note: text of the comment before the block; title: name of the file.
+    """
 
     note: str
     title: str
@@ -49,7 +52,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Return commands and files of a page in order."""
+    """Return the blocks of commands and files on a page, in their order."""
     matches = BLOCK.finditer(page.read_text(encoding="utf-8"))
     every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in matches]
     return [block for kind, block in every if kind == "sh" or block.title]
@@ -86,7 +89,7 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
 
 
 def shorten(folder: Path) -> None:
-    """Write a protocol of three states, a virtual rig on a coarse mesh, and a specimen in plane stress."""
+    """Write a protocol of three states, a virtual rig with a coarse mesh, and a specimen in plane stress."""
     protocols = ROOT / "protocols"
     protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -101,7 +104,7 @@ def shorten(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder in which the shortened first tutorial was run."""
+    """Return the folder in which the first tutorial was run in its shortened form."""
     folder = tmp_path_factory.mktemp("first_beam")
     follow(DOCS / FIRST, folder, shortened=True)
     return folder
@@ -139,7 +142,7 @@ def test_a_notebook_is_committed_with_its_outputs(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_without_shortening(page: Path, begun: Path, tmp_path: Path) -> None:
-    """The modulus that a tutorial identifies is that of its beam."""
+    """Every command of a page runs. The modulus that a tutorial identifies is that of its virtual beam."""
     if page.parent.name == "howto":
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)

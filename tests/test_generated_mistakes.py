@@ -1,4 +1,4 @@
-"""The generator of mistakes: each changes one place of valid code, and the same seed draws the same ones."""
+"""The generator of mistakes: each mistake changes one place of valid code, and equal seeds draw equal mistakes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that a hosting service reads: they are valid, and name versions and commands that exist."""
+"""Files that a hosting service reads: they are valid, and the versions and commands in them exist."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_workflow_tests_every_python_and_every_system() -> None:
 
 
 def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
-    """Compare `.ci/run`, the hosted workflow and the hooks before a commit: all of them run the four checks."""
+    """The script `.ci/run`, the hosted workflow and the hooks before a commit all run the same four checks."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
     hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}
@@ -60,7 +60,7 @@ def test_an_issue_form_has_its_labels_and_fields(form: Path) -> None:
 
 
 def test_a_release_has_the_same_version_everywhere() -> None:
-    """The newest release of the changelog, the citation, and the version of a clone without tags agree."""
+    """The changelog's newest release, the citation, and a clone without tags have the same version."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
     citation = read("CITATION.cff")
@@ -69,7 +69,7 @@ def test_a_release_has_the_same_version_everywhere() -> None:
 
 
 def test_zenodo_gets_what_the_citation_states() -> None:
-    """Zenodo reads .zenodo.json in place of CITATION.cff if both exist; version and date are those of the tag."""
+    """If .zenodo.json exists, Zenodo does not read CITATION.cff. It takes version and date from the tag."""
     citation, record = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     assert record["title"] == citation["title"]
     assert record["license"] == citation["license"]

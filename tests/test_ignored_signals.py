@@ -1,4 +1,4 @@
-"""Tests that run in the background: under nohup, a process and its children ignore Ctrl-C and hang-up at the start."""
+"""Tests in the background: under nohup, a process and its children ignore Ctrl-C and hang-up from the start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The list of mistakes: each applies to the code and its tests exist; the runner reports caught and survived ones."""
+"""The list of mistakes: each mistake fits the code, its tests exist, and the runner reports if the tests detect it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROJECT = Path(__file__).parents[1]
 
 @pytest.mark.parametrize("room", sorted(path.stem for path in LISTS.glob("*.toml")))
 def test_every_mistake_applies_to_the_code_and_names_existing_tests(room: str) -> None:
-    """If this fails, the code has changed: update the fragment of the mistake, or replace the mistake."""
+    """If this test fails, the code has changed: update the fragment of the mistake, or replace the mistake."""
     for mutant in every_mutant():
         if mutant.room != room:
             continue
@@ -35,7 +35,7 @@ def test_there_are_enough_mistakes_and_none_occurs_twice() -> None:
 
 
 def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -> None:
-    """The runner works on a project of one line and one test, in processes as for this project."""
+    """The runner is tried on a project of one line and one test, in processes as for the whole project."""
     project = tmp_path / "small"
     project.mkdir()
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')

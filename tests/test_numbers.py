@@ -1,4 +1,4 @@
-"""The comparison of results before and after a change reports the differences."""
+"""The comparison of results before and after a change of the code reports all differences."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def modules_of(folder: Path) -> set[str]:
 
 
 def mapped_names(folder: Path) -> list[str]:
-    """Return the names that stand before a description in the docstring of a package."""
+    """Return the module names at the beginnings of lines in the docstring of a package."""
     docstring = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
     return [name for row in _ROW.findall(docstring) for name in row.split(", ")]
 

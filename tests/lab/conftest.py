@@ -1,4 +1,4 @@
-"""A small bench for the lab's tests: files that a person would write, frames drawn by hand."""
+"""A small bench for the tests in this folder: TOML files as a user writes them, and drawn frames."""
 
 from __future__ import annotations
 
@@ -93,13 +93,13 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="session")
 def texts() -> dict[str, str]:
-    """The TOML files of the small bench: for each kind of file, its text."""
+    """The TOML files of the small bench: the text of each file, by the kind of the file."""
     return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
 
 
 @pytest.fixture
 def files(tmp_path: Path, texts: dict[str, str]) -> Path:
-    """Return a folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
+    """Write specimen.toml, calibration.toml and protocol.toml of the small bench, and return their folder."""
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
@@ -113,7 +113,7 @@ def frame() -> Callable[..., NDArray[np.uint8]]:
 
 @pytest.fixture
 def pictures(files: Path) -> Path:
-    """Write four images to `frames/` and their states.csv, beside the TOML files."""
+    """Write four images to `frames/` and their states.csv, beside the TOML files; return the TOML files' folder."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -140,11 +140,11 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 
 FRAME_S = 0.005
 BEGAN_S = 100_000.0
-"""Time on the clock of the bench when it is made: a stored time of the clock differs from one of the run."""
+"""Time (s) on the clock of the bench when the bench is made. Times from the beginning of a run are much smaller."""
 
 
 class DrawnCamera:
-    """A camera of a drawn beam that swings when the coil's current changes; `event` is called before each frame."""
+    """A camera of a drawn beam that swings when the coil's current changes. `event` is called before each frame."""
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
         self.coil, self.clock, self.draw = coil, clock, draw
@@ -192,7 +192,10 @@ class Setup:
     def run(
         self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = ignore_event, **options: Any
     ) -> list[str]:
-        """Run the protocol; return the printed line of each state. `remark` gets other lines, `on_event` the events."""
+        """Run the protocol; return the printed line of each state.
+
+        `remark` receives the other lines, `on_event` the events.
+        """
         said: list[str] = []
         terminal = on_terminal(said.append, remark)
 
@@ -236,7 +239,7 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 
 @pytest.fixture
 def dataset(files: Path) -> Path:
-    """Return a dataset of two states of a beam at rest, drawn at 8 px/mm; one state has a flag from its run."""
+    """Write a dataset of two states of a beam at rest, drawn at 8 px/mm; the run has flagged one of the states."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)
     image = np.full((96, 128), 210.0)

@@ -1,4 +1,4 @@
-"""A run on an emulated supply in simulated time: what is stored, and that the coil is off however the run ends."""
+"""A run on an emulated supply in simulated time: the stored data, and that the coil is off however the run ends."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
 
 
 def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
-    """The two colours are equally bright on average, and each in turn is slightly brighter."""
+    """The camera's colours are equally bright on average. In each frame one of two colours is slightly brighter."""
     grey = setup.camera.draw
 
     def coloured(seed: int, shift_px: float = 0.0) -> np.ndarray:

@@ -20,7 +20,10 @@ EDGES = EdgeSet(EdgePoints(POINTS, POINTS[:, 0] + 0.01), EdgePoints(POINTS, POIN
 
 
 def dates(path: Path) -> dict[str, Any]:
-    """Return the dates of a file as a validator reads them: text of variable length becomes str in Python."""
+    """Return the dates of a dataset by their paths, read as a validator reads them.
+
+    Text of variable length becomes str in Python.
+    """
     with h5py.File(path) as file:
         return {
             name: entry.asstr()[()] if entry.dtype.hasobject else entry

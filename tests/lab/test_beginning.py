@@ -1,4 +1,4 @@
-"""The first steps of a new user: files to fill in, a board to print, and errors about exchanged arguments."""
+"""The first steps of a new user: template files, a printed board, and errors about exchanged arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
-    """The template values are refused as measurements; the filled-in files are accepted by an import."""
+    """The values of the template files are refused as measurements. An import accepts the completed files."""
     for name in ("shot_10.png", "shot_9.png"):
         cv2.imwrite(str(tmp_path / name), frame(9))
     assert run("init", tmp_path) == (0, "")
@@ -55,7 +55,7 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
 
 
 def test_every_key_that_is_to_be_uncommented_is_one(tmp_path: Path, run: Run) -> None:
-    """Each commented key of the files is an optional key that is valid with the value shown."""
+    """Each commented key in the template files is an optional key, and is valid with the value in the comment."""
     assert run("init", tmp_path)[0] == 0
     for name, load in (("specimen.toml", load_specimen), ("calibration.toml", load_calibration)):
         lines = []

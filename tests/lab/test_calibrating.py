@@ -1,4 +1,4 @@
-"""Calibration through the command line, on rendered views of known boards, beams, rulers and threads."""
+"""Calibration on the command line, with rendered pictures of known boards, beams, rulers and threads."""
 
 import os
 import re
@@ -30,7 +30,10 @@ TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20
 
 
 def board_texture(board):
-    """Return the brightness of a board on a fine grid with a margin of one square, and the cells of the grid per mm."""
+    """Return the brightness of a board on a fine grid, and the number of grid cells per mm.
+
+    The grid has a margin of one square around the board.
+    """
     cells = 20
     if board.kind == "circles":
         x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))
@@ -42,14 +45,17 @@ def board_texture(board):
 
 @lru_cache
 def camera_rays(dx, dy, bent):
-    """Return the directions (n, 3) through the centres of the pixels, shifted by dx, dy."""
+    """Return the directions (right, down, away) of the rays through n pixels, shape (n, 3).
+
+    The rays are shifted by dx, dy from the centres of the pixels.
+    """
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]
     return np.column_stack([rays, np.ones(len(rays))])
 
 
 def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
-    """Render the board as the camera sees it, its middle on the optical axis, turned about x, y and z."""
+    """Render a board as the camera sees it, rotated about x, y and z, with its middle on the optical axis."""
     turn = np.eye(3)
     for axis, angle in zip(np.eye(3), np.radians(turn_deg), strict=True):
         turn = cv2.Rodrigues(axis * angle)[0] @ turn
@@ -147,7 +153,7 @@ def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
 
 
 def thread(angle_deg, width_px=6.0, bob=True):
-    """Render a dark thread across the picture of the benchmark, with a weight at its end."""
+    """Render a dark vertical thread with a weight at its end, across the picture of the benchmark."""
     angle = np.radians(angle_deg)
     along, aside = np.array([np.cos(angle), np.sin(angle)]), 0.5 * np.array([-np.sin(angle), np.cos(angle)])
     middle = np.array([600.0, 480.0])

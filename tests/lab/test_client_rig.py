@@ -36,7 +36,7 @@ maximum = 20.0
 
 @pytest.fixture
 def real(tmp_path: Path) -> Path:
-    """Write the rig file of a bench with real instruments."""
+    """Write the rig file of a bench with real instruments, and return its path."""
     (tmp_path / "virtual_calibration.toml").write_text(load_rig("virtual").calibration.text)
     (tmp_path / "real.toml").write_text(REAL)
     return tmp_path / "real.toml"

@@ -27,7 +27,7 @@ def asked(setup: Any, line: str) -> None:
 
 
 def reached(setup: Any) -> list[float]:
-    """Return a list that collects the set-points of the supply, without repetitions."""
+    """Return a list that collects the set-points (A) of the supply, without repetitions."""
     history: list[float] = []
     take = setup.coil.set_current
 

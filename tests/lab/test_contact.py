@@ -1,4 +1,4 @@
-"""A run notices the loss of its supply, states the effect of a lost connection, and answers signals with messages."""
+"""A run detects the loss of its supply, reports the effect of a lost connection, and answers signals with messages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WATCHDOG = (
 
 
 def restless(setup: Any) -> None:
-    """Change a bench: its beam never comes to rest, and its protocol waits a minute for the beam."""
+    """Change a bench: the beam never comes to rest, and the protocol waits a minute for rest."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
@@ -117,7 +117,7 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The coil is switched off first; the state is still stored afterwards."""
+    """The coil is switched off first. Then the state is stored completely."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:

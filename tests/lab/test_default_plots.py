@@ -1,4 +1,4 @@
-"""The plot that a viewer of NeXus files shows first, which it finds by the `default` attributes of a dataset."""
+"""The plot that a viewer of NeXus files shows first. The `default` attributes of a dataset lead to this plot."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """Store the edges of a hanging beam of 10 mm; its tip is 1 mm further right in each state; none in the last."""
+    """Store the edges of a hanging beam of 10 mm in a dataset.
+
+    In each state the tip is 1 mm further right. The last state has no edges.
+    """
     along = np.linspace(0.5, 10, 20)
     with open_dataset(path) as dataset:
         states = len(dataset.states)

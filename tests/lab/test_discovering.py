@@ -24,7 +24,7 @@ section = "plane-stress"
 
 @pytest.fixture
 def strip(tmp_path: Path, run) -> Path:
-    """Write strip.h5, tracked points on a strip of 46 kPa under two forces, and curve.csv, a tensile test of it."""
+    """Write strip.h5 and curve.csv: tracked points on a strip of 46 kPa under two forces, and its tensile test."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
     forces = [0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 2, 90.0, 90.0, forces))

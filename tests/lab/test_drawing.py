@@ -1,4 +1,4 @@
-"""Figures as the bytes of files."""
+"""Figures are drawn and returned as the bytes of image files."""
 
 from __future__ import annotations
 

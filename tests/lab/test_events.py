@@ -1,4 +1,4 @@
-"""Events of a run: their JSON, their senders, and readers that are slow, that are gone, or of an earlier release."""
+"""Events of a run: their JSON, their senders, and readers that are slow, have ended, or are of an earlier release."""
 
 from __future__ import annotations
 

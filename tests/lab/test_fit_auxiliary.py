@@ -1,4 +1,4 @@
-"""`eimi fit` with tensile curves, with freed nuisances and with wrong data, on real dataset files."""
+"""`eimi fit` with tensile curves, with freed inputs and with wrong data, on real dataset files."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ section = "plane-strain"
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces; `changed` alters places."""
+    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces.
+
+    The function `change` alters the coordinates of the points.
+    """
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     forces = [0.0, 0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, forces))
@@ -54,7 +57,7 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """Import the files of `write_points` as a dataset."""
+    """Import the files of `write_points` as the dataset `name`."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, told = run("import", folder / "points.csv", *tables, "-o", folder / name)
@@ -97,7 +100,7 @@ def test_fits_json_holds_a_tensile_curve_and_a_freed_roll(tmp_path: Path, run) -
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """Return a tensile curve of the strip's material in kPa, with the unit of the header as given."""
+    """Return a tensile curve (CSV text, stress in kPa) of a material of 46 kPa; `unit` is the unit in its header."""
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 
@@ -158,7 +161,7 @@ def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
 
 
 def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path, run) -> None:
-    """The mark is on the cards of all programs, on stderr, in the notebook's table, in pandas and in the report."""
+    """The parameter is marked on all cards, on stderr, in the notebook's table, in pandas and in the report."""
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     fits = tmp_path / "fits.json"
     assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
@@ -237,7 +240,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Return the dataset after the points of the last state were replaced by those of the first state."""
+    """Return coordinates of tracked points, in which the last state has the coordinates of the first state."""
     return np.concatenate([places[:2], places[:1]])
 
 

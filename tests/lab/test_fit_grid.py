@@ -47,7 +47,7 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 @pytest.fixture(scope="module")
 def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write two datasets of one beam of known modulus: tracked points with noise."""
+    """Write two datasets of one beam of known modulus, with noisy tracked points; return their folder."""
     folder = tmp_path_factory.mktemp("beams")
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')  # for speed
     specimen = parse(SpecimenFile, text, "type1")
@@ -70,7 +70,7 @@ def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def without_times(content: Any) -> Any:
-    """Return the content of fits.json without wall times."""
+    """Return the content of fits.json without the durations of the fits."""
     if isinstance(content, dict):
         return {key: without_times(value) for key, value in content.items() if key != "wall_s"}
     return [without_times(value) for value in content] if isinstance(content, list) else content
@@ -166,7 +166,7 @@ def test_a_grid_ends_if_its_workers_always_die() -> None:
 
 @pytest.fixture
 def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a local scheduler with two workers, and return its address and the workers."""
+    """Start a local Dask scheduler with two workers; yield its address and the processes of the workers."""
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -330,7 +330,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
-    """Another kind of processor rounds differently in the last digit."""
+    """The checkpoint differs in the last digits, as if another kind of processor had rounded differently."""
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0

@@ -19,7 +19,7 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class MoreOptions(FitOptions):
-    """The options of a fit, and one additional option."""
+    """The options of `eimi fit`, and one additional option."""
 
     population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
 
@@ -29,7 +29,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """Return the options that the command line passed to the fit."""
+    """Record the options that the command line passes to a fit."""
     received.append(options)
 
 

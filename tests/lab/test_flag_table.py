@@ -1,7 +1,7 @@
-"""Every row of the table of flags: its limits, its severity on both sides of them, and the deviation that it adds.
+"""Every row of the table of flags: its limits, the severity below and above each limit, and the added deviation.
 
-The rows are written here again; a new check fails until it is added here. `docs/why/edges.md` states where the limits
-come from.
+This file repeats the rows. A new check fails until its row is added here. `docs/why/edges.md` gives the sources of the
+limits.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table: flag, limit, severity, and the limit of unusable states.
+    """A row of the table: name of the flag, limit, severity, and the limit beyond which a state is unusable.
 
-    below: whether small values are flagged. adds: a doubtful value, the deviation that it
-    adds, and the unit of this deviation.
+    below: whether values below the limit are flagged, and not values above it. adds: a doubtful value, the deviation
+    that it adds, and the unit of this deviation.
     """
 
     name: str
@@ -121,7 +121,7 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """A worse value never adds less."""
+    """A worse value of a flagged quantity never adds a smaller deviation."""
     for check in CHECKS:
         if check.widens is None:
             continue

@@ -1,4 +1,4 @@
-"""A recording is divided where the beam was flicked again, and nowhere else."""
+"""A recording of a strip is divided into ring-downs where the strip was flicked again, and nowhere else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mutated datasets and TOML files: read or refused, no traceback, no hang, no dead process."""
+"""Mutated datasets and TOML files are read or refused, without a traceback, an endless wait or a dead process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thermal budget of the coil, compared with the solution of its differential equation."""
+"""The computed heating of the coil, compared with the solution of its differential equation."""
 
 from __future__ import annotations
 

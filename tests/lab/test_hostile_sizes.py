@@ -1,4 +1,4 @@
-"""Small files that ask for more than a computer has: depth, digits, memory, processor time."""
+"""Small files that ask for too much of a computer are refused: nesting, digits, memory, processor time."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_a_recovery_that_takes_long_does_not_call_the_file_damaged(
 
 
 def test_a_sound_file_is_recovered_where_memory_is_limited_already(dataset: Path, tmp_path: Path) -> None:
-    """A batch system sets a hard limit of memory, which no process may raise."""
+    """A batch system sets a hard limit of memory, which no process can raise."""
     resource = pytest.importorskip("resource")
     most = 3 << 30
     command = [sys.executable, "-m", "eimi_lab", "recover", str(dataset), "-o", str(tmp_path / "out.h5")]

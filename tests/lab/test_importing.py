@@ -1,4 +1,4 @@
-"""Import by the command line: a good folder becomes a dataset, a bad one gives one line and no file."""
+"""Import on the command line: a good folder becomes a dataset; a bad folder gives one line and no file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Import of videos, averages and flags, and of hostile images, which give one line or flags."""
+"""Import of videos, averages and flags, and of damaged or misleading images, which give one line or flags."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
-    """Twelve frames at 10 Hz, two loads by time: each is typed once, and the second ends before the video does."""
+    """The video has twelve frames at 10 Hz. Two loads are given by time, and the second ends before the video does."""
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):
         writer.write(cv2.cvtColor(frame(number), cv2.COLOR_GRAY2BGR))
@@ -125,7 +125,7 @@ def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files
 
 
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
-    """Colours are kept if only the second image has any, and if the dark frame has none."""
+    """Colours are kept if only the second image is in colour, and if the dark frame is grey."""
     red = np.dstack([frame(1) // 3, frame(1) // 2, frame(2)])
     fill(files, {"f_0.png": frame(0), "f_1.png": red}, [0, 1])
     cv2.imwrite(str(files / "dark.png"), np.full((96, 128), 4, np.uint8))
@@ -256,7 +256,10 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run a command with a limit of the size of files, in another process because HDF5 may crash it."""
+    """Run a command that may write files of at most `room` bytes.
+
+    The command runs in another process, because HDF5 may crash at the limit.
+    """
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
@@ -291,7 +294,7 @@ def test_a_dataset_that_does_not_fit_on_the_disk_is_named(files: Path, frame: Dr
 
 
 def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
-    """The test uses another process, in which messages of the decoder would also be visible."""
+    """The test starts another process, because it also reads the messages of the video decoder."""
     (files / "run.mp4").write_bytes(b"no video")
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     tables = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
@@ -329,7 +332,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
-    """Uneven pixels disturb the edges; a stored flat field corrects them in every later segmentation."""
+    """Uneven pixels disturb the edges. A stored flat field corrects the frames in every later segmentation."""
     gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
     images = {}
@@ -342,7 +345,7 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """Return the edges that a fit uses; it segments a dataset without edges."""
+        """Return the edges that a fit uses. If the dataset has no edges, it is segmented first."""
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:
             return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])

@@ -1,4 +1,4 @@
-"""A short kill campaign; `python -m benchmarks.kill_campaign --runs 500` is the long one."""
+"""A short kill campaign. `python -m benchmarks.kill_campaign --runs 500` is the long campaign."""
 
 from __future__ import annotations
 

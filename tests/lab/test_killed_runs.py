@@ -1,7 +1,7 @@
-"""Whole runs through the command line on a supply with a real transport, interrupted by every signal and by a kill.
+"""Whole runs on the command line, on a supply with a real transport, interrupted by every signal and by a kill.
 
-The supply is emulated in the process of the test, so that it outlives the run and the current in its coil can be
-observed.
+The supply is emulated in the process of the test. It outlives the run, and the test can observe the current in the
+coil.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PICTURES, NAMES = 24, 3000
 
 @dataclass
 class RunEnd:
-    """The end of a run: its status, its lines on standard error, and the states that it reported there."""
+    """The end of a run: exit status, lines on standard error, and the states that these lines report as stored."""
 
     status: int
     said: list[str]
@@ -53,7 +53,7 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:
-    """Run `eimi acquire`, and call `act` after `after` states are reported as stored."""
+    """Run `eimi acquire`. When `after` states are reported as stored, call `act` with the process of the run."""
     (bench / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"

@@ -1,4 +1,4 @@
-"""Ctrl-C while an earlier Ctrl-C is being reported, or in a destructor, whose exceptions Python ignores."""
+"""A second Ctrl-C while the first is being reported, and a Ctrl-C in a destructor, whose exceptions Python ignores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imports go one way: the layers are declared under [tool.importlinter], and no module is in a circle."""
+"""Imports go in one direction only, between the layers in [tool.importlinter], and never form a circle of modules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FITTING_NEEDS = {"numpy", "scipy", "cma"}
 
 
 def modules() -> dict[str, Path]:
-    """Return every module of the three packages by its name; a package is named by its folder."""
+    """Return the file of every module of the three packages, by the module's name; a package has its folder's name."""
     found = {}
     for package, folder in PACKAGES.items():
         for path in folder.rglob("*.py"):
@@ -35,7 +35,7 @@ MODULES = modules()
 
 
 def imported(path: Path) -> Iterator[str]:
-    """Return the modules that a module imports, anywhere in its code, also for types only."""
+    """Yield the names of the modules that a module imports, anywhere in its code, also for types only."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -48,7 +48,7 @@ def imported(path: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def imports() -> dict[str, set[str]]:
-    """Return the imports of every module."""
+    """Return the names of the modules that each module imports, by the name of the importing module."""
     return {name: set(imported(path)) for name, path in MODULES.items()}
 
 

@@ -1,4 +1,4 @@
-"""Perspective of a lens that the calibration does not state, measured on the edges."""
+"""The perspective of a lens that the calibration does not give is measured on the edges."""
 
 from __future__ import annotations
 
@@ -20,14 +20,20 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """Return the edges of the middle plane of a silicone beam in seven fields, (7, 2, n, 2) in mm."""
+    """Return the edges of the middle plane of a silicone beam in seven fields.
+
+    The shape is (7, 2, n, 2): seven fields, left and right edge, n points, and x and y in mm.
+    """
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
 
 
 def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the outline of both faces in a lens image: at each station the outer one of the two points."""
+    """Return the outline of a beam with depth in a lens image: at each point the outer one of near and far face.
+
+    `sides` are the edges of the middle plane, as the function `sides` returns them.
+    """
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]
         near, far = map(View(CENTRE_MM, stand_off_mm).seen, faces)

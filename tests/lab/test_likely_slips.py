@@ -1,4 +1,4 @@
-"""Slips that people make in files and arguments: the error names the slip and what would be right."""
+"""Mistakes that people make in files and arguments: the error names the mistake and what would be right."""
 
 from __future__ import annotations
 

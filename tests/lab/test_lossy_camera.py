@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and let other tests wait until the end of this one."""
+    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
     with only_gige_camera():
         yield
 
@@ -73,7 +73,7 @@ def served(**camera: Any) -> Any:
 
 
 def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
-    """Compare every stored frame with the picture of its exposure, and return the number of frames."""
+    """Check that every stored frame is the picture that the camera exposed; return the number of frames."""
     count = 0
     with h5py.File(path) as file:
         for group in ("data", "transients"):

@@ -1,4 +1,4 @@
-"""The measured field against the current, and measured fields and temperatures of imported data."""
+"""Fits of the measured field against the current, and measured fields and temperatures of imported data."""
 
 from __future__ import annotations
 

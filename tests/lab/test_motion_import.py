@@ -1,4 +1,4 @@
-"""Ring-downs and creep of tracked points, imported with the command line."""
+"""Ring-downs and creep as tracked points, imported on the command line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ REST_MM = np.array([[5.0, 0.5], [10.0, 0.0]])
 
 
 def swing(frames: int = 120) -> np.ndarray:
-    """Return places (frames, 2, 2) of two points that are held for 20 frames and then swing about a sagged place."""
+    """Return the coordinates (x, y) of two points in each frame, shape (frames, 2, 2).
+
+    The points are held for 20 frames, and then vibrate about a sagged position.
+    """
     time = np.maximum(np.arange(frames) - HELD, 0) / RATE_HZ
     swinging = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
     places = np.repeat(REST_MM[None], frames, axis=0)

@@ -1,4 +1,4 @@
-"""Ring-downs of films: rendered videos of a level strip that was flicked."""
+"""Ring-downs from rendered videos of a level strip that was flicked."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def ring_down(bench: Path) -> Motion:
 
 
 def damped(time: Array, place: Array, frequency_Hz: float) -> Array:
-    """Return mean, amplitude, decay, frequency and phase of a damped oscillation through places."""
+    """Fit a damped oscillation to `place`; return its mean, amplitude, decay (1/s), frequency (Hz) and phase."""
 
     def model(t: Array, mean: float, size: float, decay: float, frequency: float, phase: float) -> Array:
         return np.asarray(mean + size * np.exp(-decay * t) * np.cos(2 * np.pi * frequency * t + phase))

@@ -41,7 +41,10 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """Return points (3, 6, 2) in mm on a beam of 46 kPa in three fields, with gravity to one side."""
+    """Return the coordinates (x, y) in mm of six points on a beam of 46 kPa in three fields, shape (3, 6, 2).
+
+    Gravity acts to one side of the beam.
+    """
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(FIELD_MT, 90.0, gravity_deg))
@@ -49,14 +52,14 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 
 
 def bent() -> Experiment:
-    """Return the points as an experiment."""
+    """Return an experiment with the points that `places` returns."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     seen = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
     return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), seen)
 
 
 def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam") -> tuple[int, str]:
-    """Import the places under stated loads, and fit a law to them."""
+    """Import points on a beam with the given loads, and fit a law; return the exit status and the last line."""
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
         for k, state in enumerate(places() if seen is None else seen)
@@ -103,7 +106,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 
 
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
-    """For a hanging beam, a reversed weight changes the bending by only a tenth."""
+    """For a hanging beam, a weight in the wrong direction changes the bending by only a tenth."""
     status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits

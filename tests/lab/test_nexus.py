@@ -34,7 +34,7 @@ POINTS = np.arange(10.0).reshape(5, 2)
 
 
 def faults(path: Path) -> tuple[int, int]:
-    """Return the numbers of warnings and of errors; all messages of the checker go to the log of the test."""
+    """Return the numbers of warnings and of errors of the NeXus checker. Its messages go to the log of the test."""
     validate.logger.setLevel("INFO")
     return validate.validate_file(str(path))
 

@@ -1,4 +1,4 @@
-"""A few of the faults of the off campaign; `python -m benchmarks.off_campaign --trials 5` is the long one."""
+"""A few faults of the off campaign. `python -m benchmarks.off_campaign --trials 5` is the whole campaign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One writer at a time for each file, and files that are moved or deleted while they are written."""
+"""Only one program at a time writes to a file; files may be moved or deleted while they are written."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def image(number: int) -> np.ndarray:
 
 @contextmanager
 def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
-    """Start a process that stores this number of states, and then one more state for each line that it reads."""
+    """Start a process that stores `states` states in a dataset, and then one more state for each line that it reads."""
     command = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         for _ in range(states):
@@ -210,7 +210,7 @@ def test_a_run_whose_file_is_taken_away_continues_in_a_new_one(
 
 
 def subprocess_lock(path: Path) -> None:
-    """Hold the lock of a file in another process."""
+    """Hold the lock of a dataset in another process while the context lasts."""
     take = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
     take += "from eimi_lab.process.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
     take += "except InputError as error:\n    sys.exit(str(error))"

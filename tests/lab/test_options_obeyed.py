@@ -41,7 +41,7 @@ OTHERS: dict[str, Any] = {
 
 @pytest.fixture
 def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a tensile curve in the folder of the test."""
+    """Write a tensile curve to the working directory of the test, and return its path."""
     rows = [f"{e:.2f},{60 * (1 + e - (1 + e) ** -2):.4f}" for e in np.linspace(0.02, 0.8, 40)]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
     monkeypatch.chdir(tmp_path)
@@ -49,7 +49,7 @@ def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def options(**changes: Any) -> FitOptions:
-    """Return options of a fit, with a tensile curve if one of them concerns curves."""
+    """Return the options of a fit with `changes`. A tensile curve is added if an option requires one."""
     if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
         changes["tensile"] = [Path("curve.csv")]
     return FitOptions(**changes)
@@ -61,7 +61,7 @@ def test_every_option_of_a_fit_has_another_value_here() -> None:
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """The head of a checkpoint holds every option, because an option with another value changes the search."""
+    """The header of a checkpoint contains every option, because any other value changes the search."""
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()
@@ -105,7 +105,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached(Exception):
-    """An exception with the arguments of a call; it is raised instead of the call."""
+    """An exception that a function raises instead of its work. It contains the arguments of the call."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]
@@ -113,7 +113,7 @@ class Reached(Exception):
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
-    """Return a function that runs a command until it calls `module.function`, and returns the arguments of the call."""
+    """Return a function that runs a command until it calls a given function; it returns the arguments of this call."""
 
     def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
         calls: list[Reached] = []
@@ -246,7 +246,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
 
 
 def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path) -> None:
-    """The second state has a flag from its run; in this test it gets the good edges of the first state."""
+    """The second state was flagged by its run. In this test it gets the good edges of the first state."""
     load_evidence(dataset, flagged=True)  # finds the edges
     with open_dataset(dataset) as found:
         first = (found.edges() or ())[0]

@@ -1,4 +1,4 @@
-"""Drivers of another package that inherit no class of this project: checks, whole runs, errors for missing methods."""
+"""Drivers of another package without a base class of this project: checks, whole runs, errors for missing methods."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Return a folder on Python's path that contains the package `mine_lab`, which announces no driver."""
+    """Make a folder on Python's path with the package `mine_lab`. The package does not announce its drivers."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """Return the module `mine_lab`, which contains drivers that are not part of this project."""
+    """Return the module `mine_lab`, whose supply driver and camera driver are not part of this project."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Add the drivers of `mine_lab` as a program does."""
+    """Add the drivers of `mine_lab` to the known drivers, as a user's program does."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -86,7 +86,7 @@ camera = {{ driver = "{camera}", source = "wall" }}
 
 
 def announce(folder: Path) -> None:
-    """Write the metadata with which an installed package announces its drivers."""
+    """Write the metadata with which the installed package `mine_lab` announces its drivers."""
     information = folder / "mine_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine-lab\nVersion: 1.0\n")
@@ -240,7 +240,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove a method from a driver of `mine_lab`."""
+    """Remove the method `member` from a driver of `mine_lab`."""
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body

@@ -12,7 +12,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Replace busctl by a program that writes its arguments to a file; return the file."""
+    """Replace the program busctl by one that writes its arguments to a file; return the path of the file."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

@@ -33,7 +33,10 @@ SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return the lines of a user who types `p` in the first state with a current, and later, in the pause, Enter."""
+    """Return a function that returns the line that a user types, or None.
+
+    The user types `p` in the first state with a current, and presses Enter later, during the pause.
+    """
     looks: list[bool] = []
 
     def typed() -> str | None:

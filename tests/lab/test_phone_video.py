@@ -1,4 +1,4 @@
-"""Videos as a phone records them: their times, a camera that moves, clicks in place of a calibration."""
+"""Videos as a phone records them: the times of the frames, a camera that moves, clicks instead of a calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that a person states about the pictures: clamp, axis, region, polarity and colours, or an error without."""
+"""Values that a user gives about the pictures: clamp, axis, region, polarity and colours; errors without them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """Return a picture (96, 128, 3) with a beam 16 px wide and 80 px long that hangs from (64, 8), with some noise."""
+    """Return a noisy picture (96, 128, 3) of a beam that hangs from the pixel (64, 8), 16 px wide and 80 px long.
+
+    `beam` and `beside` are the colours of the beam and of the background.
+    """
     image = np.empty((96, 128, 3))
     image[:] = beside
     image[8:88, 56:72] = beam
@@ -46,7 +49,7 @@ def edge_points(files: Path) -> int:
 
 
 def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
-    """The stated values are stored in the dataset's calibration, also those that the calibration file lacks."""
+    """The values that a user gives are stored in the dataset's calibration, also values that its file lacks."""
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
     said = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
@@ -102,7 +105,7 @@ def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> N
 
 
 def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> None:
-    """A red beam on white has no contrast in the brightest channel (204 on 214), but in green (50 on 208)."""
+    """A red beam on white has no contrast in the brightest channel (204 and 214), but in green (50 and 208)."""
     assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
     found = edge_points(files)
@@ -121,7 +124,7 @@ def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> N
 
 
 def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
-    """A pale beam on green has 119 on 113 in green and 120 on 55 in red; one state is darker than the other."""
+    """A pale beam on green has 119 and 113 in green, 120 and 55 in red. One state is darker than the other."""
     calibration = load_calibration(files / "calibration.toml")
     images = [
         scene((90, 119, 120), (60, 113, 55)).astype(np.float32),
@@ -138,7 +141,7 @@ def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
 
 @pytest.mark.parametrize("odd_one", [0, 5])
 def test_the_projection_is_that_of_all_states_and_no_states_own(run: Run, files: Path, odd_one: int) -> None:
-    """Blue distinguishes the beam in five states; in the odd state red differs more, but the projection ignores red."""
+    """Blue distinguishes the beam in five states. In the odd state red differs more, but the projection ignores red."""
     pictures = files / "pictures"
     pictures.mkdir()
     for index in range(6):

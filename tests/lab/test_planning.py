@@ -31,7 +31,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fit the Neo-Hookean law to a strip under two weights."""
+    """Fit the Neo-Hookean law to a strip under two weights, and return the path of the results."""
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -132,7 +132,10 @@ def test_an_impossible_plan_is_refused_in_one_line(
 
 
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
-    """Return the heading and the highest current of a plan with given limits and a given uncertainty of the current."""
+    """Plan a run with given limits (A) of the protocol and the rig; return the heading and the highest current (A).
+
+    `unsure_A` is the standard uncertainty of the current.
+    """
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
     rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"
@@ -148,7 +151,7 @@ def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsu
 
 
 def half_width(heading: str) -> float:
-    """Return the expected half-width of the planned run in per cent."""
+    """Return the expected half-width (%) of the interval of the modulus, read from the heading of a plan."""
     return float(heading.split("±")[1].split("%")[0])
 
 
@@ -166,7 +169,7 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
 
 @pytest.mark.parametrize("against_a_rival", [False, True])
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
-    """A narrow interval is good; so is a large difference of AIC from a rival."""
+    """The best mounting has the narrowest interval or, against a rival law, the largest difference of AIC."""
     expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
     specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")
     fit = SimpleNamespace(model="yeoh")

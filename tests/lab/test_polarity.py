@@ -42,7 +42,7 @@ def bench(setup: Any) -> Any:
 
 
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
-    """Return a person who swaps the leads and presses Enter once the coil is off."""
+    """Return a user who swaps the leads and presses Enter as soon as the coil is off."""
 
     def typed() -> str | None:
         if setup.coil.state.output:
@@ -180,7 +180,7 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
 
 @pytest.mark.slow
 def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
-    """`tests/fitting/test_magnetisation_angle.py` contains a short version, which starts from arrays."""
+    """`tests/fitting/test_magnetisation_angle.py` contains a short version of this test, without pictures."""
     rig, exact = load_rig("virtual"), load_specimen("type1")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -1,4 +1,4 @@
-"""The interval of the error on an unseen beam includes the uncertainties of that beam."""
+"""The interval of the predicted error of a fit on another beam includes the uncertainties of that beam."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *known: StatedSource) -> Evidence:
-    """Return a dataset that states one beam, but has the edges of another one in a field stronger by a factor."""
+    """Return a dataset with the edges of the beam `hidden`, although its file describes the beam `stated`.
+
+    The true field is `coil` times the stated field. `known` are the stated uncertainties.
+    """
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), real)

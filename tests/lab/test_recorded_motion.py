@@ -1,4 +1,4 @@
-"""Ring-downs and creep of recorded frames: `eimi segment` follows the beam through them."""
+"""Ring-downs and creep from recorded frames: `eimi segment` follows the beam through the frames."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ settle = { noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, timeout_s = 5.0 }
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Path:
-    """Return a dataset of two states, each with creep, and a ring-down."""
+    """Return the path of a dataset of two states, each with a recording of creep, and of one ring-down."""
     film = Flick(seconds=0.4)
     images = list(film.frames())
     still = next(iter(Flick(seconds=1 / 120, amplitude_mm=0.0).frames()))

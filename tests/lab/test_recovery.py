@@ -31,7 +31,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture
 def two(files: Path) -> dict[str, Path]:
-    """Return a dataset as it was when its writer crashed, and the same dataset after it was closed."""
+    """Return the paths of a dataset that its writer did not close, because of a crash, and of the same one closed."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     with DatasetWriter(files / "finished.h5", header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(STATES):

@@ -1,4 +1,4 @@
-"""The shape at rest: stated in specimen.toml, or measured in the states without load."""
+"""The shape of the beam at rest: given in specimen.toml, or measured in the states without load."""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return the specimen type1 with other values of some keys of [specimen]."""
+    """Return the specimen type1 with other values of the given keys of [specimen]."""
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
@@ -43,7 +43,7 @@ def stated(**keys: str) -> SpecimenFile:
 
 
 def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
-    """Return an experiment with noisy edges of a hidden beam, and with the stated specimen type1."""
+    """Return an experiment with noisy edges of the beam `specimen`, although its file describes type1."""
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]
@@ -142,7 +142,7 @@ def test_a_shape_that_cannot_be_is_refused_in_one_line(keys, words):
 
 
 def outline_mm(bench: str) -> np.ndarray:
-    """Return the outline of a virtual beam without current, by a coarse mesh."""
+    """Return the outline (mm) of a virtual beam without current, computed on a coarse mesh."""
     rig = load_rig("virtual")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -18,7 +18,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def changed(file: Path, key: str, value: object) -> Path:
-    """Write, beside a file, a copy in which one key has another value."""
+    """Write a copy of a TOML file, beside the file, with another value of one key; return the path of the copy."""
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
     beside = file.with_name(f"other_{file.name}")
     beside.write_text("\n".join(lines) + "\n")
@@ -27,7 +27,7 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """Return the dataset of a run of four states on the small bench."""
+    """Return the path of the dataset of a run of four states on the small bench."""
     setup.run()
     return setup.path
 

@@ -22,7 +22,7 @@ Eimi = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
-    """Return a function that runs the command line in this process; it returns status, standard output and error."""
+    """Return a function that runs a command line in this process; it returns exit status, standard output and error."""
 
     def eimi(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
@@ -86,7 +86,7 @@ def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
 def test_the_estimated_time_counts_the_steps_only(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The time before the first step, such as the conditioning of a coil, does not count."""
+    """Time before the first step, for example for the conditioning of a coil, does not count."""
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
     monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
     with progress("acquire", 4) as report:

@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:
-    """Run until the set-point `after_A` is reached, and then fail; return the messages."""
+    """Run until the set-point `after_A` is reached, and raise an error there; return the messages of the run."""
 
     def fail(number: int) -> None:
         if setup.coil.state.set_current_A == after_A:

@@ -1,4 +1,4 @@
-"""Ring-downs that a run records after its states: steps of the current to zero, with every frame."""
+"""Ring-downs that a run records after its states: the current steps to zero, and every frame is stored."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def middle(image: np.ndarray) -> float:
 
 
 def ring_downs(path: Path) -> list[tuple[Any, list[np.ndarray], Any]]:
-    """Return the step, the images and the frames of each ring-down."""
+    """Return the current step, the images and the frame data of each ring-down in a dataset."""
     with open_dataset(path) as dataset:
         return [(step, list(frames.images()), frames) for step, frames in dataset.recorded_ring_downs()]
 

@@ -1,4 +1,4 @@
-"""`eimi segment --workers`: several processes give the result of one process, and end with the program."""
+"""`eimi segment --workers`: several processes give the same result as one process, and end with the program."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return every array of a dataset by its name, without the date of the edges."""
+    """Return the bytes of every array of a dataset by the array's name, without the date of the edges."""
     found: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
@@ -53,7 +53,7 @@ def content(path: Path) -> dict[str, bytes]:
 
 
 def test_two_workers_find_what_one_finds(run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]) -> None:
-    """Every byte is equal except the date; the frames have a flat field, and one state shows no beam."""
+    """Every byte is equal except the date. The frames have a flat field, and one state shows no beam."""
     images = [frame(seed, seed / 2) for seed in range(6)]
     images[3] = np.full_like(images[3], 200)
     one, two = imported(run, files, images), files / "two.h5"
@@ -89,7 +89,7 @@ def test_what_a_worker_cannot_read_is_told_as_by_one_process(
 def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
-    """A terminal sends Ctrl-C, or the hang-up when it is closed, to all processes at once."""
+    """A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal."""
     path = imported(run, files, [frame(seed) for seed in range(20)] * 8)
     before = path.read_bytes()
     process = subprocess.Popen(

@@ -27,7 +27,10 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 
 
 class Emulated:
-    """Emulated sensors of a bench; `line` and `quantity` hold, by name, the parts to which a test can add faults."""
+    """Emulated sensors of a bench. `line` and `quantity` contain the line and the measured quantity of each sensor.
+
+    A test can add faults to both.
+    """
 
     def __init__(self, setup: Any, *tables: str) -> None:
         self.line: dict[str, FaultyInstrument] = {}

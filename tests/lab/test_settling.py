@@ -1,4 +1,4 @@
-"""Settling: the ratio is 1 at rest for any noise of the camera, and it grows with motion as motion blur predicts."""
+"""The settling statistic: it is 1 at rest for any camera noise, and grows with motion as motion blur predicts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_lab.vision.settling_statistic import edge_band, edge_pixels, measure_n
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
-    """Return a frame (200, 300), uint8, with shot noise: an uneven background and a dark beam with blurred edges."""
+    """Return a frame (200, 300), uint8, with shot noise: a dark beam with blurred edges on an uneven background."""
     x = np.arange(300) - shift_px
     light = 0.8 * (1 - 0.2 * (x / 300) ** 2)
     beam = 0.06 + 0.94 / (1 + np.exp(-(np.abs(x - 150) - 37) / 0.6))
@@ -66,7 +66,7 @@ def test_a_kept_band_gives_the_same_value() -> None:
 
 
 class Swinging:
-    """A camera and its clock: the beam moves far from its first place in small steps, and is then at rest."""
+    """A camera that is also a clock. The beam moves far in small steps, and is then at rest."""
 
     def __init__(self, shifts_px: list[float]) -> None:
         self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0
@@ -75,7 +75,7 @@ class Swinging:
         return self.taken * 0.1
 
     def flush(self) -> None:
-        """Do nothing: every frame is new."""
+        """Do nothing, because no frame is buffered."""
 
     def grab(self, timeout_s: float) -> Frame:
         shift_px = self._shifts_px[min(self.taken, len(self._shifts_px) - 1)]
@@ -111,7 +111,7 @@ def test_a_beam_that_never_rests_is_waited_for_until_the_later_of_both_times(
 
 
 class Seen:
-    """The times of the frames that a wait has seen."""
+    """A callback that records the times (s) of the frames during the wait for rest."""
 
     def __init__(self) -> None:
         self.at_s: list[float] = []

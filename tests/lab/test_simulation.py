@@ -1,4 +1,4 @@
-"""The files of `eimi simulate` agree with each other and with the edges that the error of a fit compares."""
+"""The files of `eimi simulate` agree with each other, and with the simulated edges from which the error is computed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 def planar(name: str) -> SpecimenFile:
-    """Return a shipped specimen in plane strain, which the published method assumes, instead of the solid section."""
+    """Return a shipped specimen in plane strain, as in the published method, instead of the solid section."""
     text = load_specimen(name).text
     return parse(SpecimenFile, re.sub(r'section = "solid"', 'section = "plane-strain"', text), name)
 

@@ -1,4 +1,4 @@
-"""The field of a coil in calibration.toml, and a virtual bench that differs from its files."""
+"""The coil's field as calibration.toml gives it, and a virtual bench that differs from its files."""
 
 from __future__ import annotations
 
@@ -118,7 +118,10 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline of the virtual beam at 1 A; ``bench`` states how the bench differs from its files."""
+    """Return the outline (mm) of the virtual beam at 1 A.
+
+    ``bench`` is the TOML text of the differences between the bench and its files.
+    """
     rig = load_rig("virtual")
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
     assert rig.virtual is not None

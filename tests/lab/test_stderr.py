@@ -1,4 +1,4 @@
-"""If standard error is not read, the program does not wait for its reader, and a late reader gets all messages."""
+"""If nobody reads standard error, the program does not wait, and a late reader gets all messages."""
 
 from __future__ import annotations
 

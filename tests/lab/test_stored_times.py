@@ -1,4 +1,4 @@
-"""Every stored time counts from the beginning of the run, on whatever clock the instruments are read."""
+"""Every stored time counts from the beginning of the run, whatever clock the instruments use."""
 
 from __future__ import annotations
 

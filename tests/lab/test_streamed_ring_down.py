@@ -1,4 +1,4 @@
-"""A ring-down whose frames come from another process: nothing is lost without notice, whatever the machine's load."""
+"""A ring-down with frames from another process: every lost frame is reported, whatever the load of the machine is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The study stores its parts, judges the claims of the paper, and uses materials that are not among the fitted laws."""
+"""The study stores its results in parts, judges the claims of the paper, and uses materials outside the fitted laws."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHORT = Extent(
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """Run a short study, and return its folder, its inputs and its findings."""
+    """Run a short study; return its folder, its inputs and its results."""
     folder = tmp_path_factory.mktemp("short")
     inputs = StudyInputs(SHORT)
     reports = []

@@ -1,4 +1,4 @@
-"""`eimi instruments --try` tests a driver with a supply without a coil, switches the supply off and writes a report."""
+"""`eimi instruments --try` tests a driver on a supply without a coil, switches the supply off and writes a report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Serve = Callable[..., tuple[CoilSupply, str]]
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Return a function that serves an emulated supply on TCP and returns its model and its address."""
+    """Return a function that serves an emulated supply on TCP; it returns the simulated coil and the address."""
     with ExitStack() as stack:
 
         def served(driver: str, resistance_ohm: float = OPEN_OHM) -> tuple[CoilSupply, str]:

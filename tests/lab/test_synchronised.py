@@ -1,4 +1,4 @@
-"""Acknowledged data are on the disk: every file is synchronised before the program reports it as written."""
+"""Reported data are on the disk: every file is synchronised before the program reports it as written."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def header(files: Path) -> Header:
 
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
-    """Return the contents of each file at its last synchronisation, by the number of the file."""
+    """Return the contents of each file at its last synchronisation, by the inode number of the file."""
     found: dict[int, bytes] = {}
     fsync = os.fsync
 
@@ -150,7 +150,7 @@ def test_a_file_of_another_format_is_not_read(files: Path, frame: Draw, format_:
 
 
 def test_recovery_leaves_frames_of_no_acknowledged_state_out(files: Path, frame: Draw) -> None:
-    """A crash may leave frames of a third state in the file, without a row in the table of states."""
+    """After a crash, the file may contain frames of a third state without a row in the table of states."""
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         for k in range(3):
@@ -186,7 +186,7 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
 
 
 def test_edges_are_removed_when_calibration_or_correction_images_change(files: Path, frame: Draw) -> None:
-    """The edges are removed at once, because the segmentation that follows may be interrupted."""
+    """The edges are removed at once, because the next segmentation may be interrupted."""
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.1, field_mT=0.47)

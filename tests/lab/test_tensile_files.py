@@ -1,4 +1,4 @@
-"""Tensile tests are read in both formats, errors in them are reported in one line, and fits become cards."""
+"""Tensile tests in both file formats: they are read, errors are reported in one line, and fits become cards."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
 
 
 def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, tmp_path: Path) -> None:
-    """A Mooney-Rivlin fit to a whole curve that stiffens may have a negative modulus, which no solver accepts."""
+    """A Mooney-Rivlin fit to a stiffening curve may have a negative initial modulus, which no solver accepts."""
     strain = np.linspace(0.2, 7.0, 60)
     rows = (f"{e},{46 * e + 2 * e**3}" for e in strain)
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
@@ -172,7 +172,7 @@ def test_a_wrong_window_is_refused(run: Run, curve: Path, window: str) -> None:
 
 @pytest.fixture
 def fits(run: Run, curve: Path) -> Path:
-    """Write one Neo-Hookean fit and two Yeoh fits."""
+    """Write one Neo-Hookean fit and two Yeoh fits of a tensile curve; return the path of the file."""
     output = curve.with_name("fits.json")
     assert run("tensile", curve, "--model", "yeoh", "--window", "50", "--window", "full", "-o", output)[0] == 0
     nh = curve.with_name("nh.json")

@@ -38,9 +38,9 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 
 @pytest.fixture(scope="module")
 def flick() -> tuple[str, float, float]:
-    """Return the table of a ring-down of a horizontal strip, and storage modulus (Pa) and loss factor of the strip.
+    """Return a ring-down of a horizontal strip as CSV text, and the storage modulus (Pa) and loss factor of the strip.
 
-    Modulus and loss factor are those at the frequency of the ring-down.
+    Storage modulus and loss factor are those at the frequency of the ring-down.
     """
     specimen = Specimen(40.0, 6.0, 12.0, 1070.0, section="plane-stress")
     beam = RingingBeam(specimen, Loads.along([0.0], gravity_angle_deg=-90.0), LAWS["neo-hookean"], np.ones(1))

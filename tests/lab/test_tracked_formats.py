@@ -1,4 +1,4 @@
-"""Import of points from other tracking programs; the files have the format of each program."""
+"""Import of points from other tracking programs. Each file has the format of one of these programs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (2, 3, 2) of the points at rest and bent, as calibration.toml maps them."""
+    """Return the pixels (x, y) of three points, at rest and bent, shape (2, 3, 2), by the map in calibration.toml."""
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 
@@ -43,7 +43,7 @@ def imported(run: Run, files: Path, source: Path, tool: str, *options: object, s
 
 
 def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
-    """Check that the points of both states are in their positions and that a fit accepts them."""
+    """Check that the points of both states have the right coordinates, and that a fit accepts the points."""
     with open_dataset(files / "out.h5") as dataset:
         assert [state.field_mT for state in dataset.states] == [0.0, 2.5]
         rest, bent = dataset.points()
@@ -57,7 +57,7 @@ def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
 
 
 def write_dice(folder: Path, places: np.ndarray) -> Path:
-    """Write files in the form of DICe v1.0-28, tests/examples/full_field, with one failed subset."""
+    """Write files as DICe v1.0-28 does (tests/examples/full_field), with one failed subset; return the folder."""
     folder.mkdir()
     header = "***\n*** Digital Image Correlation Engine (DICe), (git sha1: v1.0-28-g0aaeef) Copyright 2021\n***\n"
     header += "*** Reference image: ./images/ref.tiff \n***\n"
@@ -80,7 +80,7 @@ def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
 
 
 def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
-    """Each subset has a file, as in DICe's tests/examples/mechanism; a high-speed camera numbered the frames."""
+    """Each subset has a file, as in DICe's tests/examples/mechanism. A high-speed camera numbered the frames."""
     places = in_pixels(files)
     (files / "results").mkdir()
     for k in range(3):
@@ -97,7 +97,7 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return the positions at rest on the grid, and both displacements of each picture in the user's unit."""
+    """Return the positions at rest on Ncorr's grid, and both displacements in each picture, in the user's unit."""
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []
     for there in places[1:]:
@@ -111,7 +111,7 @@ def ncorr_grid(
 @pytest.mark.parametrize("pictures", [1, 2])
 @pytest.mark.parametrize("version", ["7.3", "7"])
 def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures: int) -> None:
-    """The file has version 7.3 as Ncorr saves it, with one current picture or several, or version 7."""
+    """The file has version 7 or version 7.3 of MATLAB's format, with one current picture or several."""
     places = in_pixels(files)
     rest, fields = ncorr_grid(np.stack([places[0], *[places[1]] * pictures]), 1, 0.125)
     path = files / "dic.mat"
@@ -149,7 +149,7 @@ def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures:
 
 
 class _Pickler(pickle.Pickler):
-    """A pickler that writes arrays as dill does, with which µDIC saves."""
+    """A pickler that writes arrays as the package dill does. µDIC saves its files with dill."""
 
     def reducer_override(self, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -159,7 +159,7 @@ class _Pickler(pickle.Pickler):
 
 
 def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: Any) -> Path:
-    """Write a pickle of a muDIC.solver.correlate.DICOutput; µDIC is not installed when it is read."""
+    """Write a pickle of a muDIC.solver.correlate.DICOutput, and return its path. µDIC itself is not installed."""
     with monkeypatch.context() as context:
         for name in ("muDIC", "muDIC.solver", "muDIC.solver.correlate", "dill", "dill._dill"):
             context.setitem(sys.modules, name, types.ModuleType(name))
@@ -203,7 +203,7 @@ def test_a_hostile_pickle_runs_no_program(run: Run, files: Path, monkeypatch: py
 
 
 def upward(places: np.ndarray) -> np.ndarray:
-    """Return pixels counted from 1 at the lower left corner of a picture 96 px high, as in DLTdv5 to 7."""
+    """Return pixels counted from 1 at the lower left corner of a picture 96 px high, as DLTdv5 to DLTdv7 do."""
     return np.stack([places[..., 0] + 1.0, 96.0 - places[..., 1]], axis=-1)
 
 
@@ -212,7 +212,7 @@ IN_OWN_AXES = ("--pixels-per-mm", "8", "--clamp", "65,88", "--axis", "-90", "--g
 
 @pytest.mark.parametrize("ending", ["csv", "tsv"])
 def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
-    """The file is xypts.csv of version 7, or the sparse file of version 8; the first frame is empty."""
+    """The file is xypts.csv of DLTdv7, or the sparse file of DLTdv8. The first frame is empty."""
     table = upward(in_pixels(files)).reshape(2, 6)
     if ending == "csv":
         header = ",".join(f"pt{k + 1}_cam1_{axis}" for k in range(3) for axis in "XY")
@@ -228,13 +228,13 @@ def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
 
 
 def mirrored(files: Path) -> None:
-    """Check that y is 90 degrees from x in the sense of rotation of the file's axes."""
+    """Check that the y axis of the imported points is 90 degrees from the x axis, in the rotation sense of the file."""
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 
 
 def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> None:
-    """The unit is metres; the beam hangs along -z and bends along x."""
+    """The unit of the file is metres. The beam hangs along -z and bends along x."""
     frames = [
         np.column_stack([0.2 + mm[:, 1] / 1e3, np.full(3, 0.7), 0.5 - mm[:, 0] / 1e3]) for mm in (REST_MM, BENT_MM)
     ]
@@ -255,7 +255,7 @@ def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> 
 
 @pytest.mark.parametrize("kind", ["several", "decimal comma", "one of version 4"])
 def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
-    """The file is of version 6 with several tracks, has a German locale, or has a single track of an early version."""
+    """The file is of version 6 with several tracks, has a German locale, or is of an early version with one track."""
     cm = [np.column_stack([5.0 + mm[:, 1] / 10, 2.0 - mm[:, 0] / 10]) for mm in (REST_MM, BENT_MM)]  # y up
     tracks = [0] if kind == "one of version 4" else [0, 1, 2]
     rows = []
@@ -289,7 +289,7 @@ def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("animals", [False, True])
 def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> None:
-    """The CSV has one animal or several; a position with a small likelihood counts as not seen."""
+    """The CSV file has one animal or several. A position with a small likelihood counts as not seen."""
     places = in_pixels(files)
     parts = ["root", "middle", "tip", "lost"]
     scorer = "DLC_resnet50_beamNov21shuffle1_50000"
@@ -310,7 +310,7 @@ def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> 
 
 
 def test_c3d_files_are_imported(run: Run, files: Path) -> None:
-    """ezc3d writes the file: millimetres, beam along -z, bent along x, and one marker that is not always seen."""
+    """The package ezc3d writes the file in mm. The beam hangs along -z and bends along x. One marker has gaps."""
     ezc3d = pytest.importorskip("ezc3d")
     points = np.ones((4, 4, 2))
     for k, mm in enumerate((REST_MM, BENT_MM)):

@@ -1,4 +1,4 @@
-"""Frames of the moving beam that a run stores between its states, in real files."""
+"""Frames of the moving beam, which a run stores between its states, in real dataset files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual rig: equal seeds give equal results, and the beam carries the loads that the files state."""
+"""The virtual rig: equal seeds give equal results, and the loads on the beam are those of the files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def specimen() -> SpecimenFile:
 
 
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
-    """Return the shipped virtual rig with a coarse mesh and small frames."""
+    """Return the shipped virtual rig with a coarse mesh and small frames.
+
+    `of_calibration` replaces values of the calibration.
+    """
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     virtual = shipped.virtual.model_copy(
@@ -40,7 +43,7 @@ def rig(seed: int = 1, **of_calibration: Any) -> Rig:
 
 
 def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
-    """Return a frame at a current, and several readings of the supply."""
+    """Return a frame at a current (A), and several current values (A) that the supply measures."""
     supply, camera, clock, _ = open_virtual_rig(of, specimen)
     supply.set_voltage(of.supply.limits.voltage_V)
     supply.set_current(current_A)
@@ -69,7 +72,7 @@ def test_the_virtual_camera_takes_frames_at_its_frame_rate(specimen: SpecimenFil
 
 
 def middle_px(image: NDArray[Any]) -> float:
-    """Return the middle of the magnet, which is opaque, in the last rows of the picture that show the beam."""
+    """Return the column (px) of the middle of the opaque magnet in the lowest rows that show the beam."""
     dark = image[80:92] < 0.25 * np.percentile(image, 90)
     return float(np.nonzero(dark)[1].mean())
 
@@ -99,7 +102,7 @@ def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
 def test_other_programs_on_the_computer_cannot_let_a_virtual_camera_miss_its_deadline(
     specimen: SpecimenFile, monkeypatch: pytest.MonkeyPatch, rig: str, clock: Callable[[], float]
 ) -> None:
-    """The deadline of a virtual camera counts the processor time of the run, not the time on the wall."""
+    """The deadline of a virtual camera counts the processor time of the run, and not the elapsed time."""
     given: list[Callable[[], float]] = []
 
     class Opened(Exception):

@@ -98,7 +98,7 @@ def test_empty_arrays_of_points_stay_empty():
 
 
 def test_the_optical_axis_passes_through_the_principal_point() -> None:
-    """Without a camera matrix it passes through the centre of the image."""
+    """Without a camera matrix, the optical axis passes through the centre of the image."""
     matrix = ((2000.0, 0.0, 700.0), (0.0, 2000.0, 430.0), (0.0, 0.0, 1.0))
     lens = {"telecentric": False, "stand_off_mm": 200.0}
     with_matrix = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))

@@ -1,4 +1,4 @@
-"""The other methods of the benchmark have the errors of other implementations, so that the comparison is fair."""
+"""The other edge methods in the benchmark have the same errors as independent implementations of these methods."""
 
 import numpy as np
 import pytest

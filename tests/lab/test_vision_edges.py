@@ -1,4 +1,4 @@
-"""Edges of rendered beams of known shape: errors, order, spacing, stated deviations and corners."""
+"""Edges found in rendered frames of beams of known shape: errors, order, spacing, deviations and corners."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -83,7 +83,7 @@ def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
 
 
 def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
-    """A hundred points on one edge of a beam of aspect ratio thirty are more than a tenth of the beam's width apart."""
+    """An edge of a beam of aspect ratio thirty has a hundred points, more than a tenth of the beam's width apart."""
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)
@@ -102,9 +102,9 @@ def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """Every profile across the outer edge also crosses the edge of the magnet.
+    """The outer edge of thin silicone beside the magnet is found without bias.
 
-    The outer edge is still located without bias, and its standard deviation is not too small.
+    Every profile across this edge also crosses the edge of the magnet. The standard deviation must not be too small.
     """
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
@@ -146,7 +146,7 @@ def test_the_stated_deviation_covers_uneven_light_beside_the_magnet():
 
 
 def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
-    """A rod lies 19 px from the left edge. No profile reaches the rod, but the slope of the light is measured there."""
+    """A rod lies 19 px from the left edge, beyond every profile, where the slope of the light is measured."""
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -162,7 +162,7 @@ def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
 def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
-    """Only six pixels of the tip are not disturbed by the corners of the tip."""
+    """Only six pixels of the edge at the tip are far enough from its two corners."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     beam = bend(SPECIMEN, angle_deg)
     scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
@@ -175,9 +175,9 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """The profiles are short, because they must not reach the other edge of the beam.
+    """The profiles end within twice the blur from the edge, and clipping is measured there.
 
-    They end within twice the blur from the edge. Clipping is measured in this range.
+    The profiles are short, because they must not reach the other edge of the beam.
     """
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)

@@ -57,7 +57,7 @@ def test_a_flag_is_one_entry_of_the_table(monkeypatch):
 
 
 def test_the_severity_of_a_flag_and_the_deviation_it_adds():
-    """A note adds nothing, a doubtful flag adds the measured deviation, and an unusable one adds nothing."""
+    """A doubtful flag adds the measured deviation. A note and an unusable flag add no deviation."""
     [clipped] = judge({"saturated_share": 1.0})
     assert (clipped.severity, leaves_out([clipped])) == (Severity.DOUBTFUL, False)
     assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # the error of a clipped back-light in docs/why/edges.md

@@ -1,4 +1,4 @@
-"""Intermediate results of following a beam, and colour projections, compared with what was drawn."""
+"""Intermediate results of following a beam, and colour projections, compared with the drawn pictures."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def calibration_with(**help_given: object) -> object:
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Return points (n, 2) px of an edge shaped like one and a half waves, with a random scatter of half a pixel."""
+    """Return points (x, y) in px, shape (n, 2), of an edge with one and a half waves and a scatter of half a pixel."""
     rng = np.random.default_rng(seed)
     return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
 
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
-    """Only every tenth point is kept on the first part of the edge."""
+    """On the first part of the edge, only every tenth point is kept."""
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
     stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
@@ -86,7 +86,7 @@ def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
 
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
 def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
-    """A dark and a bright stripe, both as wide as the beam, lie at the same distance from the clamp."""
+    """A dark and a bright stripe, each as wide as the beam, lie at the same distance from the clamp."""
     image = np.full((720, 960), 120.0)
     image[90:510, 432:474] = 50.0
     image[90:510, 486:528] = 190.0
@@ -96,7 +96,7 @@ def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
 
 
 def test_an_earlier_state_does_not_outweigh_the_picture() -> None:
-    """Of two stripes beside the clamp, the one that earlier was the beam now ends 30 px before the other one."""
+    """Two stripes begin beside the clamp. The stripe that was the beam in the earlier state now ends 30 px early."""
 
     def two(left_px: int, right_px: int) -> Array:
         image = np.full((720, 960, 3), 120.0)
@@ -129,7 +129,7 @@ def test_light_clipped_at_one_edge_is_measured() -> None:
 
 
 def test_the_contrast_of_the_fainter_edge_is_reported() -> None:
-    """On the right the surroundings have nearly the colour of the beam."""
+    """On the right, the background has nearly the colour of the beam."""
     image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
     even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
     image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)
@@ -151,7 +151,7 @@ def test_each_named_channel_has_its_own_colour() -> None:
 
 
 def test_the_stated_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
-    """A red beam in front of grey is brighter than its surroundings in the projection of its stated colour."""
+    """In the projection of its stated colour, a red beam in front of grey is brighter than the background."""
     image = plain()
     values = choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
     assert float(values[300, 480]) > float(np.median(values)) + 40.0
@@ -160,7 +160,7 @@ def test_the_stated_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
 
 
 def test_the_beam_is_followed_in_the_stated_channel() -> None:
-    """The beam differs from its surroundings only in blue; it is not found in red."""
+    """The beam differs from the background only in blue. It is not found in red."""
     image = plain(colours=np.array([[40.0, 120.0, 120.0], [200.0, 120.0, 120.0]]))
     for channel, is_found in (("blue", True), ("red", False)):
         calibration = calibration_with(channel=channel)
@@ -212,7 +212,7 @@ def shadowed(softness_px: float) -> Array:
 
 
 def test_an_edge_that_may_be_the_border_of_a_shadow_is_doubtful_by_its_blur() -> None:
-    """In a grey picture the blur is the only difference; the added deviation is at least the blur."""
+    """In a grey picture only the blur distinguishes beam and shadow. The added deviation is at least the blur."""
     alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
     assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
     for softness_px in (2.0, 4.0):

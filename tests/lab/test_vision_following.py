@@ -1,4 +1,4 @@
-"""Beams followed from their clamp: in rendered photographs, and in photographs of other laboratories."""
+"""Beams that are followed from their clamp, in rendered photographs and in photographs of other laboratories."""
 
 import cv2
 import numpy as np
@@ -104,7 +104,7 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 
 
 def test_an_edge_with_short_gaps_is_doubtful_and_one_with_a_long_gap_unusable():
-    """In both cases half of the edge is sure: ten of every twenty stations, or the first half."""
+    """Half of the stations along the edge are reliable: ten of every twenty stations, or the first half."""
     place = np.arange(400)
     flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
@@ -154,7 +154,10 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Draw a red stripe left of the clamp's middle and a blue one right of it, of the length and width of the beam."""
+    """Draw a red stripe left of the clamp's middle and a blue stripe right of it, each as long and wide as the beam.
+
+    Only the stripes in `shown` are drawn. `aside_px` shifts the picture to the right.
+    """
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
         if name in shown:
@@ -165,7 +168,10 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment states; for each state name the stripe on which its edges lie, and whether ROOT_AMBIGUOUS was raised."""
+    """Segment a dataset with one picture of stripes for each state; return one text for each state.
+
+    The text is the colour of the stripe on which the edges lie, with a remark if the flag ROOT_AMBIGUOUS was raised.
+    """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):
@@ -213,7 +219,7 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
 
 
 def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
-    """The search is changed: without the centre line of the third state it finds no beam in the first two states."""
+    """The search is changed: without the third state's centre line, it finds no beam in the first two states."""
     guides = []
 
     def find(image, *arguments, expected_mm=None, **more):
@@ -231,7 +237,7 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 @pytest.mark.parametrize("clicks", [[[100, 300], [102, 294]], [[98, 200], [103, 412], [96, 400], [104, 407]]])
 def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
-    """Each click may lie 10 px beside the beam, so that clicks a few pixels apart have no order and no direction."""
+    """Each click may be 10 px off the beam. Clicks a few pixels apart therefore have no order and no direction."""
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
     assert (np.diff(line.points[:, 1]) > 0).all()
     assert np.abs(line.points[:, 0] - 100.0).max() < 5.0
@@ -250,7 +256,7 @@ def test_clicked_points_off_the_beam_are_reported(files):
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
-    """In the second state, a shift of a tenth of a pixel makes the other stripe the better one."""
+    """In the second state, the picture is shifted by a tenth of a pixel, so that the other stripe fits better."""
     both = ("red", "blue")
     guessed = followed_in(run, files, both)[0]
     assert guessed.endswith(", in doubt")
@@ -260,7 +266,7 @@ def test_an_ambiguous_state_does_not_guide_later_states(run, files):
 
 
 NOT_FOLLOWED = ("cable_yellow_wall", "wrapped_1")
-"""A cable whose shadow joins it, and a rod with an uneven wrapping whose reference is good to 4 px."""
+"""Pictures of a cable that touches its shadow, and of a rod with an uneven wrapping, traced to within 4 px."""
 
 
 def _expected(picture):

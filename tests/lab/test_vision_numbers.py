@@ -1,4 +1,4 @@
-"""Corrections, widths, motion and the scale of a board, compared with calculations by hand."""
+"""Corrections of frames, widths, motion and the scale of a board, compared with calculations by hand."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_the_place_of_the_clamp_is_judged_in_the_straight_state(straight_offset_
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
 def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
-    """A motion of a fifth of a pixel gives a ratio of 2.3."""
+    """A motion of a fifth of a pixel gives a settling ratio of 2.3."""
     (flag,) = judge({finding: 2.3})
     assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)
     (further,) = judge({finding: 8.0})

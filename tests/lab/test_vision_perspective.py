@@ -1,4 +1,4 @@
-"""A specimen with depth in front of an ordinary lens: the effect of its two outlines on a fitted modulus."""
+"""The effect of perspective on a fitted modulus: an ordinary lens shows two outlines of a specimen with depth."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges in rendered frames of a virtual beam, and the view of the lens that the calibration states."""
+    """Return the edges in rendered frames of a virtual beam, and the view of the lens by the calibration."""
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
@@ -44,7 +44,10 @@ def photographed_edges(calibration):
 
 
 def fitted(edges, view):
-    """Return the shear modulus (Pa) with the smallest mean error, and that error (mm)."""
+    """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
+
+    The error is the root mean square in each state, and its mean over the states.
+    """
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)
     observation = EdgeObservation.from_edges(edges, view)

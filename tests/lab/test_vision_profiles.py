@@ -1,4 +1,4 @@
-"""Sampling, the fitted step, the smooth curve, and the grey values of an image."""
+"""Profiles of grey values across an edge: sampling, the fitted step, and the smooth curve through the edge points."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_flat_and_falling_profiles_are_not_sound():
 
 @given(st.floats(0.0, 360.0), st.floats(-0.002, 0.002))
 def test_the_light_along_profiles_has_the_slope_of_the_light_beside_them(direction_deg, slope):
-    """The back-light changes linearly along the normals, and one profile in five lies in dirt."""
+    """The back-light changes linearly along the profiles. Dirt disturbs one profile in five."""
     normal = np.array([np.cos(np.deg2rad(direction_deg)), np.sin(np.deg2rad(direction_deg))])
     x, y = np.meshgrid(np.arange(200.0), np.arange(200.0))
     image = 100.0 * (1.0 + slope * ((x - 100.0) * normal[0] + (y - 100.0) * normal[1]))

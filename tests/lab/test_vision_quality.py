@@ -1,4 +1,4 @@
-"""Pictures with a fault: each raises its flag, and none raises an exception."""
+"""Pictures with a fault: each picture raises the flag of its fault, and no picture raises an exception."""
 
 from dataclasses import replace
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""The current is watched throughout a run: if it departs from its set-point, the run ends with the coil off."""
+"""The measured current of a run: if it departs from its set-point, the run ends with the coil off."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ WITHIN_S = 3.0
 
 
 def restless(setup: Any) -> None:
-    """Change a bench: its beam never comes to rest, and its protocol waits a minute for the beam."""
+    """Change a bench: the beam never comes to rest, and the protocol waits a minute for rest."""
     text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
     setup.protocol = parse(Protocol, text, "patient")
     setup.camera.sway_px = 0.5
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Cause a fault at the first frame at a set-point (A).
+    """Cause a fault at the first frame at the set-point `current_A`; return a list that collects two times (s).
 
-    Return a list to which two times (s) are added: the time of the fault, and the time at which the output is off.
+    They are the time of the fault and the time at which the output is off.
     """
     times_s: list[float] = []
     switch = setup.coil.switch
@@ -131,7 +131,7 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
 
 
 def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
-    """Return an emulated supply and its coil with 0.5 A. Each later set-point takes `exchange_s` (s)."""
+    """Return an emulated supply at 0.5 A, and its coil. Each later set-point takes `exchange_s` seconds."""
     clock = SimulatedClock()
     supply = CoilSupply(clock)
     coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)

@@ -32,7 +32,7 @@ def test_a_long_path_of_windows_gets_the_prefix_for_long_paths(absolute: str, re
 def test_the_events_that_end_a_process_of_windows_are_handled(
     monkeypatch: pytest.MonkeyPatch, event: int, acts: bool
 ) -> None:
-    """0 and 1 are Ctrl-C and Ctrl-Break; 2, 5 and 6 are closing, log-off and shutdown; 3 is reserved."""
+    """Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved."""
     done: list[str] = []
     monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
     assert console.handled(event, lambda: done.append("acts")) == int(acts)

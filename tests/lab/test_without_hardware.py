@@ -82,7 +82,7 @@ def emulated() -> Iterator[tuple[CoilSupply, str]]:
 
 @pytest.fixture
 def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """Return a folder with four pictures of a beam that moves by 10 px from one picture to the next."""
+    """Make a folder with four pictures of a beam. The beam moves by 10 px from each picture to the next."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 10.0 * number))
@@ -90,7 +90,7 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def shown(path: Path, folder: Path) -> list[int]:
-    """Return the number of the picture that was stored for each state."""
+    """Return, for each state of a dataset, the number of the picture that was stored."""
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
     found = []
     with open_dataset(path) as dataset:

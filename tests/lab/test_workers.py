@@ -1,4 +1,4 @@
-"""Distribution of tasks to processes: additional tasks, workers that die, processes that start early."""
+"""Distribution of tasks to worker processes: additional tasks, workers that die, processes that start early."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_lab.process.workers import completed, processes, started
 
 
 def doubled(number: int, marker: Path | None = None) -> int:
-    """Return twice the number; with a marker, the first worker that gets the number 2 dies."""
+    """Return twice the number. If `marker` is given, the first worker that gets the number 2 dies."""
     if marker and number == 2 and not marker.exists():
         marker.touch()
         os._exit(1)
@@ -47,7 +47,7 @@ def test_further_tasks_are_done_although_a_worker_dies(tmp_path: Path) -> None:
 
 
 def test_workers_get_further_tasks_before_the_result_is_yielded() -> None:
-    """Otherwise the workers would be idle while the caller uses the result."""
+    """The workers get further tasks first, because they would be idle while the caller uses the result."""
     submitted: list[int] = []
 
     class Noting(ThreadPoolExecutor):
@@ -65,7 +65,7 @@ Children = Callable[[], set[Any]]
 
 @pytest.fixture
 def children() -> Children:
-    """Return the processes started since the test began; processes of earlier tests may still exist."""
+    """Return a function that returns the processes started since the test began."""
     before = set(multiprocessing.active_children())
     return lambda: set(multiprocessing.active_children()) - before
 

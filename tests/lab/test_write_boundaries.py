@@ -1,6 +1,6 @@
-"""The file at every write of a run: the contents that a power cut or a kill could leave behind.
+"""The dataset after every write of a run: it is readable, as a power cut or a kill may end the run there.
 
-The writes are traced below HDF5, by a library preloaded into the writer, and the file is rebuilt from them.
+A library that is preloaded into the writer traces the writes below HDF5. The tests rebuild the file from this trace.
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 
 
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
-    """Yield letter, offset and bytes of each record; the letter A marks the moment at which a state was reported."""
+    """Yield the kind (a letter), the offset and the bytes of each record in a trace of writes.
+
+    The letter A marks the moment at which a state was reported.
+    """
     at = 0
     while at < len(trace):
         offset, length = struct.unpack_from("<qq", trace, at + 1)

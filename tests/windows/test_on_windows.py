@@ -1,4 +1,4 @@
-"""Differences of Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` runs them in Wine."""
+"""Behaviour that differs on Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` uses Wine."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.patience import PATIENCE_S
 pytestmark = pytest.mark.skipif(sys.platform != "win32", reason="needs Windows; `.ci/windows` has it under Wine")
 
 EIMI = (sys.executable, "-X", "utf8=0", "-m", "eimi_lab")
-"""The program without UTF-8 as the encoding of the locale."""
+"""The command that runs the program without UTF-8 as the encoding of the locale."""
 
 
 def eimi(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -51,7 +51,7 @@ def wait_for(path: Path) -> None:
 
 @contextmanager
 def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run code until the context ends; it creates the file `ready` when it is ready."""
+    """Run code in another process, and keep this process alive until the context ends."""
     process = subprocess.Popen(
         [sys.executable, "-c", code + "\nopen('ready', 'w').close(); input()"], cwd=folder, stdin=-1
     )
@@ -216,7 +216,7 @@ def close():
 threading.Thread(target=close, daemon=True).start()
 main()
 """
-"""The program, in which a thread calls the handler of console events as Windows does."""
+"""A program in which a thread calls the handler of console events, as Windows does when a window is closed."""
 
 RIG = """
 name = "emulated"

@@ -1,4 +1,4 @@
-"""Every public function in a chain on the virtual rig; arguments are texts, paths and objects."""
+"""Every public function in a chain on the virtual rig. The arguments are given as texts, as paths and as objects."""
 
 from __future__ import annotations
 

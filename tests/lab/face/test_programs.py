@@ -1,4 +1,4 @@
-"""Ten programs that a person would write, each of at most twenty lines against the public names."""
+"""Ten programs of users, each of at most twenty lines, work with the public names alone."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ PUBLIC = {"eimi_lab", "eimi_fitting", "eimi_fitting.laws"}
 
 
 def code_lines(text: str) -> int:
-    """Return the lines of a program without its docstring and without empty lines."""
+    """Return the number of lines of a program without its docstring and without empty lines."""
     return len([line for line in text.split('"""', 2)[2].splitlines() if line.strip()])
 
 
 @pytest.fixture
 def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with a run, its TOML files, two runs in `runs`, and the frames as another program stores them."""
+    """Make a folder with a dataset, its TOML files, two datasets in `runs`, and frames that another program stored."""
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
@@ -45,7 +45,7 @@ def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """Return the small bench of the tests with an emulated supply on a serial line, and the text of its rig.toml."""
+    """Serve an emulated supply on a serial line for the small bench, and write its rig.toml; yield the supply."""
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
         playback = ", playback = { picture_a_state = true }" if camera == "opencv" else ""

@@ -1,4 +1,4 @@
-"""An archive of runs and results: complete, with right hashes, and readable by a library that others wrote."""
+"""An archive of datasets and results is complete, has the right hashes, and is readable by an independent library."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ family_name = "Müller"
 
 @pytest.fixture(scope="module")
 def results(bench: Path, fitted: FitRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a dataset, its fit, a card whose name has an umlaut, and a hidden file."""
+    """Make a folder with a dataset, its fit, a material card whose name has an umlaut, and a hidden file."""
     folder = tmp_path_factory.mktemp("published") / "run 1"
     folder.mkdir()
     shutil.copy(bench / "run.h5", folder)

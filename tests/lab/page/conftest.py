@@ -42,7 +42,10 @@ class Answer:
 
 @dataclass
 class Served:
-    """A page that is being served. `ask` sends the token unless another token is given; an empty header is not sent."""
+    """A page that is being served. `ask` sends the token of the page unless another token is given.
+
+    If the other token is empty, no header with a token is sent.
+    """
 
     folder: Path
     port: int
@@ -59,7 +62,7 @@ class Served:
 
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
-        """Open a WebSocket of the page; with ``introduced``, the token has been sent."""
+        """Open a WebSocket of the page. If ``introduced`` is true, the token is sent first."""
         with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
@@ -85,7 +88,7 @@ class Served:
 
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str], frame: Callable[..., Any]) -> Path:
-    """Return a folder with two images in `frames/`, `states.csv`, TOML files, and their dataset `run.h5`."""
+    """Make a folder with two images in `frames/`, `states.csv`, the TOML files, and the dataset `run.h5`."""
     folder = tmp_path_factory.mktemp("data")
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
@@ -100,7 +103,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str],
 
 @pytest.fixture(scope="session")
 def served(data_folder: Path) -> Iterator[Served]:
-    """Serve the page of `data_folder`."""
+    """Serve the page of the folder `data_folder`."""
     page = Page(data_folder)
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -130,7 +133,10 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
-    """Return a function that opens an address in a new tab; a script that fails or breaks the policy fails the test."""
+    """Return a function that opens an address in a new tab of the browser.
+
+    The test fails if a script of the page raises an error or breaks the content security policy.
+    """
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
     faults: list[str] = []
@@ -149,7 +155,7 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with a rig: an emulated supply with its coil, and a camera that plays images."""
+    """A folder with the rig file of an emulated supply with its coil, and of a camera that plays images."""
 
     folder: Path
     coil: CoilSupply
@@ -160,7 +166,7 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """Serve a supply for a protocol of 451 states, which takes minutes, so that no run ends during a test."""
+    """Serve a supply for a protocol of 451 states. The protocol takes minutes, so that no run ends during a test."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
@@ -185,7 +191,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @pytest.fixture
 def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]:
-    """Return a function that starts `eimi dashboard` on a folder, and returns the process and the printed address."""
+    """Return a function that starts `eimi dashboard` on a folder; it returns the process and the printed address."""
     begun: list[subprocess.Popen[str]] = []
 
     def begin(folder: Path) -> tuple[subprocess.Popen[str], str]:

@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> None:
-    """The browser would send a cookie to every port of the host, so that another user's server would receive it."""
+    """A browser sends a cookie to every port of the host, and therefore also to another user's server."""
     for path in ("/", f"/?token={'t' * 43}", "/static/main.js", "/api/folder"):
         answer = served.ask(path)
         assert answer.status == 200
@@ -104,7 +104,7 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The command in `BROWSER` replaces a browser; it writes its own command line into a file."""
+    """A command in `BROWSER` replaces the browser. The command writes its own command line into a file."""
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
     os.mkfifo(shown)
@@ -127,7 +127,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """Follow a link from the page's own tab to a server of another user, on the same host."""
+    """The tab of the page follows a link to a server of another user on the same host."""
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -164,7 +164,7 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
 def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """The stated length decides. Status 400 belongs to a body that was read and is not a valid request."""
+    """The length in the header of the request decides. Status 400 means that the body was read and is not valid."""
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)
     answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))

@@ -1,4 +1,4 @@
-"""Requests to fit: which are refused, and what the page reads from the log of a running fit."""
+"""Requests to fit from the page: which requests are refused, and what the page reads from the log of a running fit."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, asked: dict[str,
 
 
 def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
-    """No load moves the drawn beam. The fit writes edges, so it uses a copy of the shared dataset."""
+    """No load bends the drawn beam. The fit stores edges in the dataset, so the test uses a copy of the dataset."""
     own = served.folder / "unfit"
     own.mkdir()
     shutil.copy(served.folder / "run.h5", own)
@@ -76,7 +76,7 @@ def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
 
 
 def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second run is requested while the first one is under way."""
+    """A second run is requested during the first run."""
 
     class GoingOn:
         going_on = True

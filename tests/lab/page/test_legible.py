@@ -19,7 +19,7 @@ PAIRS = [
 
 
 def colours() -> dict[str, dict[str, str]]:
-    """Return the custom properties of the style sheet, by scheme."""
+    """Return the colours (custom properties) of the style sheet, by colour scheme and name."""
     sheet = (STATIC / "page.css").read_text()
     blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
     return {

@@ -1,4 +1,4 @@
-"""Weights and a phone, in a browser: pictures are dropped, clicked and typed in, and the modulus is shown."""
+"""The view "Weights and a phone" in a browser: pictures, clicks and typed values lead to the modulus."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def bodies(scene: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Return three photographs of a phone: the beam alone, and with two weights."""
+    """Write three photographs as a phone takes them: the beam alone, and the beam with each of two weights."""
     folder = tmp_path_factory.mktemp("phone")
     paths = [folder / f"IMG_{number}.jpg" for number in range(len(GRAMS))]
     for number, (path, body, grams) in enumerate(zip(paths, bodies, GRAMS, strict=True)):
@@ -42,7 +42,7 @@ def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactor
 
 
 class Phone:
-    """The view "Weights and a phone" in a tab."""
+    """The view "Weights and a phone" of the page in a tab of the browser."""
 
     def __init__(self, page: Any, size: tuple[int, int]) -> None:
         self.page, self.size = page, size
@@ -52,7 +52,7 @@ class Phone:
         self.page.get_by_text(re.compile(r"pictures? (is|are) in the folder")).wait_for()
 
     def click(self, place: list[float]) -> None:
-        """Click a place (px of the photograph) on the picture, and correct it with the arrow keys."""
+        """Click on the picture at `place` (x, y in px of the photograph), and correct the point with the arrow keys."""
         marks = self.page.locator("#phone-picture .mark")
         before = marks.count()
         box = self.page.locator("#phone-picture svg").bounding_box()
@@ -80,7 +80,7 @@ def phone(served: Any, tab: Any, scene: Any) -> Any:
 def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     served: Any, phone: Phone, scene: Any, bodies: Any, photographs: list[Path]
 ) -> None:
-    """The whole way: three photographs, four clicks and eight typed values."""
+    """A user drops three photographs, makes four clicks and types eight values."""
     own = served.folder / "level"
     own.mkdir()
     (own / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen
@@ -118,7 +118,7 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
 
 
 def check_files(folder: Path, scene: Any) -> None:
-    """Check that the ordinary commands read the files, which state perspective and no coil."""
+    """Check that the ordinary commands read the files of the view; the files give the perspective and no coil."""
     calibration = load_calibration(folder / "calibration.toml")
     assert (calibration.coil_constant_mT_per_A, calibration.field_angle_deg) == (None, None)
     assert not calibration.telecentric

@@ -1,4 +1,4 @@
-"""Pictures of a user: clamp, axis and scale are dragged into place in a browser, and the saved files are used."""
+"""A user's pictures in a browser: clamp, axis and scale are dragged to their places, and the saved files are used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_lab.dataset.reading import open_dataset
 
 
 def drag(page: Any, name: str, x: float, y: float) -> None:
-    """Drag a handle to a place in the picture of 128 x 96 pixels."""
+    """Drag a handle to the pixel (x, y) of a picture of 128 x 96 pixels."""
     box = page.locator("#by-hand svg").bounding_box()
     handle = page.get_by_role("button", name=name).bounding_box()
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)

@@ -1,4 +1,4 @@
-"""Stored runs in a browser, and fits of them."""
+"""The view of stored runs in a browser, and fits that are started there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """Write rods/rod.h5: the tip of a cantilever under three small forces, by slender-beam theory; return its path."""
+    """Write rods/rod.h5, the tip of a cantilever under three small forces by slender-beam theory; return its path."""
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -61,7 +61,7 @@ def open_rod(page: Any) -> None:
 
 
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
-    """The list of files is delayed. The fit must not use the dataset that was open before."""
+    """The list of files arrives late. The fit must not use the dataset that was open before."""
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
     page.get_by_role("button", name="run.h5").click()

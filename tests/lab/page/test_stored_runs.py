@@ -1,4 +1,4 @@
-"""Datasets on the page: their facts, images and edges; and that they are not changed."""
+"""Datasets on the page: the page shows their properties, images and edges, and does not change them."""
 
 from __future__ import annotations
 

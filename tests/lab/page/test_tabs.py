@@ -23,7 +23,7 @@ class Said(logging.Handler):
 
 @pytest.fixture
 def said() -> Iterator[list[str]]:
-    """Collect the messages of the server's log."""
+    """Collect the messages that the server logs during a test."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
     logger.addHandler(handler)
@@ -61,7 +61,7 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, said: 
 
 
 def told(socket: Any, **expected: Any) -> dict[str, Any]:
-    """Receive until the page has sent a state with these values; return that state."""
+    """Receive states of the page until a state has the values `expected`; return this state."""
     while True:
         message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):

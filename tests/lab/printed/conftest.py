@@ -1,4 +1,4 @@
-"""Provide one small fit whose numbers are replaced by numbers that all differ from each other."""
+"""Fixtures: one small fit whose numbers are replaced by numbers that all differ from each other."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """Return simulated tracked points of a beam of 50 kPa in three fields."""
+    """Return the data for a fit: simulated tracked points of a beam of 50 kPa in three fields."""
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
@@ -109,7 +109,7 @@ def tensile(tmp_path: Path) -> TensileRecord:
 
 @pytest.fixture
 def shown() -> Callable[..., ShownFit]:
-    """Return a function that makes the fit of a report."""
+    """Return a function that turns the record of a fit into the object that a report prints."""
 
     def shown(fit: FitRecord | TensileRecord, comparison: tuple[Choice, ...] = ()) -> ShownFit:
         return ShownFit(Path("fits.json"), 0, fit, comparison, "bending")
@@ -119,7 +119,10 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the validation of a fit on its own dataset, with replaced numbers and `changes`."""
+    """Return a function that makes the validation of a fit on its own dataset.
+
+    Its numbers are replaced; the arguments `changes` replace further fields.
+    """
 
     def validation(of: FitRecord, **changes: Any) -> Validation:
         values: dict[str, Any] = {
@@ -147,7 +150,7 @@ def validation() -> Callable[..., Validation]:
 
 @pytest.fixture(scope="session")
 def choices() -> tuple[Choice, ...]:
-    """Return the comparison of two laws on one dataset; the second is better."""
+    """Return the comparison of two laws on one dataset. The second law is better."""
     return (
         Choice("neo-hookean", 1, 55.0, 7.5, 3.25, 0.02, 0.0123),
         Choice("yeoh", 3, 55.0, 0.0, 0.0, 0.98, 0.0045),

@@ -1,4 +1,4 @@
-"""The numbers of a figure as text: what its texts say, and what its marks show on the axes, with the axes' units."""
+"""The numbers of a figure as text: its labels, and the values of its marks on the axes, with the units of the axes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 
 def printed_figure(figure: Figure) -> str:
-    """Return the texts of a figure and the places of its lines, bars, boxes, bands and matrices, one part a line."""
+    """Return the labels of a figure and the coordinates of its lines, bars, boxes, bands and matrices, one per line."""
     parts = [*figure.texts, *(text for legend in figure.legends for text in legend.get_texts())]
     lines = [text.get_text() for text in parts]
     for axes in figure.axes:

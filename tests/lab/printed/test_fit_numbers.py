@@ -1,4 +1,4 @@
-"""Terminal, notebook and material card state each number of a fit with the right value, unit and place."""
+"""Terminal, notebook and material card show each number of a fit with the right value, unit and place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
 
 OF_THE_RECORD = ("doubts", "stability", "model", "tensile", "by_state", "datasets")
-"""Fields whose type in a fits file differs from that in the mathematics."""
+"""Fields whose type in a fits file differs from their type in the object `Fit`."""
 
 
 def test_the_line_of_a_fit_has_the_modulus_with_its_interval_and_the_error_in_micrometres(fit: FitRecord) -> None:
@@ -90,7 +90,7 @@ def test_the_interval_of_a_bootstrap_contains_95_per_cent_of_its_replicates() ->
 
 
 def test_a_fit_of_two_datasets_keeps_dataset_and_index_of_each_state(fitted: FitRecord, evidence: Evidence) -> None:
-    """The first dataset has one state only, of index 7; the second has three."""
+    """The first dataset has one state, with index 7. The second dataset has three states."""
     short = replace(evidence, path=Path("short.h5"), states=(replace(evidence.states[2], index=7),))
     held = {name: value for name, value in vars(fitted).items() if name not in OF_THE_RECORD}
     fit: Any = SimpleNamespace(

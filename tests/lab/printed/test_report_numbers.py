@@ -57,7 +57,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 
 @pytest.fixture
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
-    """Return a prediction as the panels receive it."""
+    """Return the prediction of a fit on a dataset, as the panels of a report receive it."""
     return SimpleNamespace(
         fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
@@ -125,7 +125,7 @@ def test_quantities_of_the_report_have_their_interval_and_their_unit(fit: FitRec
 
 @pytest.fixture
 def report_of(shown: Shown, validation: Judged) -> Reported:
-    """Return a function that makes a report on one dataset, filmed with 25 pixels/mm."""
+    """Return a function that makes a report on one dataset, filmed at 25 pixels/mm."""
 
     def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
         beam = SimpleNamespace(name="one", material="silicone")
@@ -230,7 +230,7 @@ def test_the_smallest_error_on_a_specimen_is_bold(
 
 
 def test_the_interval_names_what_scatters(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
-    """For tracked points, the report must not call edges the source of the scatter."""
+    """For a fit of tracked points, the report must name points, and not edges, as the source of the scatter."""
     report = report_of(replace(fit, budget=()), evidence)
     (finding,) = findings.findings(report)
     assert finding.limit.startswith("The scatter of the tracked points and the error of the mesh limit the interval")

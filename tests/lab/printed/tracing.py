@@ -1,7 +1,8 @@
-"""Find the field of a record from which each printed number comes, and the factor between the two.
+"""Find the field of a record from which each printed number comes, and the factor between field and printed number.
 
 Each number of a record is changed in turn, and everything is printed again. The printed numbers that change come from
-this number. If a printed number comes from one number alone and is proportional to it, their ratio is its factor.
+the changed number. If a printed number comes from one number alone and is proportional to it, their ratio is the
+factor.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _FACTORS = (1.0, 1e3, 1e-3, 1e2, 1e-2, 1e6, 1e-6, -1.0)
 
 @dataclass(frozen=True)
 class _Printed:
-    """A printed number: its text, its value and the unit behind it."""
+    """A printed number: its text, its value, and the unit that follows."""
 
     text: str
     value: float
@@ -33,7 +34,10 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries with the same signs and sizes, in which no two numbers are equal."""
+    """Return nested lists and dictionaries with new numbers, no two of which are equal.
+
+    The signs and sizes of the numbers stay the same.
+    """
     count = start
 
     def fill(value: Any) -> Any:
@@ -64,7 +68,10 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy in which the number at a path is larger; an integer becomes larger by 7."""
+    """Return a copy of nested lists and dictionaries, in which the number at a path is larger.
+
+    An integer becomes larger by 7.
+    """
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
     keys = [int(key) if key.isdigit() else key for key in rest]
@@ -77,7 +84,9 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Return for each text its numbers in order: field, factor and unit, and the number itself if it is derived.
+    """Return, for each text, the source of its numbers in order: field, factor and unit.
+
+    For a number that is derived from several fields, the number itself is added.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compute the rotation of the tip in each field, for the solid beam and for its planar model."""
+"""Compute the rotation of the tip in each field, for the solid beam model and for its planar beam model."""
 
 from dataclasses import replace
 

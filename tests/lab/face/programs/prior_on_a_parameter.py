@@ -1,4 +1,4 @@
-"""Bending hardly distinguishes C10 from C01; with a prior on C10, the data determine both."""
+"""Fit a law with a prior on C10: bending hardly distinguishes C10 from C01, and the prior determines both."""
 
 import eimi_lab as eimi
 
