@@ -1,6 +1,7 @@
-"""Other methods to detect edges, with which a benchmark compares the search.
+"""Other methods to detect edges, which a benchmark compares with the search of this project.
 
-Each takes an image (height, width) and returns points (n, 2) in px on all edges that it detects.
+Each function takes an image (height, width), and returns the n points on all detected edges as x and y in px, shape (n,
+2).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def marching_squares(image: NDArray[np.uint8]) -> Array:
 
 
 def devernay(image: NDArray[np.uint8]) -> Array:
-    """Return maxima of the gradient along its direction, by a parabola (Devernay, INRIA research report 2724, 1995)."""
+    """Return maxima of the grey-value gradient along its direction, by a parabola (Devernay, INRIA RR-2724, 1995)."""
     smooth: NDArray[Any] = gaussian_filter(image.astype(np.float32), _DEVERNAY_BLUR_PX)
     slope_y, slope_x = np.gradient(smooth)
     size = np.hypot(slope_x, slope_y)

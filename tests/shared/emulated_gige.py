@@ -1,6 +1,6 @@
 """An emulated GigE Vision camera in a separate process. Only one test on this computer can use it at a time.
 
-GigE Vision prescribes the port of a camera. Only one camera can therefore be served at an address.
+GigE Vision fixes the port of a camera, so that an address can serve only one camera.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
 
 @contextmanager
 def only_gige_camera() -> Iterator[None]:
-    """Wait until no other test on this computer uses a GigE camera, and let others wait while the context lasts."""
+    """Wait until no other test on this computer uses a GigE camera, and keep others from using one in the context."""
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
 
 
 def numbered() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns uniform pictures. Their grey value counts from 0 to 249 and begins again at 0."""
+    """Return a function that returns uniform pictures, whose grey values count from 0 to 249 and begin again at 0."""
     number = -1
 
     def picture() -> NDArray[np.uint8]:
@@ -61,7 +61,7 @@ def gige_camera(
 
 
 class NoisyPictures:
-    """Function object that returns pictures of a dark vertical beam with noise, see `noisy_picture`."""
+    """Function object that returns the pictures of successive exposures: a dark vertical beam with noise."""
 
     def __init__(self) -> None:
         self._number = 0
@@ -73,7 +73,7 @@ class NoisyPictures:
 
 
 def noisy_picture(number: int) -> NDArray[np.uint8]:
-    """Return the picture of the exposure with this number, which is the seed of its noise. The first number is 1."""
+    """Return a noisy picture of a dark vertical beam. The number of the exposure, from 1, is the seed of the noise."""
     across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
     profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
     noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])

@@ -34,9 +34,9 @@ LEVEL = Calibration(
 
 @dataclass(frozen=True)
 class Flick:
-    """A strip that swings in its first mode about its sagged shape, and the camera that films it.
+    """A strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
 
-    tilt: share by which the scale changes over the picture, as a phone that is not square to the strip sees it.
+    tilt: share by which the scale changes over the picture, because the phone is not parallel to the strip.
     """
 
     frequency_Hz: float = 6.0
@@ -53,15 +53,15 @@ class Flick:
 
     @property
     def times_s(self) -> Array:
-        """Times at which the first row of each frame is in the middle of its exposure."""
+        """Times (s), one for each frame, at which the first row is in the middle of its exposure."""
         return np.arange(round(self.seconds * self.rate_Hz)) / self.rate_Hz
 
     def deflection_mm(self, time_s: Array) -> Array:
-        """Deflection of the tip at times, toward +y (down), in the first mode."""
+        """Return the deflection (mm) of the tip toward +y (down) at the times `time_s`."""
         return self.amplitude_mm * np.exp(-self.decay_per_s * time_s) * np.cos(2 * np.pi * self.frequency_Hz * time_s)
 
     def centre_mm(self, along_mm: Array, time_s: float) -> Array:
-        """Places (p, 2) of the centre line."""
+        """Return p points (x, y) in mm of the centre line, shape (p, 2), at the arc lengths `along_mm` at one time."""
         grid = np.linspace(0.0, STRIP.specimen.length_mm, 400)
         tip = self.sag_mm + float(self.deflection_mm(np.array(time_s)))
         slope = np.gradient(tip * cantilever_modes(grid / grid[-1])[:, 0], grid)
@@ -70,14 +70,17 @@ class Flick:
         return np.column_stack([np.interp(along_mm, grid, places[:, axis]) for axis in range(2)])
 
     def to_px(self, points_mm: Array) -> Array:
-        """Map the beam frame to the picture as the tilted phone sees it."""
+        """Return the pixels at which the tilted phone shows points of the beam frame."""
         points = BeamFrame(LEVEL).to_px(points_mm)
         middle = 0.5 * np.array(self.size)
         away = (points - middle) / self.size[0]
         return np.asarray(middle + (points - middle) / (1.0 + self.tilt * (away[:, :1] + 0.5 * away[:, 1:])))
 
     def outline_px(self, first_row_s: float) -> Array:
-        """Return the outline of the strip as the shutter sees it: each point at the time at which its row is read."""
+        """Return the outline of the strip (px) in one frame with a rolling shutter.
+
+        Each point of the outline has its position at the time at which its row of the picture is read.
+        """
         readout_s = self.row_time_s * (self.size[1] - 1)
         if not readout_s:
             return self._outline_px_at(first_row_s)
@@ -102,7 +105,7 @@ class Flick:
         return self.to_px(np.vstack([[[-6.0, -1.5]], left, right[::-1], [[-6.0, 1.5]]]))
 
     def frames(self, seed: int = 0) -> Iterator[NDArray[np.uint8]]:
-        """Yield noisy frames (H, W)."""
+        """Yield the frames of the video with noise, each of shape (height, width)."""
         rng = np.random.default_rng(seed)
         clamp_px = self.to_px(np.array([[-6.0, -8.0], [0.0, -8.0], [0.0, 8.0], [-6.0, 8.0]]))
         within_s = self.exposure_s * (np.arange(6) / 6.0 - 5.0 / 12.0) if self.exposure_s else np.zeros(1)
@@ -114,7 +117,7 @@ class Flick:
             yield expose(replace(scenes[0], mean=mean), rng)
 
     def write(self, path: Path, seed: int = 0, quality: str = "FFV1") -> Path:
-        """Write a video; FFV1 keeps every grey level."""
+        """Write the frames as a video, and return its path. The codec FFV1 keeps every grey level."""
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*quality), self.rate_Hz, self.size)
         for frame in self.frames(seed):
             writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))

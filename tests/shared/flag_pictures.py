@@ -1,4 +1,4 @@
-"""A rendered picture for every flag of a state. NOT_SETTLED, DROPPED and DUPLICATE concern several frames."""
+"""A rendered picture for every flag of a state. NOT_SETTLED, DROPPED and DUPLICATE are flags of several frames."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _DARK = 20
 
 @dataclass(frozen=True)
 class Case:
-    """An image with the calibration and specimen that a user states for it; `edges` is the result of the search.
+    """An image with the calibration and specimen that a user gives; `edges` searches the edges of the beam.
 
-    run_flags: flags from comparing the frames of which the image is the mean.
+    run_flags: flags that a run finds by comparing the frames of a state; the image is the mean of these frames.
     """
 
     image: Image
@@ -51,12 +51,12 @@ class Case:
 
 
 def photograph(optics: Optics = NOMINAL, beam: BentBeam = BEAM) -> Image:
-    """Return one frame of the beam of the benchmark."""
+    """Return one rendered frame of the beam in the benchmark."""
     return expose(make_bent_scene(optics, CALIBRATION, SPECIMEN, beam), np.random.default_rng(0))
 
 
 def twisted(tip_deg: float, root_deg: float = 0.0) -> BentBeam:
-    """Return the beam turned evenly about its own axis from root to tip: the outline of a twisted box."""
+    """Return the beam twisted evenly about its own axis from root to tip, by its outline."""
     width, depth = SPECIMEN.specimen.width_mm, SPECIMEN.specimen.depth_mm
     turn = np.radians(np.linspace(root_deg, tip_deg, len(BEAM.left)))
     wider = ((np.cos(turn) + depth / width * np.sin(turn) - 1.0) / 2.0)[:, None] * (BEAM.right - BEAM.left)
@@ -94,7 +94,10 @@ def _round_tip() -> Case:
 
 
 def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
-    """Return a coloured beam in front of cloth without a back-light, half hidden by a plate or in a smaller picture."""
+    """Return a case with a coloured beam in front of cloth without a back-light.
+
+    The beam may be half hidden by a plate. `share` scales the size of the picture.
+    """
     colours = np.array([[40.0, 60.0, 200.0], [150.0, 160.0, 90.0]])
     image = photographs.photograph("uneven light", np.random.default_rng(5), 25.0, colours).image
     if half_hidden:
@@ -107,13 +110,13 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
 
 
 def _on_its_shadow() -> Case:
-    """Return a coloured beam close to a wall; the border of its shadow is a stronger edge than that of the beam."""
+    """Return a case with a coloured beam close to a wall. The border of its shadow is a stronger edge than the beam's."""
     image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
     return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
 
 
 def _two_stripes() -> Case:
-    """Return two stripes as wide as the beam, side by side, with the stated clamp between them."""
+    """Return a case with two stripes side by side, each as wide as the beam, and the stated clamp between them."""
     colours = {"left": (40.0, 60.0, 200.0), "right": (200.0, 170.0, 40.0)}
     calibration = photographs.CALIBRATION.model_copy(update={"pixels_per_mm": 3.0, "clamp_midpoint_px": (100.0, 20.0)})
     image = np.full((160, 200, 3), 120.0)
@@ -128,7 +131,10 @@ def _believed(**beam: float) -> Case:
 
 
 def _state(angles_deg: Sequence[float], numbers: Sequence[int], copied: bool = False) -> Case:
-    """Return the frames of one state for a beam angle and a number each; copied: repeat the last frame."""
+    """Return a case with the mean of several frames, and the flags that the comparison of these frames raises.
+
+    Each frame has a beam angle (degrees) and a frame number. copied: the last frame repeats the frame before.
+    """
     rng = np.random.default_rng(0)
     images = [
         expose(make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, bend(SPECIMEN, angle)), rng) for angle in angles_deg

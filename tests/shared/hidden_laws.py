@@ -32,7 +32,7 @@ PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 
 @cache
 def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """Return the mechanics of a shipped specimen."""
+    """Return the beam model of a shipped specimen, planar or with a solid section."""
     section: Section = "solid" if solid else "plane-stress"
     specimen = replace(load_specimen(kind).mechanics(), section=section)
     return SolidBeside(specimen, *SOLID_MESH) if solid else BeamModel(specimen, *PLANAR_MESH)
@@ -40,14 +40,17 @@ def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law that a discovery has to identify: terms and coefficients (k,) in Pa."""
+    """A law that a discovery has to identify: k terms, and their coefficients in Pa, shape (k,)."""
 
     terms: tuple[Term, ...]
     coefficients: Array
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Draw terms, their shares of the stress at the end of the test, and the modulus; off: see `_elsewhere`."""
+        """Draw the terms of a law, their shares of the largest tensile stress, and the initial shear modulus.
+
+        off: largest factor by which Jm, b and alpha differ from the library.
+        """
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
             terms = tuple(LIBRARY[i] for i in sorted(chosen))
@@ -64,16 +67,19 @@ class Hidden:
 
     @property
     def modulus_Pa(self) -> float:
-        """Initial shear modulus."""
+        """Initial shear modulus (Pa) of the hidden law."""
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Return the tensile test of the law; noise: standard deviation as a share of the largest stress."""
+        """Return a tensile test of the law; noise: standard deviation as a share of the largest stress."""
         stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return a bent specimen of another lot; raise NoEquilibrium if the beam has no equilibrium."""
+        """Return the experiment of a bent specimen from another material lot.
+
+        Raises NoEquilibrium if the beam has no equilibrium.
+        """
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
         fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)
@@ -87,9 +93,9 @@ class Hidden:
 
 
 def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """Return the term with its number changed by a random factor, at most ``off`` either way.
+    """Return a term with its constant (Jm, b or alpha) multiplied or divided by a random factor of at most ``off``.
 
-    Jm does not fall below that of the library.
+    Jm is never smaller than Jm in the library.
     """
     shift = np.exp(rng.uniform(-1, 1) * np.log(off))
     if term.number is None:

@@ -1,4 +1,4 @@
-"""Difficulties of photographs of a bench, for example glare, a ruler, a second beam, a hand, a hard shadow, motion."""
+"""Difficulties in photographs of a bench, for example glare, a ruler, a second beam, a hand, a hard shadow, motion."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """A difficulty: functions that paint behind and before the beam, change its light, and change the picture.
+    """A difficulty: functions that paint behind the beam and in front of it, change its light, and change the picture.
 
-    size: of the picture, relative to 960 x 720 px; magnification: of the beam, relative to a width of 42 px; beam:
-    whether there is a beam.
+    size: size of the picture relative to 960 x 720 px. magnification: width of the beam relative to 42 px. beam:
+    whether the picture shows a beam.
     """
 
     behind: Hook | None = None
@@ -36,14 +36,14 @@ class Kind:
 
 
 def _parallel_beam(scene: Scene, picture: Array) -> Array:
-    """Paint another beam of the same colour from the same clamp."""
+    """Paint another beam of the same colour that hangs from the same clamp."""
     away = scene.rng.choice([-1.0, 1.0]) * scene.rng.uniform(1.4, 3.0)
     scene.paint(picture, scene.outline(across=(away - 0.5, away + 0.5)), scene.own)
     return picture
 
 
 def _ruler(scene: Scene, picture: Array) -> Array:
-    """Paint a ruler along the axis of the clamp, with a tick every half width."""
+    """Paint a ruler along the axis of the clamp, with a tick at every half width of the beam."""
     side = scene.rng.choice([-1.0, 1.0])
     near = side * scene.rng.uniform(0.7, 1.6)
     scene.paint(picture, scene.box((-0.5, 12.0), (near, near + 1.5 * side)), np.full(3, 225.0))
@@ -82,7 +82,7 @@ def _hard_shadow(scene: Scene, picture: Array) -> Array:
 
 
 def _two_lamps(scene: Scene, picture: Array) -> Array:
-    """Paint soft shadows at both edges."""
+    """Paint soft shadows at both edges of the beam, as from two lamps."""
     for side in (-1.0, 1.0):
         shift = scene.width_px * np.array([side * scene.rng.uniform(0.07, 0.3), scene.rng.uniform(-0.05, 0.05)])
         shadow = coverage(scene.outline() + shift, scene.size).astype(np.float32)
@@ -102,7 +102,7 @@ def _leaning(scene: Scene, picture: Array) -> Array:
 
 
 def _ruler_touching(scene: Scene, picture: Array) -> Array:
-    """Paint a ruler that the edge of the beam follows or crosses."""
+    """Paint a ruler that touches the beam: the edge of the beam runs along the ruler or crosses it."""
     side = scene.rng.choice([-1.0, 1.0])
     scene.paint(picture, scene.box((0.3, 12.0), (0.45 * side, 2.0 * side)), np.full(3, 225.0))
     for tick in np.arange(0.5, 12.0, 0.5):
@@ -131,14 +131,14 @@ def _glare(scene: Scene, picture: Array) -> Array:
 
 
 def _glare_at_edge(scene: Scene, picture: Array) -> Array:
-    """Paint the reflection of a lamp on one of the edges over a third of the length."""
+    """Paint the reflection of a lamp on one edge of the beam, over a third of the length."""
     at, begin = scene.rng.choice([-0.45, 0.45]), scene.rng.uniform(0.1, 0.6)
     shine = coverage(scene.outline((begin, begin + 0.33), (at - 0.06, at + 0.06)), scene.size).astype(np.float32)
     return np.asarray(picture + 220.0 * cv2.GaussianBlur(shine, (0, 0), 0.04 * scene.width_px)[..., None])
 
 
 def _markers(scene: Scene, picture: Array) -> Array:
-    """Paint dots for tracking along the middle line."""
+    """Paint dots for tracking along the middle line of the beam."""
     colour = scene.other_colour()
     for place in np.arange(0.08, 0.95, 0.12):
         scene.paint(picture, scene.outline((place, place + 0.03), (-0.18, 0.18)), colour)
@@ -154,13 +154,13 @@ def _bands(scene: Scene, picture: Array) -> Array:
 
 
 def _other_tip(scene: Scene, picture: Array) -> Array:
-    """Paint a magnet at the tip."""
+    """Paint a magnet at the tip of the beam."""
     scene.paint(picture, scene.outline((0.85, 1.0)), scene.other_colour())
     return picture
 
 
 def _two_faces(scene: Scene, picture: Array) -> Array:
-    """Paint the upper face of the beam, lighter than the front face, beside the front face."""
+    """Paint the upper face of the beam beside its front face, in a lighter colour."""
     scene.paint(picture, scene.outline(across=(-0.5, -0.5 + scene.rng.uniform(0.15, 0.4))), scene.own * 0.5 + 127.0)
     return picture
 
@@ -174,7 +174,7 @@ def _round(scene: Scene, picture: Array) -> Array:
 
 
 def _fading(scene: Scene, picture: Array) -> Array:
-    """Shade the beam as a lamp at the clamp does: the tip has half of the light."""
+    """Shade the beam as a lamp at the clamp does: the tip has half of the light of the clamp."""
     inside = coverage(scene.outline(), scene.size)[..., None]
     x, y = np.meshgrid(*(np.arange(extent, dtype=np.float64) for extent in scene.size))
     away = np.hypot(x - scene.calibration.clamp_midpoint_px[0], y - scene.calibration.clamp_midpoint_px[1])
@@ -182,7 +182,7 @@ def _fading(scene: Scene, picture: Array) -> Array:
 
 
 def _clear(scene: Scene, picture: Array) -> Array:
-    """Let half of the background shine through the silicone, with darker edges."""
+    """Let half of the background shine through transparent silicone, whose edges are darker."""
     rest = cloth(scene)
     inside = coverage(scene.outline(), scene.size)[..., None]
     picture += 0.5 * inside * (rest - picture)
@@ -192,7 +192,7 @@ def _clear(scene: Scene, picture: Array) -> Array:
 
 
 def _hand(scene: Scene, picture: Array) -> Array:
-    """Paint fingers that hold an object near the beam and cover a sixth of it."""
+    """Paint fingers that hold an object near the beam and cover a sixth of the beam."""
     share = scene.rng.uniform(0.2, 0.8)
     middle = scene.outline((share, share + 0.02)).mean(axis=0)
     turn = scene.rng.uniform(0.0, 2.0 * np.pi)
@@ -255,7 +255,7 @@ def _jpeg_40(scene: Scene, picture: Array) -> Array:
 
 
 def _cut_off(scene: Scene, picture: Array) -> Array:
-    """Blacken the picture beyond a part of the beam, as in letter-boxed video."""
+    """Blacken the picture beyond a part of the beam, as in a video with black bars."""
     tip = scene.outline((0.97, 1.0)).mean(axis=0)
     picture[int(tip[1]) :] = 0.0
     return picture

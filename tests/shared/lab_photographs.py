@@ -21,12 +21,12 @@ from tests.shared.rendered_edges import bend, errors_px
 
 Image = NDArray[Any]
 WRONG = 0.07
-"""Of the width: root mean square error beyond which points are of something else."""
+"""Largest error of good edges, as a share of the beam's width (root mean square)."""
 _QUALITY = 85
 
 
 def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
-    """Return a picture (height, width, 3) uint8 of a kind of `KINDS`, and its scene."""
+    """Return a picture (height, width, 3), uint8, with one difficulty of `KINDS`, and the scene in the picture."""
     kind = KINDS[name]
     size = (round(960 * kind.size), round(720 * kind.size))
     share = kind.magnification / kind.size
@@ -54,7 +54,10 @@ def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
 
 
 def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-    """Return clamp, axis, width and length with the errors of estimates by eye and ruler."""
+    """Return the calibration and the specimen with the errors of estimates by eye and ruler.
+
+    The errors concern clamp, axis, width and length.
+    """
     beam = scene.specimen.specimen
     aside = rng.uniform(-0.08, 0.08, 2) * scene.width_px
     changes = {
@@ -67,7 +70,10 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 
 
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
-    """Return good, doubted, refused or silent, and the error in widths."""
+    """Return "good", "doubted", "refused" or "silent", and the error of the edges as a multiple of the beam's width.
+
+    The error is a root mean square; it is NaN for a refused picture and for a picture without a beam.
+    """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
         return "refused", np.nan

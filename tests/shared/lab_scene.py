@@ -22,9 +22,9 @@ _APART = 70.0  # smallest distance of two colours that an eye distinguishes clea
 
 @dataclass(frozen=True)
 class Scene:
-    """A picture of a bench that is to be painted.
+    """A rendered picture of a bench, before it is painted.
 
-    size: (width, height) px; beam: the true outline of the beam that `specimen` and `calibration` describe.
+    size: (width, height) in px; beam: the true outline of the beam that `specimen` and `calibration` describe.
     """
 
     rng: np.random.Generator
@@ -40,9 +40,9 @@ class Scene:
         return self.specimen.specimen.width_mm * self.calibration.pixels_per_mm
 
     def outline(self, along: tuple[float, float] = (0.0, 1.0), across: tuple[float, float] = (-0.5, 0.5)) -> Array:
-        """Return the outline (n, 2) in px of a part of the beam.
+        """Return the outline of a part of the beam: n points as x and y in px, shape (n, 2).
 
-        The part lies between two shares of the length and two places across, in widths.
+        along: start and end of the part, as shares of the length. across: its sides, in widths from the centre line.
         """
         count = len(self.beam.left)
         first, last = (int(np.clip(round(share * (count - 1)), 0, count - 1)) for share in along)
@@ -51,11 +51,14 @@ class Scene:
         return BeamFrame(self.calibration).to_px(np.vstack([one, other[::-1]]))
 
     def paint(self, picture: Array, polygon: Array, colour: Array | float, share: float = 1.0) -> None:
-        """Fill a polygon (n, 2) px with one colour, in place."""
+        """Fill a polygon of n corners (x, y) in px, shape (n, 2), with one colour; `picture` is changed."""
         picture += share * coverage(polygon, self.size)[..., None] * (np.asarray(colour) - picture)
 
     def box(self, ahead: tuple[float, float], aside: tuple[float, float]) -> Array:
-        """Return a rectangle (4, 2) px in the frame of the beam, in widths from the clamp and from the axis."""
+        """Return the four corners of a rectangle as x and y in px, shape (4, 2).
+
+        ahead: distances from the clamp along its axis. aside: distances from the axis. Both are in widths of the beam.
+        """
         corners = [[a, b] for a, b in zip((*ahead, *ahead[::-1]), np.repeat(aside, 2), strict=True)]
         return BeamFrame(self.calibration).to_px(self.specimen.specimen.width_mm * np.array(corners))
 
@@ -65,7 +68,7 @@ class Scene:
 
 
 def another_colour(rng: np.random.Generator, *others: Array) -> Array:
-    """Return a random colour that differs clearly from the others."""
+    """Return a random colour that differs clearly from the colours `others`."""
     while True:
         colour = rng.uniform(25.0, 235.0, 3)
         if all(np.linalg.norm(colour - other) > _APART for other in others):
@@ -73,7 +76,7 @@ def another_colour(rng: np.random.Generator, *others: Array) -> Array:
 
 
 def cloth(scene: Scene) -> Array:
-    """Return the background: a colour in uneven light with some grain."""
+    """Return the background of a scene: a colour in uneven light with some grain."""
     rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # the same each time
     lumps = rng.uniform(-10.0, 10.0, (6, 8, 3)).astype(np.float32)
     grain = rng.standard_normal((scene.size[1], scene.size[0])).astype(np.float32)
@@ -82,6 +85,6 @@ def cloth(scene: Scene) -> Array:
 
 
 def through_jpeg(picture: Array, quality: int) -> Image:
-    """Return a picture (height, width, 3) with values up to 255 as a camera stores it."""
+    """Return a picture (height, width, 3) after it was stored as a JPEG; the values are between 0 and 255."""
     image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)

@@ -1,9 +1,9 @@
-"""Change what an MP4 file states about its frames: their times, the rate of the recording, and the orientation.
+"""Change what an MP4 file says about its frames: their times, the rate of the recording, and the orientation.
 
 The boxes are those of ISO/IEC 14496-12: `moov` / `trak` / `mdia` / `minf` / `stbl` / `stts` has the duration of every
-frame, and `tkhd` the matrix by which a viewer turns the frames. Android's camera states the rate of a recording in slow
-motion under the key `com.android.capture.fps` of `moov` / `meta` (android.media.MediaRecorder.setCaptureRate). OpenCV
-writes `moov` at the end of a file, so that its size may change.
+frame, and `tkhd` the matrix by which a viewer rotates the frames. For slow motion, Android's camera stores the rate of
+the recording under the key `com.android.capture.fps` of `moov` / `meta` (android.media.MediaRecorder.setCaptureRate).
+OpenCV writes `moov` at the end of a file, so that its size may change.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _TURNS = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 
 
 
 def state_times(path: Path, times_s: Sequence[float]) -> None:
-    """State the time of every frame of a video that OpenCV wrote; they rise, and the first one is 0."""
+    """Write the time (s) of every frame into a video from OpenCV. The times increase, and the first time is 0."""
     content = path.read_bytes()
     mdhd = content.index(b"mdhd")
     (per_s,) = struct.unpack_from(">I", content, mdhd + 16)  # version 0: version and flags, two dates, time scale
@@ -41,7 +41,7 @@ def state_times(path: Path, times_s: Sequence[float]) -> None:
 
 
 def state_capture_rate(path: Path, rate_Hz: float) -> None:
-    """State the rate of the recording, as Android does for slow motion."""
+    """Write the rate (Hz) of the recording into a video, as Android does for slow motion."""
     name = b"com.android.capture.fps"
     handler = _box(b"hdlr", struct.pack(">II4s12x", 0, 0, b"mdta") + b"\0")
     keys = _box(b"keys", struct.pack(">II", 0, 1) + struct.pack(">I", 8 + len(name)) + b"mdta" + name)
@@ -55,7 +55,7 @@ def state_capture_rate(path: Path, rate_Hz: float) -> None:
 
 
 def state_turn(path: Path, turn_deg: int) -> None:
-    """State by how many degrees, clockwise, a viewer has to turn the frames."""
+    """Write into a video by how many degrees, clockwise, a viewer has to rotate the frames."""
     a, b, c, d = (value * 0x10000 for value in _TURNS[turn_deg])
     matrix = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 0x40000000)
 
@@ -66,7 +66,7 @@ def state_turn(path: Path, turn_deg: int) -> None:
 
 
 def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable[[bytes], bytes]) -> None:
-    """Replace the body of a box, and correct the sizes of the boxes that contain it."""
+    """Replace the content of a box in an MP4 file, and correct the sizes of the boxes that contain it."""
     content = bytearray(path.read_bytes())
     begin, end, starts = 0, len(content), []
     for parent in parents:
@@ -83,7 +83,7 @@ def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable
 
 
 def _find(content: bytes | bytearray, begin: int, end: int, name: bytes) -> int:
-    """Return where the box of a name begins between two places."""
+    """Return the position at which the box `name` begins, between the positions `begin` and `end`."""
     at = begin
     while at + 8 <= end:
         size, kind = struct.unpack_from(">I4s", content, at)

@@ -40,9 +40,9 @@ from eimi_lab.process.limits import limit_memory
 from eimi_lab.vision.image_files import read_image
 
 WITHIN_S = 10.0
-"""Of processor time."""
+"""Largest processor time (s) for one file."""
 STUCK_AFTER_S = 600.0
-"""A process that waits for something, and computes nothing."""
+"""Time (s) after which a process that waits for something and computes nothing is replaced."""
 READERS = {
     ".h5": "dataset",
     "protocol.toml": "protocol",
@@ -88,7 +88,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def _tables_and_pictures(folder: Path) -> list[Path]:
-    """Write a tensile curve, a fit of this curve, and a picture in each format."""
+    """Write a tensile curve, a fit of this curve, and a picture in each format; return their paths."""
     rows = [f"{0.05 * k},{0.012 * k}" for k in range(1, 30)]
     (folder / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows]) + "\n")
     Fits.of([fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)]).write(folder / "fits.json")
@@ -100,7 +100,10 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
 
 
 def _motion_capture(folder: Path) -> list[Path]:
-    """Write four markers in three frames as a motion-capture file, if the package that reads it is installed."""
+    """Write four markers in three frames as a C3D file, and return its path.
+
+    Return an empty list if the package that reads these files is not installed.
+    """
     if find_spec("ezc3d") is None:
         return []
     import ezc3d
@@ -115,7 +118,7 @@ def _motion_capture(folder: Path) -> list[Path]:
 
 
 def mutated(raw: bytes, random: np.random.Generator) -> bytes:
-    """Return the bytes with a few changes at random places."""
+    """Return the bytes `raw` with a few changes at random places."""
     changed = bytearray(raw)
     for _ in range(int(random.integers(1, 5))):
         at = int(random.integers(0, max(len(changed), 1)))
@@ -194,7 +197,7 @@ def read(path: Path) -> str:
 
 
 def serve(pipe: Connection, recover: bool) -> None:
-    """Read or recover the files whose names arrive, and report the outcome of each."""
+    """Read or recover the files whose paths arrive in the pipe, and send back the outcome of each file."""
     if recover:
         limit_memory(MEMORY_BYTES)
     with tempfile.TemporaryFile() as printed:
@@ -224,7 +227,7 @@ def read_guarded(path: Path) -> str:
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
-    """Return the number of files for each outcome."""
+    """Read `files` mutated files, or recover them; return the number of files for each outcome."""
     counts: collections.Counter[str] = collections.Counter()
     random = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name:

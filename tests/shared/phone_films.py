@@ -50,18 +50,22 @@ _PUSH_S, _STAY_S = 0.20, 0.25  # time in which the finger deflects the tip, and 
 
 @dataclass(frozen=True)
 class HiddenStrip:
-    """A strip with its viscoelastic (Prony) law, and its small motion about the shape at rest.
+    """A strip with its viscoelastic (Prony) law, and its small vibrations about the shape at rest.
 
     Attributes
     ----------
     specimen : Specimen
         The true dimensions.
     instantaneous_Pa : float
+        Instantaneous shear modulus.
     series : Prony
-    rest_rad, first_rad, second_rad : ndarray, shape (_STATIONS,)
-        Direction of the centre line at rest, and its change in each mode for 1 mm at the tip.
+        The Prony series of the material.
+    rest_rad : ndarray, shape (_STATIONS,)
+        Direction of the centre line at rest, at equally spaced stations.
+    first_rad, second_rad : ndarray, shape (_STATIONS,)
+        Change of this direction in the first and the second mode, for 1 mm of deflection at the tip.
     rates : tuple of complex
-        The two rates of the vibration, 1/s.
+        Complex rates (1/s) of the first and the second mode.
     """
 
     specimen: Specimen
@@ -78,7 +82,7 @@ class HiddenStrip:
 
     @property
     def dynamic_Pa(self) -> float:
-        """Storage modulus at the frequency of the first mode."""
+        """Storage modulus (Pa) at the frequency of the first mode."""
         return self.instantaneous_Pa * float(self.series.complex_ratio(np.array(2j * np.pi * self.frequency_Hz)).real)
 
     @property
@@ -88,27 +92,38 @@ class HiddenStrip:
 
 @dataclass(frozen=True)
 class PhoneFilm:
-    """One recording.
+    """One video of a strip that a phone records.
 
     Attributes
     ----------
     scene : PhoneScene
         Camera, colours, clamp and ruler.
     strip : HiddenStrip
-    rate_Hz, seconds : float
-    flicks_mm, released_s : tuple of float
-        Amplitude of each flick, and when the finger releases the tip.
-    exposure_s, row_time_s : float
+        The strip in the video.
+    rate_Hz : float
+        Frame rate.
+    seconds : float
+        Duration of the video.
+    flicks_mm : tuple of float
+        Amplitude of each flick at the tip.
+    released_s : tuple of float
+        Time at which the finger releases the tip, for each flick.
+    exposure_s : float
+        Exposure of each frame.
+    row_time_s : float
+        Time between the exposures of neighbouring rows.
     shake_px : float
-        Motion of a phone that is held by hand, standard deviation.
+        Standard deviation of the motion of a phone that is held by hand.
     drift_px : float
         Motion of a phone that slides, from the beginning to the end.
     lost : float
         Share of the frames that the phone does not store.
     played_Hz : float or None
-        Rate at which the file is played, for slow motion; `is_stated` is whether the file states the true rate.
+        Rate at which the file is played, for slow motion.
+    is_stated : bool
+        Whether a file in slow motion gives the true rate.
     turn_deg : int
-        Angle by which a viewer turns the frames.
+        Angle by which a viewer rotates the frames.
     finger : bool
         Whether the finger is drawn.
     quality : int
@@ -135,7 +150,7 @@ class PhoneFilm:
 
     @cached_property
     def times_s(self) -> Array:
-        """Time of the first row of each stored frame."""
+        """Time (s) of the first row of each stored frame."""
         times = np.arange(round(self.seconds * self.rate_Hz)) / self.rate_Hz
         kept = np.random.default_rng([self.seed, 3]).random(len(times)) >= self.lost
         kept[0] = True
@@ -146,7 +161,7 @@ class PhoneFilm:
         return np.linspace(0.0, self.strip.specimen.length_mm, _STATIONS)
 
     def deflections_mm(self, time_s: float) -> tuple[float, float]:
-        """Deflection of the tip in both modes at a time."""
+        """Return the deflections (mm) of the tip in the first and in the second mode at a time."""
         first = second = 0.0
         for size, released_s in zip(self.flicks_mm, self.released_s, strict=True):
             since = time_s - released_s
@@ -162,7 +177,7 @@ class PhoneFilm:
         return first, second
 
     def body(self, time_s: float) -> BentBody:
-        """Return the outlines of the near and of the far face at a time, in the world."""
+        """Return the surface of the strip at a time, in the frame of the world."""
         first, second = self.deflections_mm(time_s)
         slope = self.strip.rest_rad + first * self.strip.first_rad + second * self.strip.second_rad
         step = self._along_mm[1]
@@ -176,11 +191,14 @@ class PhoneFilm:
 
     @property
     def at_rest(self) -> BentBody:
-        """The outlines long after the last flick."""
+        """The surface of the strip long after the last flick, in the frame of the world."""
         return self.body(1e6)
 
     def seen(self, first_row_s: float) -> list[Array]:
-        """Return polygons (n, 2) px of the strip, each point at the time at which its row is read."""
+        """Return polygons that show the strip in one frame; each has n corners as x and y in px, shape (n, 2).
+
+        Each corner has its position at the time at which its row of the picture is read.
+        """
         begin = self.scene.to_px(self.body(first_row_s).around)
         rows = np.array([begin[..., 1].min() - 80, begin[..., 1].max() + 80])
         early, late = (self.scene.to_px(self.body(first_row_s + row * self.row_time_s).around) for row in rows)
@@ -204,7 +222,7 @@ class PhoneFilm:
         return picture, beam, mask
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield the stored frames (H, W, 3)."""
+        """Yield the stored frames, each of shape (height, width, 3)."""
         behind, beam, holder = self._behind
         rng = np.random.default_rng([self.scene.seed, 9, self.seed])
         within_s = self.exposure_s * (np.arange(4) / 4 - 3 / 8) if self.exposure_s else np.zeros(1)
@@ -239,7 +257,7 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the rows and the columns that show the strip, or all of them if the picture also shows the finger."""
+        """Return the rows and the columns of the picture that show the strip; all of them if the finger is visible."""
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])
         faces = np.vstack([face for polygons in drawn for face in polygons[:2]])
@@ -266,7 +284,7 @@ class PhoneFilm:
             paint(picture, [self.scene.to_px(np.column_stack([end[:2] + finger, np.full(6, end[2])]))], _SKIN)
 
     def _shakes_px(self) -> Array:
-        """Motion of the picture in every frame: x and y in px, and a rotation in degrees."""
+        """Motion of the phone in every frame: shifts along x and y in px, and a rotation in degrees."""
         rng, time = np.random.default_rng([self.seed, 4]), self.times_s
         motion = np.zeros((len(time), 3))
         for axis in range(3):
@@ -279,7 +297,7 @@ class PhoneFilm:
         return motion
 
     def write(self, path: Path) -> Path:
-        """Write the video as MP4 (MPEG-4 part 2) with the times of the frames."""
+        """Write the video as MP4 (MPEG-4 part 2) with the times of the frames, and return its path."""
         size = self.scene.size if self.turn_deg % 180 == 0 else self.scene.size[::-1]
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), self.rate_Hz, size)
         back = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
@@ -296,9 +314,9 @@ class PhoneFilm:
 
 
 def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axis_deg: float = 0.0) -> HiddenStrip:
-    """Return the motion of a strip whose axis points down from the level by an angle.
+    """Return a strip of a known law, whose clamped axis points down from the level by `axis_deg`.
 
-    The sag is that of the modulus after a minute.
+    The sag at rest has the modulus that the material reaches after a minute.
     """
     law, model = LAWS["neo-hookean"], SolidBeside(specimen, *MESH)
     at_rest_Pa = instantaneous_Pa * float(series.ratio(60.0))
@@ -330,7 +348,7 @@ def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axi
 
 
 def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
-    """Draw a recording: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
+    """Draw a video: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
 
     ``share`` scales the size of the frames.
     """
@@ -381,7 +399,7 @@ def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
 
 
 def typed_sizes(film: PhoneFilm, rng: np.random.Generator) -> dict[str, float]:
-    """Return the dimensions that a person types, measured with a caliper and scales."""
+    """Return the dimensions that a user types after measuring with a caliper and scales, by key."""
     beam = film.strip.specimen
     sigma = SIGMAS
     return {
@@ -393,11 +411,11 @@ def typed_sizes(film: PhoneFilm, rng: np.random.Generator) -> dict[str, float]:
 
 
 SIGMAS = {"length_mm": 0.15, "width_mm": 0.03, "depth_mm": 0.05, "density_kg_m3": 10.0}
-"""Standard uncertainties of what is typed."""
+"""Standard uncertainties of the dimensions that a user types, by key."""
 
 
 def clicked_line(film: PhoneFilm, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
-    """Return where a person clicks on the strip at rest: at the clamp, in the middle, and at the tip."""
+    """Return three pixels (x, y) that a user clicks on the strip at rest: at the clamp, in the middle, at the tip."""
     near = film.at_rest.around[0]
     lower, upper = near[:_STATIONS], near[_STATIONS:][::-1]
     middle = film.scene.to_px(0.5 * (lower + upper))

@@ -1,4 +1,7 @@
-"""A package outside of this project: a supply and a camera that inherit nothing and import only values and errors."""
+"""A package outside of this project with a supply driver and a camera driver.
+
+The drivers have no base class. The package imports only values and errors of this project.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ TIMEOUT_S = 2.0
 
 
 class Mine:
-    """A supply with one output that uses SCPI over a serial line, through pyserial."""
+    """A driver of a supply with one output, which uses SCPI over a serial line through pyserial."""
 
     def __init__(self, address, limits, clock):
         self.limits, self._address, self._clock = limits, address, clock
@@ -110,7 +113,7 @@ class Mine:
 
 
 class Eye:
-    """A camera that shows a dark beam at rest in front of a bright wall; it has no settings."""
+    """A driver of a camera that shows a dark beam at rest in front of a bright wall. The camera has no settings."""
 
     def __init__(self, source, settings):
         if source == "nowhere":
