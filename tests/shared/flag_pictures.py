@@ -110,7 +110,7 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
 
 
 def _on_its_shadow() -> Case:
-    """Return a case with a coloured beam close to a wall. The border of its shadow is a stronger edge than the beam's."""
+    """Return a case with a coloured beam close to a wall. The border of its shadow is a stronger edge than its own."""
     image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
     return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
 
