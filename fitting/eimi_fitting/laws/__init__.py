@@ -1,4 +1,4 @@
-"""Hyperelastic laws, one file for each. The dictionary `LAWS` gives the law that has a name.
+"""Hyperelastic laws, one module for each law. The dictionary `LAWS` maps the name of a law to the law.
 
 law            the interface `Law` that every law implements, and the types of its arguments and results
 neo_hookean    the Neo-Hookean law, one parameter
@@ -15,7 +15,7 @@ search_space   conversion from the unit cube, in which the search moves, to a la
 tensile        engineering stress in uniaxial tension, and the least-squares fit of a tensile test
 cards          material cards for finite-element programs
 
-To add a law from outside the package, assign it: ``LAWS[law.name] = law``.
+Code outside the package adds a law by ``LAWS[law.name] = law``.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Material cards: an identified law in the input format of a finite-element program.
 
 The programs define the constants of the same strain energy differently. Each law converts its parameters to the
-constants of a program (`Law.card`), and raises NotInSolver if the program does not have the law. No term is ever
-dropped. This module writes the constants in the format of each program. With the determinant J of the deformation
-gradient and the bulk modulus K, the energies of the volume are:
+constants of a program (`Law.card`), and raises NotInSolver if the program does not have the law. No term of the strain
+energy is ever left out. This module writes the constants in the format of each program. With the determinant J of the
+deformation gradient and the bulk modulus K, the volumetric energies of the programs are:
 
     abaqus, calculix   (J-1)^2/D1, D1 = 2/K
     ansys              (J-1)^2/d, d = 2/K
@@ -11,7 +11,7 @@ gradient and the bulk modulus K, the energies of the volume are:
     febio              K/2 (J-1)^2, FEBio's pressure_model 2
     sofa               K/2 ln(J)^2
 
-Moduli are in MPa (lengths in mm, forces in N). In COMSOL's card each value carries its unit.
+Moduli are in MPa (lengths in mm, forces in N). In the card for COMSOL each value has a unit.
 
 Sources: Abaqus Analysis User's Guide, hyperelastic behavior of rubberlike materials; CalculiX CrunchiX User's Manual,
 *HYPERELASTIC; ANSYS Material Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic
@@ -46,13 +46,14 @@ class Material:
     parameters
         (n,) parameters in the order of the law; moduli in Pa.
     bulk_modulus_Pa
-        Bulk modulus, chosen by the user.
+        Bulk modulus in Pa, chosen by the user.
     name
         Name of the material in the program: letters, digits, ``_`` and ``-``.
     origin
         Comments on where the parameters come from, and for which strains they are valid.
     relaxation
-        Prony series of one material. The moduli in ``parameters`` are then instantaneous moduli. None without a series.
+        Prony series of the material. The moduli in ``parameters`` are then instantaneous moduli. None: the material
+        does not relax.
 
     Examples
     --------
@@ -70,7 +71,7 @@ class Material:
 
     @property
     def long_term(self) -> Material:
-        """The same material with long-term moduli. Without a Prony series, the moduli are the same."""
+        """The same material with long-term moduli; without a Prony series, the moduli are not changed."""
         if self.relaxation is None:
             return self
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
@@ -78,11 +79,11 @@ class Material:
         return replace(self, parameters=scaled)
 
     def named_Pa(self) -> dict[str, float]:
-        """Return the parameters by name; moduli in Pa."""
+        """Return the parameters of the law by name; moduli in Pa."""
         return self._named(self.parameters)
 
     def named_MPa(self) -> dict[str, float]:
-        """Return the parameters by name; moduli in MPa."""
+        """Return the parameters of the law by name; moduli in MPa."""
         return self._named(moduli_in_MPa(self.parameters, self.law.units))
 
     def _named(self, parameters: Array) -> dict[str, float]:
@@ -113,7 +114,7 @@ def material_card(solver: str, material: Material) -> str:
     Returns
     -------
     str
-        The text of the card. Moduli are in MPa. In COMSOL's card each value carries its unit.
+        The text of the card. Moduli are in MPa. In the card for COMSOL each value has a unit.
 
     Raises
     ------
@@ -178,7 +179,7 @@ _MPA = "mm, N, MPa, tonne, s"
 
 
 def _rows(constants: CardConstants, length: int) -> list[list[str]]:
-    """Return the formatted constants in rows of at most ``length``."""
+    """Return the formatted constants of a law in rows of at most ``length`` constants."""
     values = [_number(value) for value in constants.constants.values()]
     return [values[i : i + length] for i in range(0, len(values), length)]
 
@@ -190,8 +191,8 @@ _WITHOUT_TIME = "this program has no Prony series for a hyperelastic material; t
 def _keyword_card(solver: str, material: Material, advice: str, moduli: str = "", more: Sequence[str] = ()) -> str:
     """Return a card with *MATERIAL and *HYPERELASTIC for Abaqus or CalculiX.
 
-    Eight constants stand in a line. ``advice`` is a comment, ``moduli`` an option of *HYPERELASTIC, and ``more`` are
-    lines at the end.
+    Eight constants stand in a line. ``advice`` is a comment, ``moduli`` is an option of *HYPERELASTIC, and ``more``
+    contains lines for the end of the card.
     """
     constants = material.constants_for(solver)
     volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"
@@ -222,7 +223,7 @@ def _calculix(material: Material) -> str:
 
 
 def _ansys(material: Material) -> str:
-    """Return a card for ANSYS: the law's TB command (its keyword), and TBDATA commands with six constants each."""
+    """Return a card for ANSYS: the TB command of the law, and TBDATA commands with six constants each."""
     constants = material.constants_for("ansys")
     volume = constants.volume or "(J - 1)^2/d, d = 2/K"
     time = [] if material.relaxation is None else [_INSTANTANEOUS]
@@ -239,7 +240,7 @@ def _ansys(material: Material) -> str:
 def _comsol(material: Material) -> str:
     """Return a table for COMSOL's command Parameters, Load from File: name, expression and description.
 
-    The format has no comments. Therefore the comments are written as description of the row ``eimi_origin``.
+    The format has no comments. The comments are therefore the description of the row ``eimi_origin``.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME.replace("this program", "this card for COMSOL")]
     material = material.long_term
@@ -263,7 +264,7 @@ def _comment(notes: Sequence[str]) -> str:
 
 
 def _febio(material: Material) -> str:
-    """Return a <material> element for FEBio. Its type is the law's keyword, and each constant is a child element."""
+    """Return a <material> element for FEBio; its type is the law's keyword, and each constant is a child element."""
     series, material = material.relaxation, material.long_term
     constants = material.constants_for("febio")
     tags = {**constants.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
@@ -285,11 +286,11 @@ def _febio(material: Material) -> str:
 
 
 def _sofa(material: Material) -> str:
-    """Return a force field for SOFA.
+    """Return the force field TetrahedronHyperelasticityFEMForceField for SOFA.
 
-    materialName is the law's keyword. ParameterSet contains all constants, including those of the volume energy.
-    Versions of SOFA after v26.06 also have HyperelasticityFEMForceField, with a component for each law. The comments
-    give the values of this component.
+    materialName is the law's keyword. ParameterSet contains all constants, including the constants of the volumetric
+    energy. Versions of SOFA after v26.06 also have HyperelasticityFEMForceField, with a component for each law. The
+    comments in the card give the constants for this component.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME]
     material = material.long_term

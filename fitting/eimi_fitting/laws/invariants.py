@@ -1,8 +1,8 @@
 """Base classes for laws W(I1, I2): the chain rule from the derivatives of W to the results of a `Law`.
 
-I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass gives W and its
-derivatives. The classes of this module compute energies of planar deformations and of principal stretches, stability
-and tensile fits.
+I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass provides W and the
+derivatives of W. From these, the classes compute the energy of planar deformations, the energy as a function of
+principal stretches, the stability limit and tensile fits.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class _Invariant(NamedTuple):
 
 
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the first isochoric invariant of planar deformations and its derivatives by a and J, see `laws.law`."""
+    """Return the first isochoric invariant I1 of planar deformations and its derivatives, see `laws.law`."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
@@ -45,7 +45,7 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the second isochoric invariant of planar deformations and its derivatives by a and J, see `laws.law`."""
+    """Return the second isochoric invariant I2 of planar deformations and its derivatives, see `laws.law`."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
@@ -60,7 +60,7 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 class InvariantEnergy(ABC):
-    """A strain energy W(x, y) of x = I1 - 3 and y = I2 - 3 that is linear in y and has no product of x and y.
+    """A strain energy W(x, y) with x = I1 - 3 and y = I2 - 3, linear in y and without a product of x and y.
 
     Attributes
     ----------

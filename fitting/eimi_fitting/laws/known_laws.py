@@ -1,4 +1,4 @@
-"""The dictionary of the laws by their names. The error for an unknown name suggests the most similar name."""
+"""The dictionary of the hyperelastic laws by name. The error for an unknown name suggests the most similar name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class UnknownLaw(KeyError):
 
 
 class KnownLaws(dict[str, Law]):
-    """A dictionary of laws by their names. ``LAWS[law.name] = law`` adds a law.
+    """A dictionary of hyperelastic laws by name. ``LAWS[law.name] = law`` adds a law.
 
     Examples
     --------

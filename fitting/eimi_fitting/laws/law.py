@@ -1,15 +1,15 @@
-"""The interface of a hyperelastic law, and the types of its arguments and results.
+"""The interface of a hyperelastic law, and the types of the arguments and results of its methods.
 
 Let F be the deformation gradient in the plane. The strain energy psi of an isotropic law in a planar deformation
-depends on two numbers only: a = F : F and J = det F. A planar element therefore needs psi(a, J) and its five first and
-second derivatives. There are two planar sections:
+depends only on a = F : F and J = det F. A planar element therefore needs psi(a, J) and the five first and second
+derivatives of psi. There are two planar sections:
 
 plane strain   The third principal stretch is 1. The isochoric invariants are I1 = J^(-2/3) (a + 1) and
                I2 = J^(-4/3) (a + J^2). The element adds the energy of the volume, with the pressure as an unknown.
 plane stress   The material is incompressible and the third principal stretch is 1/J. The invariants are
                I1 = a + J^-2 and I2 = J^2 + a J^-2. No pressure is needed.
 
-Stability, tensile tests and solid elements use the energy as a function of the principal stretches.
+For stability, tensile tests and solid elements, the energy is a function of the principal stretches.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class PlanarEnergy(NamedTuple):
     Parameters
     ----------
     value
-        psi, in the unit of the moduli. All six arrays have the shape of ``a``.
+        Strain energy density psi, in the unit of the moduli. All six arrays have the same shape.
     a, J
         First derivatives, d psi/d a and d psi/d J.
     aa, aJ, JJ
@@ -58,9 +58,9 @@ class Coordinate:
     Parameters
     ----------
     name
-        Name for messages and reports.
+        Name of the coordinate in messages and reports.
     lower, upper
-        Bounds of the search. They were chosen in this project unless a source is cited.
+        Bounds of the search. The bounds were chosen in this project unless a source is cited.
     """
 
     name: str
@@ -70,14 +70,14 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class StressFit:
-    """Result of a least-squares fit to a tensile curve, for a law with n parameters.
+    """Result of a least-squares fit of a law with n parameters to a tensile curve.
 
     Parameters
     ----------
     parameters
         (n,) fitted parameters; moduli in the unit of the stress.
     intervals
-        (n, 2) lower and upper ends of the 95 % intervals.
+        (n, 2) lower end (column 0) and upper end (column 1) of the 95 % interval of each parameter.
     held_by_bounds
         (n,) True where the bounds of the search, and not the data, limit the parameter.
     modulus_half_width
@@ -98,14 +98,14 @@ class StressFit:
 
 @dataclass(frozen=True)
 class CardConstants:
-    """The constants of a law as one finite-element program defines them. `laws.cards` writes them into a material card.
+    """The constants of a law as a finite-element program defines them; `laws.cards` writes a material card with them.
 
     Parameters
     ----------
     keyword
         The program's name of the law.
     constants
-        Value of each constant by name, in the program's order. A string is an expression.
+        Value of each constant by name, in the order of the program. A value that is a string is an expression.
     dimensionless
         Names of the constants that are not moduli.
     meaning
@@ -125,19 +125,19 @@ class CardConstants:
 
 
 class CannotFit(Exception):
-    """A tensile test has too few rows in the window, or the law cannot produce the measured stresses."""
+    """A tensile test has too few rows in the window of strains, or the law cannot produce the measured stresses."""
 
 
 class NotInSolver(Exception):
-    """The finite-element program does not have the law, or cannot represent it completely."""
+    """A finite-element program does not have a hyperelastic law, or cannot represent the law completely."""
 
 
 class Law(Protocol):
     """A hyperelastic law with n parameters.
 
-    Parameters are arrays of shape (..., n), whose leading axes are broadcast against the deformations. All moduli have
-    the same unit of stress, which may be any unit. Energies then have this unit. A law that is a function of the
-    invariants can inherit everything except its energy from `laws.invariants.InvariantLaw`.
+    Parameters are arrays of shape (..., n). The leading axes are broadcast against the arrays of deformations. All
+    moduli have the same unit of stress, which may be any unit, and strain energies have this unit too. A law that is a
+    function of the invariants can inherit most methods from `laws.invariants.InvariantLaw`.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class Law(Protocol):
 
     @property
     def formula(self) -> str:
-        """The strain energy as one line of text."""
+        """The formula of the strain energy as one line of text."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -168,9 +168,10 @@ class Law(Protocol):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The coordinates of a search: the initial shear modulus (Pa), then dimensionless numbers.
+        """The coordinates in which the law's parameters are searched: the initial shear modulus (Pa), then ratios.
 
-        The search uses the logarithm of the initial shear modulus, and the other coordinates on a linear scale.
+        The ratios are dimensionless. The search uses a logarithmic scale for the initial shear modulus and a linear
+        scale for the ratios.
         """
 
     def from_coordinates(self, x: Array) -> Array:
@@ -188,7 +189,7 @@ class Law(Protocol):
         """
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the shear modulus at zero strain.
+        """Return the shear modulus of the law at zero strain.
 
         Parameters
         ----------
@@ -232,8 +233,8 @@ class Law(Protocol):
         Returns
         -------
         energy, gradient, hessian
-            Arrays of shape (...), (..., 3) and (..., 3, 3). The derivatives are by the logarithms of the three
-            stretches.
+            Strain energies (...), first derivatives (..., 3) and second derivatives (..., 3, 3) by the logarithms of
+            the three stretches.
         """
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
@@ -244,13 +245,13 @@ class Law(Protocol):
         parameters
             (P, n) parameters of P candidates.
         largest_stretch
-            (P,) stretches, at least 1. Larger stretches need not be examined.
+            (P,) stretches, at least 1, up to which the stability of each candidate is examined.
 
         Returns
         -------
         Array
-            (P,) largest stretches: 0 if the candidate is unstable even at rest; any number above ``largest_stretch`` if
-            the candidate is stable up to ``largest_stretch``.
+            (P,) largest stretches up to which the candidates are stable. The result is 0 if a candidate is unstable
+            even at rest, and any number above ``largest_stretch`` if it is stable up to ``largest_stretch``.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
@@ -261,12 +262,12 @@ class Law(Protocol):
         strain, stress
             (m,) engineering strains and engineering stresses.
         weight
-            (m,) factors by which the residuals are multiplied.
+            (m,) factors by which the residuals of the stress are multiplied.
 
         Raises
         ------
         CannotFit
-            If the law cannot produce such stresses.
+            If the law cannot produce the given stresses.
         """
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
@@ -277,8 +278,7 @@ class Law(Protocol):
         solver
             Name of the program, usually one of `laws.cards.SOLVERS`.
         p
-            Parameters by name.
-        bulk
+            Parameters of the law by name. bulk
             Bulk modulus, in the unit of the moduli in ``p``.
 
         Raises

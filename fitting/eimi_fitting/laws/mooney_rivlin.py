@@ -9,8 +9,8 @@ determinant of the restricted Hessian (defined in `laws.stability`) is, up to a 
 
 If C01 or C10 is negative, D decreases with I1 and I2 wherever it could become zero. I1 and I2 are convex functions of
 the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest I2 and the
-smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The limit is the smallest root of a
-polynomial in one unknown.
+smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The stability limit follows from the
+smallest positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters (P, 2) of P candidates from the coordinates of the search, (P, 2).
+        """Return the parameters C10 and C01 of P candidates, (P, 2), from the coordinates of the search, (P, 2).
 
         The coordinates are 2 (C10 + C01) and C01/(C10 + C01).
         """
@@ -55,7 +55,7 @@ class MooneyRivlin(InvariantLaw):
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus, 2 (C10 + C01)."""
+        """Return the initial shear modulus of the Mooney-Rivlin law, 2 (C10 + C01)."""
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -68,8 +68,8 @@ class MooneyRivlin(InvariantLaw):
         """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
 
         If C01 < 0, the stress reaches its maximum at this stretch. If C10 < 0, the two equal stretches become unequal
-        at this stretch, where C10 q + C01/q = 0 with the square q of the stretch. Infinity if neither is negative; 0 if
-        C10 + C01 is not positive.
+        at this stretch, where C10 q + C01/q = 0 with the square q of the stretch. The result is infinity if neither C10
+        nor C01 is negative, and 0 if C10 + C01 is not positive.
         """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)
@@ -79,11 +79,11 @@ class MooneyRivlin(InvariantLaw):
         return np.where(c10 + c01 > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares, because the stress is linear in both parameters."""
+        """Fit the Mooney-Rivlin law to a tensile curve by linear least squares, see `Law.fit_stress`."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law for a program of `laws.cards.SOLVERS`, all of which have the law."""
+        """Return the constants of the Mooney-Rivlin law for any program of `laws.cards.SOLVERS`."""
         c10, c01 = p["C10"], p["C01"]
         match solver:
             case "abaqus" | "calculix":

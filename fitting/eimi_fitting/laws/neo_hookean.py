@@ -29,11 +29,11 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the shear modulus mu of P candidates, (P, 1), which is the only coordinate and the only parameter."""
+        """Return the parameter mu of P candidates, (P, 1), from the only coordinate of the search, which is also mu."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the shear modulus mu."""
+        """Return the initial shear modulus of the Neo-Hookean law, mu."""
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -43,15 +43,15 @@ class NeoHookean(InvariantLaw):
         return half * x, half + zero, zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return infinity for each candidate with a positive modulus, which is stable everywhere, and otherwise 0."""
+        """Return the largest stable stretch of each of P candidates, (P,): infinity if mu is positive, otherwise 0."""
         return np.where(parameters[:, 0] > 0, np.inf, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares, because the stress is linear in mu."""
+        """Fit the Neo-Hookean law to a tensile curve by linear least squares, see `Law.fit_stress`."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law for a program of `laws.cards.SOLVERS`, all of which have the law."""
+        """Return the constants of the Neo-Hookean law for any program of `laws.cards.SOLVERS`."""
         mu = p["mu"]
         match solver:
             case "abaqus" | "calculix":

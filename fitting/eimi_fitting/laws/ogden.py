@@ -9,8 +9,8 @@ as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 Stability. The Hessian (defined in `laws.stability`) is diagonal with the entries f(ln lambda_i), where f(e) = sum over
 p of mu_p alpha_p exp(alpha_p e). The restricted quadratic form increases with each entry. A lower bound of f on
 intervals therefore proves that all deformations of a cell of stretches are stable (`laws.stable_cells`). Unlike a scan,
-this cannot overlook an unstable deformation between sampled points. A cell that cannot be proved stable counts as
-unstable.
+this proof cannot overlook an unstable deformation between sampled deformations. A cell that cannot be proved stable
+counts as unstable.
 
 Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
 is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without both
@@ -50,9 +50,10 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return how many terms of the series of `_cosh_of_scaled_angle` the second derivative needs for full precision.
+    """Return the number of terms that the series of `_cosh_of_scaled_angle` needs for full precision, at most ten.
 
-    nu2: largest square of nu; z: largest c - 1. The number is at most ten.
+    The number suffices for the second derivative. nu2: largest square of nu; z: largest c - 1. `_cosh_of_scaled_angle`
+    defines nu and c.
     """
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
@@ -126,7 +127,7 @@ class Ogden:
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters (P, 6) of P candidates from coordinates of the search (P, 6).
+        """Return the parameters mu_p and alpha_p of P candidates, (P, 6), from the coordinates of the search, (P, 6).
 
         The initial shear modulus mu0 is divided among the terms: mu_p alpha_p = 2 mu0 w_p, where the sum of the
         fractions w_p is 1. The coordinates are mu0, w_1, w_2/(1 - w_1) and the three exponents.
@@ -138,13 +139,13 @@ class Ogden:
         return np.stack([mu, alpha], axis=-1).reshape(len(x), 6)
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus, half the sum of mu_p alpha_p."""
+        """Return the initial shear modulus of the Ogden law, half the sum of mu_p alpha_p over its three terms."""
         return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
         """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`.
 
-        The result is also accurate at equal stretches.
+        The result is also accurate if the two stretches in the plane are equal.
         """
         over_J = 1 / J
         c = 0.5 * a * over_J
@@ -187,7 +188,8 @@ class Ogden:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch up to which each of P candidates is proved stable, (P,).
 
-        Infinity if every mu_p alpha_p is positive; 0 if the initial shear modulus is not positive.
+        The result is infinity if mu_p alpha_p is positive for all three terms p, and 0 if the initial shear modulus is
+        not positive.
         """
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
@@ -200,11 +202,11 @@ class Ogden:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve: search the exponents, with linear least squares for the moduli."""
+        """Fit the Ogden law to a tensile curve: search the exponents, with linear least squares for the moduli."""
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law for a finite-element program: one term for SOFA, otherwise three terms."""
+        """Return the constants of the Ogden law for a finite-element program: one term for SOFA, else three terms."""
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
         match solver:
@@ -258,7 +260,7 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Search the exponents from several starts, with non-negative least squares for the moduli at each step."""
+    """Fit the Ogden law: search the exponents from several starts, with least squares for non-negative moduli."""
     from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 
     lower = np.array([c.lower for c in law.coordinates[-3:]])
@@ -296,7 +298,7 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
 def _with_intervals(
     law: Law, parameters: Array, strain: Array, residual: Array, weight: Array, ranges: Array
 ) -> StressFit:
-    """Return the fit with its 95 % intervals.
+    """Return the tensile fit of the Ogden law with its 95 % intervals.
 
     The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 to the initial shear
     modulus, for terms with a positive contribution. The range of an exponent is used as a normal prior with the

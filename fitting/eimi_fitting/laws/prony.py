@@ -52,19 +52,19 @@ class Prony:
 
     @property
     def long_term(self) -> Array:
-        """The long-term modulus divided by the instantaneous modulus, (...)."""
+        """The long-term modulus divided by the instantaneous modulus, shape (...), one ratio for each series."""
         return np.asarray(1 - np.sum(self.g, axis=-1))
 
     def ratio(self, time_s: ArrayLike) -> Array:
-        """Return mu(t) / mu_0 at m times, (..., m), or at one time, (...)."""
+        """Return the relaxing modulus mu(t) divided by mu_0 = mu(0), at m times, (..., m), or at one time, (...)."""
         time = np.asarray(time_s, float)
         gone = -np.expm1(-time[..., None] / _with_axes(self.tau_s, time.ndim))
         return np.asarray(1 - np.sum(_with_axes(self.g, time.ndim) * gone, axis=-1))
 
     def complex_ratio(self, s: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return mu*(s) / mu_0 for complex rates s (..., m) in 1/s, in the shape of s.
+        """Return the complex modulus mu*(s) divided by mu_0, for complex rates s (..., m) in 1/s, in the shape of s.
 
-        A single rate s, with shape (), is possible for a single series.
+        Here mu_0 is the instantaneous modulus. For a single series, s may be a single rate with shape ().
         """
         axes = min(np.ndim(s), 1)
         rate = np.asarray(s, complex)[..., None]
@@ -78,5 +78,5 @@ class Prony:
 
 
 def _with_axes(values: Array, axes: int) -> Array:
-    """Return values (..., n) with additional axes of length 1 before the last axis, one for each axis of the times."""
+    """Return an array (..., n) with ``axes`` additional axes of length 1 before its last axis."""
     return values if axes == 0 else values.reshape(*values.shape[:-1], *[1] * axes, values.shape[-1])

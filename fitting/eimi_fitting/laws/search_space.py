@@ -1,6 +1,6 @@
 """Conversion from the unit cube, in which the search moves, to the parameters of a law.
 
-The search varies coordinates between 0 and 1. They are mapped to the physical coordinates of the law
+The search varies coordinates between 0 and 1. These unit coordinates are mapped to the physical coordinates of the law
 (`Law.coordinates`): the initial shear modulus on a logarithmic scale, and dimensionless ratios on a linear scale. A
 bending test determines the initial shear modulus well and the ratios poorly. Therefore the initial shear modulus is a
 coordinate of its own.
@@ -11,7 +11,8 @@ the bending stiffness depends on Young's modulus E and Poisson's ratio nu as
     E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu).
 
 A quarter of E / (1 - nu^2) then replaces mu as the first coordinate. For an incompressible material this quarter equals
-mu. Above K/mu = 100 the shapes hardly depend on K, and the interval of K/mu ends at the upper bound.
+mu. Above K/mu = 100 the shapes of the beam hardly depend on K. The upper end of the 95 % interval of K/mu is then the
+upper bound of the search.
 """
 
 from __future__ import annotations
@@ -55,27 +56,33 @@ class SearchSpace:
         return self.names[-1] == BULK_NAME
 
     def with_bulk(self) -> SearchSpace:
-        """Return a search space with the bulk modulus as an additional last coordinate."""
+        """Return the same search space with the bulk modulus as an additional last coordinate."""
         low, high = BULK_DECADES
         names = (STIFFNESS_NAME, *self.names[1:], BULK_NAME)
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa at P points (P, m) of the unit cube; None if K is not a coordinate."""
+        """Return the bulk moduli at P points (P, m) of the unit cube, (P,) in Pa; None if K is not a coordinate.
+
+        The search has m coordinates, and K is the bulk modulus.
+        """
         if not self.has_bulk:
             return None
         x = self.physical(unit)
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear moduli (P,) in Pa for P points with the physical coordinates (P, m)."""
+        """Return the initial shear moduli for P candidates with m physical coordinates each, (P,) in Pa.
+
+        x: the physical coordinates, (P, m).
+        """
         if not self.has_bulk:
             return x[:, 0]
         three = 3 * 10.0 ** x[:, -1]  # 3 K / mu
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Return the physical coordinates (P, m) of P points (P, m) of the unit cube."""
+        """Return the m physical coordinates of the law, (P, m), at P points of the unit cube, (P, m)."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -83,7 +90,7 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Return the n parameters of the law, (P, n), at P points (P, m) of the unit cube."""
+        """Return the n parameters of the law, (P, n), at P points of the unit cube with m coordinates, (P, m)."""
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
         return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))

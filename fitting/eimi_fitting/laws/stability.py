@@ -1,4 +1,4 @@
-"""Drucker's stability criterion: whether a larger strain always needs a larger stress.
+"""Drucker's stability criterion for hyperelastic laws: whether a larger strain always needs a larger stress.
 
 A law is stable at a deformation if the increments of Kirchhoff stress tau and logarithmic strain eps do positive work,
 d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). This is equivalent to a positive
@@ -9,8 +9,8 @@ A law is stable up to the stretch L if it is stable at every isochoric deformati
 L. In the space of logarithmic stretches these deformations form a triangle. The corners of the triangle are equibiaxial
 tension, and the middles of its sides are uniaxial tension, both with the largest stretch L.
 
-`Law.drucker_limit` returns the largest such L. The method is a closed form where the algebra of the law permits it, a
-proof over cells of stretches for Ogden's law, and otherwise a scan of the triangle.
+`Law.drucker_limit` returns the largest such L. The limit is computed in closed form if the law permits it, by a proof
+over cells of stretches for Ogden's law, and otherwise by a scan of the triangle.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _HALVINGS = 30
 
 
 def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
-    """Return the stretch up to which each candidate fulfils Drucker's criterion, at most the stretch reached.
+    """Return the stretch up to which each candidate fulfils Drucker's criterion, at most the stretch ``reached``.
 
     Parameters
     ----------
@@ -89,7 +89,8 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     This is `Law.drucker_limit` for a law without a criterion in closed form. The scan has 48 levels of the largest
     stretch with equal steps of its logarithm. At each level it examines 61 deformations from uniaxial through planar to
     equibiaxial tension. Let the first unstable level be the first level with an unstable deformation. Bisection finds
-    the limit between this level and the level before it. Deformations between the sampled ones are not examined.
+    the limit between this level and the level before it. Deformations between the sampled deformations are not
+    examined.
 
     Parameters
     ----------
@@ -123,8 +124,8 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
     """Return, for each of P candidates, whether all scanned deformations at one level are stable, (P,).
 
-    A level is a value of the largest principal stretch. largest: the logarithm of this stretch for each candidate,
-    (P,).
+    All deformations of a level have the same largest principal stretch. largest: the logarithm of this stretch for each
+    candidate, (P,).
     """
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))
@@ -140,7 +141,7 @@ def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.boo
 
 
 def smallest_positive_root(coefficients: Array) -> Array:
-    """Return the smallest positive root of each of P polynomials.
+    """Return the smallest positive root of each of P polynomials of degree m.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Proof of Drucker stability over cells of deformations, for a strain energy with a diagonal Hessian.
 
-`laws.stability` defines the criterion, and the triangle that the deformations form. For a strain energy such as
-Ogden's, the Hessian by the logarithmic stretches e_i is diagonal with the entries f(e_i). Here f(e) is the sum over p
-of weight_p exp(alpha_p e). A lower bound of f on intervals of e therefore proves that every deformation of a cell is
-stable.
+`laws.stability` defines Drucker's criterion, and the triangle of deformations that is examined. For a strain energy
+such as Ogden's, the Hessian by the logarithmic stretches e_i is diagonal with the entries f(e_i). Here f(e) is the sum
+over p of weight_p exp(alpha_p e). A lower bound of f on intervals of e therefore proves that every deformation of a
+cell is stable.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ _MOST_CELLS = 100_000
 
 
 def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
-    """Return the logarithm of the stretch up to which every cell of the triangle is proved stable.
+    """Return the logarithm of the stretch up to which all deformations are proved to be stable.
 
-    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest of them, and s runs from
-    -1/2 (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l times an
-    interval of s. Each cell is divided into four until it is proved stable, or until a deformation with a smaller l is
-    known to be unstable.
+    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest logarithmic stretch, and s
+    runs from -1/2 (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l
+    times an interval of s. Each cell is divided into four cells until all deformations of the cell are proved stable,
+    or until a deformation with a smaller l is known to be unstable.
 
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents of f (see the module) for P candidates.
+        (P, 3) weights and exponents of the three terms of f(e) for P candidates, see the module `laws.stable_cells`.
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 
@@ -87,5 +87,5 @@ def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array
 
 
 def _is_positive_definite(a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
-    """Return whether the matrix diag(a, b, c) is positive definite on increments whose sum is zero."""
+    """Return whether the matrix diag(a, b, c) is positive definite for all vectors whose components add up to zero."""
     return np.asarray((a + b + c > 0) & (a * b + b * c + c * a > 0))

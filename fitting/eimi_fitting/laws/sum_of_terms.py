@@ -1,7 +1,7 @@
-"""A law whose strain energy is a sum of terms with one coefficient each. `eimi_fitting.discovery` selects the terms.
+"""A hyperelastic law whose strain energy is a sum of selectable terms, each with one coefficient.
 
-Let x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2, and let l1, l2, l3 be the principal stretches.
-The terms are:
+`eimi_fitting.discovery` selects the terms. Let x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2, and
+let l1, l2, l3 be the principal stretches. The terms are:
 
     i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
     i1^2, i1^3       C x^2 and C x^3 of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
@@ -50,7 +50,7 @@ _UNUSED_EXPONENT = 2.0  # exponent of an Ogden term with zero modulus; any non-z
 
 @dataclass(frozen=True)
 class Term:
-    """One term of the strain energy; the module `laws.sum_of_terms` lists the terms.
+    """One term of the strain energy of a `SumOfTerms`; the module `laws.sum_of_terms` lists the terms.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Term:
 
     @property
     def formula(self) -> str:
-        """The strain energy of the term as text."""
+        """The formula of the term's strain energy as text."""
         match self.kind:
             case "gent":
                 return f"-mu {self.number:g}/2 ln(1 - (I1 - 3)/{self.number:g})"
@@ -129,7 +129,7 @@ class Term:
 
 @dataclass(frozen=True)
 class _Invariants(InvariantEnergy):
-    """The sum of the terms that are functions of the invariants, without the Ogden terms."""
+    """The sum of those terms of a strain energy that are functions of the invariants, without the Ogden terms."""
 
     terms: tuple[Term, ...]
     needs_second = True
@@ -161,7 +161,7 @@ class _Invariants(InvariantEnergy):
 
 @dataclass(frozen=True)
 class SumOfTerms:
-    """A law whose strain energy is a sum of terms.
+    """A hyperelastic law whose strain energy is a sum of terms, see the module `laws.sum_of_terms`.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class SumOfTerms:
 
     @staticmethod
     def of(*names: str) -> SumOfTerms:
-        """Create the law from the names of its terms. `Term.of` raises ValueError for an unknown name."""
+        """Create the law from the names of its terms. Raise ValueError for an unknown name."""
         return SumOfTerms(tuple(Term.of(name) for name in names))
 
     @property
@@ -191,24 +191,25 @@ class SumOfTerms:
 
     @property
     def formula(self) -> str:
-        """The strain energy as one line of text."""
+        """The formula of the strain energy as one line of text."""
         return "W = " + " + ".join(term.formula for term in self.terms)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The names of the parameters, one for each term."""
+        """The names of the law's parameters, one for each term."""
         return tuple(f"{'mu' if term.has_modulus else 'C'} of {term.name}" for term in self.terms)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The units of the parameters, Pa for each."""
+        """The unit of each parameter of the law: Pa for all parameters."""
         return ("Pa",) * len(self.terms)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of each term except one.
 
-        The term that is left out is the first term whose coefficient contributes to mu0.
+        Here mu or C is the coefficient of the term. The excluded term is the first term whose coefficient contributes
+        to mu0.
         """
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
@@ -222,10 +223,10 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the coefficients of the terms for P candidates, from coordinates (P, m).
+        """Return the coefficients of the m terms for P candidates, (P, m), from the coordinates of the search, (P, m).
 
-        The first term that contributes to the initial shear modulus mu0 gets the part of mu0 that the other terms
-        leave.
+        The first term that contributes to the initial shear modulus mu0 contributes mu0 minus the contributions of the
+        other terms.
         """
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
@@ -236,7 +237,7 @@ class SumOfTerms:
         return np.array([float(term.has_modulus) for term in self.terms])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus: the sum of the coefficients mu."""
+        """Return the initial shear modulus of the law: the sum of the coefficients that contribute to it."""
         return np.asarray(parameters @ self._has_modulus)
 
     @cached_property
@@ -250,7 +251,7 @@ class SumOfTerms:
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
         """Return the parameters (..., 6) of Ogden laws with three terms each, which together contain all Ogden terms.
 
-        The coefficient mu of a term becomes mu_p = 2 mu/alpha of the law `Ogden`.
+        The coefficient mu and the exponent alpha of a term give the modulus mu_p = 2 mu/alpha of the law `Ogden`.
         """
         laws = []
         for first in range(0, len(self._ogden), 3):
@@ -281,7 +282,7 @@ class SumOfTerms:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the largest stable stretch of each of P candidates, (P,).
 
-        Infinity if no coefficient is negative; otherwise the result of `laws.stability.scanned_limit`.
+        The result is infinity if no coefficient is negative, and otherwise that of `laws.stability.scanned_limit`.
         """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)
@@ -290,9 +291,9 @@ class SumOfTerms:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares, because the stress is linear in all coefficients."""
+        """Fit the law to a tensile curve by linear least squares, because the stress is linear in all coefficients."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Raise NotInSolver, because no finite-element program has such a sum."""
+        """Raise NotInSolver, because no finite-element program has a law with a sum of such terms."""
         raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

@@ -1,11 +1,11 @@
-"""Least-squares fit of a law to a uniaxial tensile test, the conventional identification.
+"""Least-squares fit of a hyperelastic law to a uniaxial tensile test, the conventional identification.
 
 Stress. In incompressible uniaxial tension with the stretch lambda, the logarithmic strains are (h, -h/2, -h/2) with
 h = ln(lambda). Let g be the gradient of the strain energy W by the logarithmic stretches. The engineering stress is
 
     s = dW/dlambda = (g1 - (g2 + g3)/2) / lambda.
 
-Fit. The stress of every law is linear in the moduli. If it is linear in every parameter, the fit is a linear
+Fit. The stress of every law is linear in the moduli. If the stress is linear in every parameter, the fit is a linear
 least-squares problem without constraints. For any other law, the dimensionless coordinates (`Law.coordinates`) are
 searched within their bounds from several starts, and the modulus is computed by least squares at each step.
 
@@ -45,13 +45,13 @@ class TensileFit:
     parameters
         (n,) fitted parameters in the order of the law; moduli in Pa.
     intervals
-        (n, 2) lower and upper ends of the 95 % intervals of the parameters.
+        (n, 2) lower end (column 0) and upper end (column 1) of the 95 % interval of each parameter.
     initial_shear_modulus_Pa, initial_shear_modulus_interval_Pa
-        Initial shear modulus and its 95 % interval.
+        Initial shear modulus in Pa, and lower and upper end of its 95 % interval in Pa.
     rmse_Pa
         Root mean square error of the engineering stress over the rows that were used.
     rows, rows_left_out
-        Number of rows that were used, and of rows in the window that were left out.
+        Number of rows of the curve that were used, and number of rows in the window of strains that were left out.
     max_strain
         Largest engineering strain among the rows that were used.
     correlation_rows
@@ -59,8 +59,8 @@ class TensileFit:
     correlation
         (n, n) correlation matrix of the errors of the parameters.
     not_fixed
-        Names of the parameters that the data do not determine. Such an interval contains zero, or the bounds of the
-        search limit it.
+        Names of the parameters that the data do not determine. The interval of such a parameter contains zero, or is
+        limited by the bounds of the search.
     stable_to
         Largest stretch up to which the fitted law is stable; None if it is stable up to a stretch of 6 (see
         `laws.stability.stable_up_to`).
@@ -127,19 +127,20 @@ def fit_tensile(
     strain, stress_Pa
         (m,) engineering strains, and engineering stresses in Pa.
     largest_strain
-        End of the window. Rows with a larger strain are ignored.
+        End of the window of strains. Rows with a larger strain are ignored.
     relative
         Divide each residual by the measured stress, and leave out rows whose stress is not positive.
 
     Returns
     -------
     TensileFit
-        Parameters in Pa with their 95 % intervals, the misfit and the stability.
+        The parameters (moduli in Pa) with their 95 % intervals, the misfit and the stability limit.
 
     Raises
     ------
     CannotFit
-        If the window has no more rows than the law has parameters, or if the law cannot produce such stresses.
+        If the number of rows in the window does not exceed the number of parameters, or if the law cannot produce the
+        measured stresses.
 
     Examples
     --------
@@ -182,7 +183,7 @@ def fit_tensile(
 
 
 def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit a law whose stress is linear in all its parameters, without bounds; see `Law.fit_stress`."""
+    """Fit a law whose stress is linear in all parameters to a tensile curve, without bounds; see `Law.fit_stress`."""
     columns = _columns(law, strain, weight)
     size = np.linalg.norm(columns, axis=0)
     parameters = np.linalg.lstsq(columns / size, weight * stress, rcond=None)[0] / size
@@ -201,11 +202,11 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law: a search for the dimensionless coordinates, with least squares for the modulus.
+    """Fit any law to a tensile curve: search the dimensionless coordinates, with least squares for the modulus.
 
     See `Law.fit_stress`. For the intervals, the range of a coordinate is used as a normal prior with the variance of a
     uniform distribution. The interval of a coordinate ends at the bounds of the search. The interval of a dimensionless
-    parameter contains the values of the parameter at all combinations of the ends of these intervals.
+    parameter contains the values of this parameter at all combinations of the ends of the coordinates' intervals.
     """
     from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 
@@ -247,14 +248,14 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
 def _with_intervals(
     law: Law, x: Array, curve: Callable[[Array], Array], residual: Array, lower: Array, upper: Array
 ) -> StressFit:
-    """Return the fit at m coordinates x (m,), with 95 % intervals from the covariance of the coordinates.
+    """Return the tensile fit at m coordinates x (m,), with 95 % intervals from the covariance of the coordinates.
 
     Parameters
     ----------
     curve : callable
-        The weighted stress as a function of the coordinates.
+        Function that returns the weighted stress at given coordinates.
     residual : ndarray
-        The weighted residuals at x.
+        The weighted residuals of the stress at x.
     lower, upper : ndarray, shape (m - 1,)
         Bounds of the coordinates except the first, the initial shear modulus.
     """
@@ -294,9 +295,10 @@ def _with_intervals(
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """Return the weighted engineering stress for a unit value of each of n parameters of a linear law, (m, n).
+    """Return the weighted engineering stress of a linear law for n unit vectors of its parameters, (m, n).
 
-    strain, weight: (m,) for m rows.
+    Column j of the result is the stress for parameter j = 1 and all other parameters 0. strain, weight: engineering
+    strains and weights of the m rows of the curve, (m,).
     """
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 

@@ -9,8 +9,8 @@ determinant of the restricted Hessian (defined in `laws.stability`) is, up to a 
 
 where a prime is the derivative by I1. If W'' is negative, D decreases with I2 at constant I1. I1 and I2 are convex
 functions of the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest
-I2 and the smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The limit is the smallest
-root of a polynomial in one unknown.
+I2 and the smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The stability limit
+follows from the smallest positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters (P, 3) of P candidates from the coordinates of the search, (P, 3).
+        """Return the parameters C10, C20 and C30 of P candidates, (P, 3), from the coordinates of the search, (P, 3).
 
         The coordinates are 2 C10, C20/C10 and C30/C10.
         """
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus, 2 C10."""
+        """Return the initial shear modulus of the Yeoh law, 2 C10."""
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -91,7 +91,8 @@ class Yeoh(InvariantLaw):
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
 
-        Infinity if the candidate is stable everywhere; 0 if C10 is not positive. The module gives the criterion.
+        The result is infinity if the candidate is stable everywhere, and 0 if C10 is not positive. The module
+        `laws.yeoh` describes the criterion.
         """
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)
@@ -99,11 +100,11 @@ class Yeoh(InvariantLaw):
         return np.where(parameters[:, 0] > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve by linear least squares, because the stress is linear in all three parameters."""
+        """Fit the Yeoh law to a tensile curve by linear least squares, see `Law.fit_stress`."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the law for every program of `laws.cards.SOLVERS` except SOFA.
+        """Return the constants of the Yeoh law for any program of `laws.cards.SOLVERS` except SOFA.
 
         SOFA does not have the law.
         """
