@@ -1,12 +1,12 @@
-"""The signals of a recorded motion: cleaned of gaps and outliers, and reduced to a few independent signals.
+"""The signals of a recorded beam motion: cleaned of gaps and outliers, and reduced to a few independent signals.
 
-Every coordinate of every point is a channel. A linear vibration has few degrees of freedom. The channels of one
-recording are therefore sums of a few signals. Gaps are filled with these sums (Beckers and Rixen 2003, J. Atmos.
-Oceanic Technol. 20:1839).
+Each coordinate of each recorded point of the beam is a channel. A linear vibration has few degrees of freedom. The
+channels of one recording are therefore linear combinations of a few signals. Gaps are filled with these combinations
+(Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
 
 A rolling shutter reads the rows of a frame one after another. The time of a point then differs from the time of the
-frame. A constant difference only changes the phase of a channel, which is free in the fit. While a point moves over the
-rows, the difference changes. This change is corrected to first order.
+frame. A constant difference only changes the phase of a channel, and the phase is fitted anyway. While a point moves
+over the rows, the difference changes. The change of the difference is corrected to first order.
 """
 
 from __future__ import annotations
@@ -28,19 +28,21 @@ _NOT_DETERMINED = 1e-9  # mm: smaller stated noise is raised to this
 
 
 class TooFewFrames(Exception):
-    """A recording has too few frames or points for the analysis."""
+    """A recording of a beam's motion has too few frames or points for the analysis."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """The cleaned channels of a motion, with n frames, c channels and r independent signals.
+    """The cleaned channels of a recorded motion, with n frames, c channels and r independent signals.
+
+    A channel is one coordinate of one recorded point.
 
     Attributes
     ----------
     time_s : ndarray, shape (n,)
         Times of the frames.
     channels_mm : ndarray, shape (n, c)
-        Displacement of each channel from its median.
+        Coordinate of a point in each channel, minus the median over the frames.
     sigma_mm : ndarray, shape (c,)
         Standard deviation of the noise of each channel.
     points : ndarray of int, shape (c,)
@@ -50,9 +52,9 @@ class Signals:
     reduced : ndarray, shape (n, r)
         Independent signals; the standard deviation of their noise is about 1.
     patterns : ndarray, shape (r, c)
-        The matrix product of ``reduced`` and ``patterns`` gives the channels, divided by ``sigma_mm``.
+        The matrix product of ``reduced`` and ``patterns`` is ``channels_mm`` divided by ``sigma_mm``.
     filled : float
-        Fraction of the values that were missing or outliers and were filled in.
+        Fraction of the entries of ``channels_mm`` that were missing or outliers and were filled in.
     """
 
     time_s: Array
@@ -65,7 +67,7 @@ class Signals:
     filled: float
 
     def between(self, first_s: float, last_s: float) -> Signals:
-        """Return the signals of the frames between two times."""
+        """Return the signals of the frames between two times in s."""
         rows = (self.time_s >= first_s) & (self.time_s <= last_s)
         return Signals(
             self.time_s[rows], self.channels_mm[rows], self.sigma_mm, self.points, self.axis, self.reduced[rows],
@@ -73,7 +75,7 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert r reduced signals (..., r) to c channels (..., c) in mm."""
+        """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm."""
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 
@@ -134,9 +136,9 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return one time for each of n frames, (n,): the mean over its points.
+    """Return one time for each of n frames, (n,) in s: the mean of the times of its points.
 
-    The constant lag of each point is subtracted before.
+    Before the mean is taken, the constant time difference between each point and the frame is subtracted.
     """
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
@@ -152,9 +154,9 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return values (n, c) in which gaps and outliers are replaced by sums of a few signals.
+    """Return the channels (n, c) with linear combinations of a few signals in place of gaps and outliers.
 
-    The second result, (n, c), tells which values were replaced.
+    There are n frames and c channels. The second result, (n, c), is True for the entries that were replaced.
     """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
@@ -190,7 +192,7 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Return r independent signals (n, r) of c channels in n frames, and their patterns (r, c)."""
+    """Return r independent signals (n, r) of c channels in n frames, and the patterns (r, c) of `Signals`."""
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)
     noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly

@@ -1,4 +1,4 @@
-"""Frequencies and losses of a ring-down.
+"""Frequencies and loss factors of the vibrations in a ring-down.
 
 The first step is to find the part of a recording in which the beam vibrates freely at small amplitudes. Damped
 vibrations are then fitted to this part (`time.modal_fit`). Frequency and loss factor are also fitted in shorter time
@@ -30,7 +30,7 @@ _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is o
 
 @dataclass(frozen=True)
 class RingMode:
-    """One damped vibration exp(s t): s = -delta + i omega, with the decay rate delta and the angular frequency omega.
+    """One damped vibration exp(s t) with s = -delta + i omega, decay rate delta and angular frequency omega.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class RingMode:
     loss : float
         2 delta / omega, the loss factor of the decay.
     covariance : ndarray, shape (2, 2)
-        Covariance of ln(frequency) and the loss factor.
+        Covariance matrix of ln(frequency) and the loss factor, in this order.
     """
 
     frequency_Hz: float
@@ -48,7 +48,7 @@ class RingMode:
 
     @property
     def rate(self) -> complex:
-        """The complex rate s in 1/s."""
+        """The complex rate s = -delta + i omega in 1/s."""
         omega = 2 * np.pi * self.frequency_Hz
         return complex(-0.5 * self.loss * omega, omega)
 
@@ -62,11 +62,12 @@ class Window:
     from_s, to_s : float
         Start and end of the window.
     amplitude_mm : float
-        Amplitude at the middle of the window, in the channel with the largest amplitude.
+        Amplitude at the middle of the window, in the channel with the largest amplitude. A channel is one coordinate of
+        one point.
     frequency_Hz, loss : float
         Frequency and loss factor.
     frequency_sigma_Hz, loss_sigma : float
-        Standard uncertainties due to noise.
+        Standard uncertainties of frequency and loss factor due to noise.
     is_used : bool
         Whether the window is used to identify the material.
     """
@@ -90,12 +91,13 @@ class Decay:
     label : str
         Where the recording comes from, for messages.
     modes : tuple of RingMode
-        The modes at small amplitudes, the dominant vibration first.
+        The vibrations at small amplitudes, the dominant vibration first.
     windows : tuple of Window
     from_s, to_s : float
         Start and end of the part of the recording that was fitted.
     amplitude_mm : float
-        Amplitude at the time ``from_s``, in the channel with the largest amplitude.
+        Amplitude at the time ``from_s``, in the channel with the largest amplitude. A channel is one coordinate of one
+        point.
     frequency_change, loss_change : float
         Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``; 0 if
         the changes are not significant.
@@ -103,10 +105,11 @@ class Decay:
         Times of the n frames of the fitted part. For the channel with the largest amplitude: displacement without the
         baseline, envelope, and fitted vibrations.
     noise : float
-        Standard deviation of the residuals near the frequency, divided by the standard uncertainty of the recording.
+        Standard deviation of the residuals near the frequency of the dominant vibration, divided by the standard
+        uncertainty of the recording.
     doubts : tuple of str
     baseline_mm : ndarray, shape (n, c)
-        The displacements of all c channels without the fitted vibrations.
+        The displacements in all c channels in n frames, without the fitted vibrations.
     """
 
     label: str
@@ -131,7 +134,7 @@ class NoVibration(Exception):
 
 
 def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool, hangs: bool = False) -> Decay:
-    """Return the vibrations in a ring-down.
+    """Find the vibrations in a ring-down, with their frequencies and loss factors.
 
     Parameters
     ----------
@@ -141,15 +144,16 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     length_mm : float
         Length of the beam. Amplitudes above 5 % of the length are not used.
     is_stepped : bool
-        Whether the motion begins with a known step of the load at the time 0. Otherwise it begins at the largest
-        amplitude.
+        Whether the motion begins with a known step of the load at the time 0. Otherwise the ring-down is assumed to
+        begin at the largest amplitude.
     hangs : bool
         Whether a weight hangs from the beam. The weight can swing like a pendulum below the tip.
 
     Raises
     ------
     NoVibration
-        No vibration is larger than the noise, the vibration does not decay, or it is too large or too short.
+        No vibration is larger than the noise, the vibration does not decay, its amplitude is too large, or it is too
+        short.
     """
     if is_stepped:
         signals = signals.between(0.0, np.inf)
@@ -186,7 +190,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _dense(signals: Signals) -> Signals:
-    """Return the frames before the intervals between frames become much longer.
+    """Return the signals up to the frame after which the time intervals between frames become much longer.
 
     In a record of creep the intervals grow with time.
     """
@@ -200,7 +204,7 @@ def _dense(signals: Signals) -> Signals:
 
 
 def _first_frequency(signals: Signals, label: str) -> float:
-    """Return the frequency in Hz of the largest peak in the spectrum.
+    """Return the frequency in Hz of the largest peak in the spectrum of the signals.
 
     Raises
     ------
@@ -231,7 +235,7 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Return evenly spaced times (n,), and the reduced signals (n, r) interpolated at these times."""
+    """Return n evenly spaced times (n,) in s, and r reduced signals interpolated at these times, (n, r)."""
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))
     values = np.stack([np.interp(uniform, time, z) for z in signals.reduced.T], axis=1)
@@ -239,7 +243,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times (n,), and the largest amplitude over all channels at these times in mm, (n,).
+    """Return n times in s, (n,), and the largest amplitude over all channels at these times in mm, (n,).
 
     The amplitude is that of the signals in a band around the frequency in Hz.
     """
@@ -258,7 +262,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end (s) of the part that is fitted, and the doubts about this part.
+    """Return start and end in s of the part of a ring-down that is fitted, and the doubts about this part.
 
     In this part the beam decays freely, and its amplitude is below 5 % of the length.
 
@@ -309,7 +313,7 @@ def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
 
 
 def _windows(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return frequency and loss factor in time windows of equal duration.
+    """Return the frequency and loss factor of a ring-down in time windows of equal duration.
 
     The amplitude falls to about a half from the start to the end of a window. Windows with an uncertain fit are left
     out.
@@ -358,7 +362,7 @@ def _windows(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def _material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
-    """Return the number of windows that are used to identify the material, counted from the first.
+    """Return the number n of time windows; the first n windows are used to identify the material.
 
     If the swing of a hanging weight raises the loss, only the windows before the rise are used.
     """

@@ -26,7 +26,7 @@ from eimi_fitting.time.ringing import RingingBeam, RingTable
 Array = NDArray[np.float64]
 
 AT_REST_S = 1e4
-"""Time in s since the last change of the load, after which a beam counts as being at rest."""
+"""A beam counts as being at rest if the last change of the load was at least this time ago, in s."""
 MESH_ERROR = 3e-4  # relative error of a frequency after its correction to that of the solid
 _LOSS_ERROR = 3e-3  # relative error of a loss
 _SAME_MODE = 0.12  # relative difference within which a measured frequency belongs to a computed mode
@@ -39,31 +39,36 @@ _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the 
 
 
 class Evidence(Protocol):
-    """One piece of evidence for a viscoelastic law, with k residuals."""
+    """The interface of one piece of evidence for a viscoelastic (Prony) law, with k residuals."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of P candidates, divided by their standard uncertainties, (P, k)."""
+        """Return the k residuals of P candidates, each divided by its standard uncertainty, (P, k).
+
+        A candidate consists of an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a factor on
+        the magnetic loads.
+        """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if a source of uncertainty changes by its standard uncertainty.
+        """Return the changes of the k residuals due to a change of each source of uncertainty.
 
-        sources: standard uncertainties by the keys of `SOURCES`. The result has the same keys. Each value has one row
-        for each part of the source, shape (parts, k).
+        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
+        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
+        (components, k).
         """
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """The vibrations of one ring-down as evidence: frequency and loss factor of each mode.
+    """The vibrations of one ring-down as evidence for a viscoelastic law: frequency and loss factor of each mode.
 
     Attributes
     ----------
     table : RingTable
     decay : Decay
     modes : tuple of (int, RingMode)
-        The number of each mode, from 0, and its measured frequency and loss factor.
+        Pairs of the number of a mode, from 0, and the measured frequency and loss factor of this mode.
     inflation : float
-        Factor on the uncertainties, computed from the scatter of repeated ring-downs.
+        Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
     """
 
     table: RingTable
@@ -136,7 +141,7 @@ class LoadHistory:
     Attributes
     ----------
     steps : tuple of LoadStep
-        Each load, with the time at which it begins.
+        The loads in the order of time. Each `LoadStep` contains the time at which the load begins.
     """
 
     steps: tuple[LoadStep, ...]
@@ -186,9 +191,9 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load, as evidence.
+    """The slow motion of the tip after a step of the load, as evidence for a viscoelastic law.
 
-    The zero of the rotation is unknown. Therefore the weighted mean is subtracted from the residuals.
+    Only changes of the rotation are measured. Therefore the weighted mean is subtracted from the residuals.
 
     Attributes
     ----------
@@ -210,7 +215,7 @@ class CreepEvidence:
         return creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of the rotation without its weighted mean, see `Evidence.residuals`."""
+        """Return the residuals of the rotation minus their weighted mean, see `Evidence.residuals`."""
         gap = self.predicted(instantaneous_Pa, series, load_log) - self.rotation
         sigma = np.hypot(self.sigma, _CREEP_ERROR * np.ptp(self.rotation))
         weight = 1 / sigma**2
@@ -240,7 +245,8 @@ class StaticEvidence:
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     stated : dict of str to float
-        Relative changes of the modulus due to sources of uncertainty that act on the picture only, by key.
+        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
+        `SOURCES`.
     """
 
     beam: RingingBeam
@@ -326,7 +332,7 @@ class RestEvidence:
     Attributes
     ----------
     modulus_Pa : float
-        The modulus, corrected to the solid.
+        The shear modulus, corrected to the value for the beam model with a solid section.
     sigma : float
         Relative standard uncertainty of the modulus.
     """
@@ -336,7 +342,7 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence of the sag in a recorded ring-down.
+        """Return the evidence that the sag of the beam in a recorded ring-down gives.
 
         None if the beam hardly bends under its own weight, or if no modulus near the modulus of the ring-down gives the
         measured sag.
@@ -376,7 +382,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: the sources contribute little to the uncertainty of this modulus. See `Evidence.effects`."""
+        """Return zeros, because the sources change the modulus of the sag only a little; see `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 

@@ -1,7 +1,7 @@
-"""The amplitudes of a vibration, corrected for the exposure of the frames.
+"""The amplitudes of a beam's vibration, corrected for the exposure time of the frames.
 
-A frame with the exposure T shows the mean place of the beam during T. The amplitude of a vibration of frequency f
-appears smaller by the factor sin(pi f T) / (pi f T). Frequency and loss factor do not change.
+A frame with the exposure time T shows the mean position of the beam during T. The amplitude of a vibration of frequency
+f appears smaller by the factor sin(pi f T) / (pi f T). The exposure does not change the frequency and the loss factor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return a decay with the true amplitudes of the beam instead of those in the frames.
+    """Return a decay in which the amplitudes in the frames are replaced by the true amplitudes of the beam.
 
     The decay is returned unchanged if the amplitudes in the frames are below 30 % of the true amplitudes.
 
@@ -24,7 +24,7 @@ def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
     ----------
     decay : Decay
     exposure_s : float or None
-        Exposure of a frame; None if it is not known. The decay is then returned unchanged.
+        Exposure time of a frame; None if it is not known. The decay is then returned unchanged.
     """
     shown = float(np.sinc(decay.modes[0].frequency_Hz * (exposure_s or 0.0)))
     if not _LEAST < shown < 1:

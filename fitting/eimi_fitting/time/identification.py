@@ -1,4 +1,4 @@
-"""Identify the viscoelastic law from the motions of a beam, and from its static states if there are any."""
+"""Identify the viscoelastic (Prony) law of a beam from recorded motions, and from static states if there are any."""
 
 from __future__ import annotations
 
@@ -51,20 +51,23 @@ _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 
 class NoRingDown(Exception):
-    """No recorded motion shows a decaying vibration. Only a vibration gives the modulus without the magnetic moment."""
+    """No recorded motion of the beam shows a decaying vibration.
+
+    Only a vibration determines the modulus independently of the magnetic moment.
+    """
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """A recorded motion with the loads on the beam.
+    """A recorded motion of a beam, with the loads on the beam.
 
     Attributes
     ----------
     motion : Motion
     loads : Loads
-        The loads after the step, one state.
+        The loads in one state, after the step of the load.
     before : tuple of (float, Loads)
-        Earlier loads, one state each, and the time at which each of them began, relative to the step.
+        Earlier loads: for each load the time in s at which it began, relative to the step, and the loads in one state.
     """
 
     motion: Motion
@@ -79,20 +82,21 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class StaticStates:
-    """The static states of the same specimen, and the modulus of a fit that treats them as elastic.
+    """The static states of a specimen, and the modulus of a fit that treats the states as elastic.
 
     Attributes
     ----------
     loads : Loads
         The loads of K states, in the order in which they were set.
     set_s, seen_s : ndarray, shape (K,)
-        The times at which each load was set, and at which the edges of the state were measured.
+        Time at which each load was set, and time at which the edges in each state were measured.
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     of_picture : mapping of str to float
-        Relative changes of the modulus due to sources of uncertainty that act on the picture only, by key.
+        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
+        `SOURCES`.
     """
 
     loads: Loads
@@ -121,19 +125,19 @@ def identify_time(
     ----------
     law : Law
     shape : ndarray, shape (n,)
-        The n parameters of the law. Only the ratios of the moduli are used.
+        The n parameters of the law. Only the ratios between the moduli are used.
     specimen : Specimen
     motions : sequence of RecordedMotion
         The motions. At least one of them must show a decaying vibration.
     stated : sequence of StatedSource
-        Stated standard uncertainties of the inputs.
+        The sources of uncertainty that a file specifies, with their standard uncertainties.
     static : StaticStates, optional
         Static states of the same specimen.
     seed : int
         Seed of the random numbers.
     free_times : bool
-        Whether to fit the relaxation times. Otherwise they have equal distances in the logarithm over the range of the
-        data.
+        Whether to fit the relaxation times. Otherwise the relaxation times are fixed, at equal distances on a
+        logarithmic scale over the range of times that the data cover.
     most_terms : int
         Largest number of terms of the Prony series.
 
@@ -146,7 +150,7 @@ def identify_time(
     NoRingDown
         No motion shows a decaying vibration.
     NoEquilibrium
-        No modulus gives the beam the measured frequency.
+        No shear modulus gives the measured frequency of the beam.
     """
     began = time.perf_counter()
     is_modulus = np.array([unit == "Pa" for unit in law.units])
@@ -217,14 +221,14 @@ def identify_time(
 
 
 def _same(one: Loads, other: Loads) -> bool:
-    """Return whether two loads have the same field and the same force at the tip."""
+    """Return whether two `Loads` have the same field and the same force at the tip."""
     return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
 
 
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its decay (None if it shows no vibration), and the doubts about the recordings."""
+    """Return each motion with its decay, and the doubts about the recordings; the decay is None without a vibration."""
     analysed: list[tuple[RecordedMotion, Decay | None]] = []
     doubts = []
     for recorded in motions:
@@ -250,7 +254,10 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the table of the beam's frequencies under these loads. If ``tables`` has no such table, add it."""
+    """Return the table of the beam's frequencies under the loads of a recorded motion.
+
+    If ``tables`` does not contain this table, the table is computed and added.
+    """
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table
@@ -269,9 +276,9 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the creep after known steps of the load as evidence.
+    """Return the evidence of creep, from the recordings that begin with a known step of the load.
 
-    At most 6 recordings are used, those with the largest change of the rotation.
+    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used.
     """
     evidence = []
     for recorded, decay in analysed:
@@ -297,7 +304,7 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the sag at rest as evidence, from the first ring-down of a table that begins without a step of the load.
+    """Return the evidence of the sag at rest, from the first ring-down of a table without a step of the load.
 
     None if there is no such ring-down.
     """
@@ -308,7 +315,7 @@ def _at_rest(
 
 
 def _stacked(parts: Sequence[Loads]) -> Loads:
-    """Return several loads with one state each as loads with several states."""
+    """Join several `Loads` with one state each into one `Loads` with several states."""
     return replace(
         parts[0],
         field_T=np.concatenate([part.field_T for part in parts]),

@@ -1,4 +1,4 @@
-"""The viscoelastic (Prony) law of a material, fitted to all evidence together.
+"""The fit of the viscoelastic (Prony) law of a material to all evidence together.
 
 CMA-ES searches the unknowns of `time.terms` and the logarithm of the factor on the magnetic loads. A least-squares fit
 starts at the best candidate of the search. All errors and priors are taken as normal. With the residuals r(x) of the
@@ -6,8 +6,8 @@ unknowns x, the maximum of the posterior is the minimum of
 
     chi² = |r(x)|² + sum ((x - mean) / sigma)²,
 
-where mean and sigma describe the prior. The evidence Z for a number of terms is Laplace's approximation (MacKay 2003,
-Information Theory, chapter 27),
+where mean and sigma are the means and standard deviations of the prior. The evidence Z for a number of terms is
+Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
@@ -45,7 +45,7 @@ _NEAR_EVIDENCE = 1.0  # the fewest terms are taken whose ln Z is within this of 
 FREE_LOAD = 0.3
 """Prior standard deviation of the logarithm of the factor on magnetic loads, if no file gives that of the moment."""
 EXACT_LOAD = 1e-4
-"""Smallest prior standard deviation of the logarithm of the factor on magnetic loads."""
+"""Smallest prior standard deviation of the logarithm of the factor on the magnetic loads."""
 _OF_MOMENT = ("moment", "remanence")
 LOAD_SOURCES = (*_OF_MOMENT, "coil")
 """Keys of the sources of uncertainty that act as a factor on all magnetic loads."""
@@ -54,7 +54,8 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
     """Return the relative standard uncertainties of the factor on the magnetic loads, by the keys of `LOAD_SOURCES`.
 
-    None if the magnetic moment has no stated uncertainty.
+    stated: the sources of uncertainty that a file specifies. The result is None without a magnet, or if no source
+    specifies the uncertainty of the magnetic moment.
     """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
@@ -83,12 +84,12 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The prior means of all m unknowns, shape (m,)."""
+        """The prior means of the m unknowns: those of ``terms``, then the logarithm of the load factor, shape (m,)."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of all m unknowns, shape (m,)."""
+        """The prior standard deviations of the m unknowns, in the order of `mean`, shape (m,)."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
@@ -121,7 +122,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The values of the objective for one generation, in the form that `search` expects."""
+    """The values of the objective function for one generation of CMA-ES, in the form that `search` expects."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -136,13 +137,13 @@ class TimeOptimum:
     ----------
     problem : Problem
     unknowns : ndarray, shape (m,)
-        The m unknowns.
+        The m unknowns at the optimum, in the order of `Problem.mean`.
     jacobian : ndarray, shape (k + m, m)
-        Derivatives of the residuals of evidence and priors by the unknowns.
+        Derivatives of the k residuals of the evidence and the m residuals of the priors by the unknowns.
     chi2 : float
         Sum of the squared residuals of the evidence, without the priors.
     log_evidence : float
-        ln Z, see the module `time.law_of_time`.
+        Logarithm ln Z of the evidence for this number of terms, see the module `time.law_of_time`.
     evaluations : int
         Number of candidates that were computed.
     converged : bool
@@ -163,10 +164,11 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum if a source changes by its standard uncertainty.
+        """Return the changes of the m unknowns at the optimum due to a change of each source of uncertainty.
 
-        sources: standard uncertainties by the keys of `SOURCES`. The result has the same keys. Each value has one row
-        for each part of the source, shape (parts, m).
+        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
+        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
+        (components, m).
         """
         gain = -self.covariance @ self.jacobian.T
         m = len(self.unknowns)
@@ -178,7 +180,7 @@ class TimeOptimum:
         return moves
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum if the prior mean of the load factor changes, (m,).
+        """Return the change of the m unknowns at the optimum due to a change of the load factor's prior mean, (m,).
 
         sigma: the change of the prior mean of the logarithm of the load factor.
         """
@@ -201,9 +203,9 @@ class TimeOptimum:
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
     """Return the optimum of a viscoelastic fit: the best result of least-squares fits from several starts.
 
-    The fits start from the three best of these candidates: the best candidate of CMA-ES, the mean of the prior, and
-    extensions of ``fewer``. ``fewer`` is the optimum for a Prony series with one term fewer. An extension of this
-    optimum has one more term. The relaxation time of this term is one of the mean relaxation times of the prior.
+    The possible starts are the best candidate of CMA-ES, the mean of the prior, and extensions of ``fewer``. The three
+    best of these candidates are used. ``fewer`` is the optimum for a Prony series with one term fewer. An extension of
+    ``fewer`` has an additional term, whose relaxation time is one of the mean relaxation times of the prior.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -239,9 +241,10 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Return the result of a least-squares fit by the method of Levenberg and Marquardt (MINPACK) from one start.
+    """Return the result of a least-squares fit from one start, by Levenberg and Marquardt's method (MINPACK).
 
-    Returns the optimum (m,), the Jacobian (k + m, m), the number of evaluations, and whether the fit converged.
+    Returns the m unknowns at the optimum, (m,), the Jacobian (k + m, m) of `TimeOptimum`, the number of evaluated
+    candidates, and whether the fit converged.
     """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.diag(scale), -np.diag(scale)])
@@ -285,8 +288,8 @@ _STRETCH = 2.0
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
     """Return f quantities of P candidates in which the residuals are almost linear, (P, f).
 
-    The quantities are logarithms of moduli, loss factors at the angular frequencies ``omegas`` (rad/s), and the
-    logarithm of the load factor.
+    The f quantities are logarithms of moduli, loss factors of the material at the angular frequencies ``omegas``
+    (rad/s), and the logarithm of the load factor. unknowns: the m unknowns of each candidate, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
@@ -307,8 +310,8 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
 
     The posterior is far from normal if the data do not determine the terms. It is sampled by a group of walkers, each
     of which moves along the line to another walker (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The
-    residuals are approximated as linear in logarithms of moduli and in loss factors. Then the effects of the stated
-    sources of uncertainty are added to each draw.
+    residuals are approximated as linear functions of logarithms of moduli and of loss factors. Then the changes due to
+    the sources of uncertainty that a file specifies are added to each draw.
 
     Parameters
     ----------
@@ -320,7 +323,7 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     omegas : ndarray
         Angular frequencies of the ring-downs in rad/s.
     of_sources : bool
-        Whether to add the effects of the stated sources.
+        Whether to add the changes due to the sources of uncertainty.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)
