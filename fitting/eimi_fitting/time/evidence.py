@@ -259,7 +259,7 @@ class StaticEvidence:
 
     @property
     def age_s(self) -> float:
-        """The median time in s between the setting of a load and the measurement of the edges."""
+        """The median time in s from the setting of a load to the measurement of the edges, over the states."""
         begins = np.array([step.time_s for step in self.history.steps])
         return float(np.median(self.seen_s - begins))
 

@@ -52,7 +52,7 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainties of the factor on the magnetic loads, by the keys of `LOAD_SOURCES`.
+    """Return the relative standard uncertainties of the magnetic loads, by the keys of `LOAD_SOURCES`.
 
     stated: the sources of uncertainty that a file specifies. The result is None without a magnet, or if no source
     specifies the uncertainty of the magnetic moment.

@@ -1,10 +1,10 @@
 """Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
 
 The rotation theta of the tip represents the curvature of the whole beam. The moment of the material is the integral of
-mu(t - t') d theta(t'), with the relaxing shear modulus mu(t). It is in equilibrium with the moment m(theta) of the
-loads, in the same unit (Pa rad). The function m(theta) is computed from static solutions with other moduli: with the
-modulus mu the tip turns by theta(mu), and therefore m = mu theta(mu). Without a field m = -k theta, with the stiffness
-k of gravity in Pa (`LoadCurve.of_gravity`).
+mu(t - t') d theta(t'), with the relaxing shear modulus mu(t). This moment is in equilibrium with the moment m(theta) of
+the loads. Both moments have the unit Pa rad. The function m(theta) is computed from static solutions with several
+moduli. With the modulus mu the tip rotates by theta(mu), and therefore m = mu theta(mu). Without a field m = -k theta,
+with the stiffness k of gravity in Pa (`LoadCurve.of_gravity`).
 
 The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. The error of
 this assumption is measured in `tests/fitting/time` by comparison with finite elements with internal variables.
@@ -30,14 +30,15 @@ _NEWTON_STEPS = 2
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """The moment of the loads in one state, as a function of the rotation theta of the tip.
+    """The moment of the loads on a beam in one state, as a function of the rotation theta of the tip.
 
     Attributes
     ----------
     rotation : ndarray, shape (m,)
         Rotations theta in rad, increasing.
     moment : ndarray, shape (m,)
-        Moments mu theta in Pa rad, with the modulus mu that has this rotation; see the module `time.loaded_creep`.
+        Moments mu theta in Pa rad. With the modulus mu the tip rotates by theta in equilibrium; see the module
+        `time.loaded_creep`.
     """
 
     rotation: Array
@@ -47,13 +48,13 @@ class LoadCurve:
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
         """Return the curve of a beam without a field: moment = -stiffness * rotation.
 
-        stiffness_Pa: stiffness of gravity against a rotation of the tip.
+        stiffness_Pa: stiffness of gravity against a rotation of the tip, in Pa.
         """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moments (Pa rad) and the slopes of the curve (Pa) at P rotations in rad, (P,) each.
+        """Return the moments (Pa rad) and the derivatives of the moments (Pa) at P rotations in rad, (P,) each.
 
         Beyond its ends the curve continues as a straight line.
         """
@@ -68,7 +69,7 @@ class LoadCurve:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """Loads that begin at a time and act until the next loads begin.
+    """Loads on a beam that begin at the time ``time_s`` and act until the next loads begin.
 
     Attributes
     ----------
@@ -95,15 +96,15 @@ def creep(
     Parameters
     ----------
     instantaneous_Pa : ndarray, shape (P,)
-        Instantaneous shear modulus.
+        Instantaneous shear modulus of each candidate.
     series : Prony
         A Prony series with n terms for each candidate, (P, n).
     steps : tuple of LoadStep
         The loads in the order of time. The beam is at rest before the first loads.
     times_s : ndarray, shape (m,)
-        Increasing times after the first step.
+        Increasing times in s after the first of ``steps``.
     load_factor : ndarray, shape (P,)
-        Factor on the moments of all loads.
+        Factor on the moments of all loads, for each candidate.
 
     Returns
     -------
@@ -142,9 +143,9 @@ def creep(
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times at which the integration steps end: close together after a change of the load.
+    """Return the times in s at which the integration steps end; they are close together after a change of the load.
 
-    All requested times in ``wanted`` are among them.
+    The result includes all times in ``wanted``.
     """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE

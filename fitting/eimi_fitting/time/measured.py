@@ -1,4 +1,4 @@
-"""Measured motions: ring-downs and creep of points on a beam, with a time for each point in each frame."""
+"""Measured motions of a beam: ring-downs and creep of points, with a time for each point in each frame."""
 
 from __future__ import annotations
 
@@ -15,30 +15,31 @@ Kind = Literal["ring_down", "creep"]
 
 @dataclass(frozen=True)
 class Motion:
-    """A recorded ring-down or creep: places of points on the centre line, or of tracked markers.
+    """A recorded ring-down or creep of a beam: positions of points on the centre line, or of tracked markers.
 
-    Times are measured from the step of the load, the moment at which the current was changed or a weight was taken
-    away. A beam that was flicked by hand has no step of the load, and its times may be measured from any moment.
+    Times are measured from the step of the load. At this moment the current was changed or a weight was taken away. If
+    the beam was flicked by hand, there is no step of the load, and times may be measured from any moment.
 
     Parameters
     ----------
     kind : {"ring_down", "creep"}
     points_mm : ndarray, shape (n, p, 2)
-        Measured places of p points in n frames, in the beam frame; NaN where a point was not visible.
+        Measured positions (x, y) of p points in n frames, in the beam frame; NaN where a point was not visible.
     rest_mm : ndarray, shape (p, 2)
-        Places of the same material points in the undeformed beam.
+        Positions (x, y) of the same material points in the undeformed beam.
     time_s : ndarray, shape (n, p)
         Time of each point in each frame. With a rolling shutter the points of a frame have different times.
     sigma_mm : ndarray, shape (n, p)
-        Standard deviation of the white noise of one coordinate.
+        Standard deviation of the white noise in x and in y of each point in each frame.
     exposure_s : float or None
-        Exposure of a frame; None if it is not known.
+        Exposure time of a frame; None if it is not known.
     from_A, to_A : float
-        Current before and after the step; both are 0 without a coil.
+        Current before the step and current after the step; both are 0 without a coil.
     step_uncertainty_s : float
         Standard uncertainty of the time of the step.
     history : tuple of (float, float)
-        Set-points before the step: time relative to the step (negative) in s, and current in A.
+        Set-points of the current before the step: for each set-point the time relative to the step (negative) in s, and
+        the current in A.
     lost_frames : int
         Number of frames that are missing in the recording.
     tip_force_N : float
@@ -96,13 +97,13 @@ class Motion:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether each of p points was visible in each of n frames, (n, p)."""
+        """Whether each of the p points was visible in each of the n frames, shape (n, p)."""
         return np.asarray(
             np.isfinite(self.points_mm).all(axis=2) & np.isfinite(self.time_s) & np.isfinite(self.sigma_mm)
         )
 
     @property
     def duration_s(self) -> float:
-        """The time between the first and the last visible point."""
+        """The time in s from the first to the last measurement of a visible point."""
         times = self.time_s[self.seen]
         return float(np.ptp(times)) if times.size else 0.0

@@ -1,4 +1,4 @@
-"""Modal fit: damped vibrations, fitted to the signals of a ring-down.
+"""Modal fit: damped vibrations of a beam, fitted to the signals of a ring-down.
 
 The reduced signals of a ring-down (`time.channels`) are sums of damped vibrations and a slow baseline,
 
@@ -9,13 +9,14 @@ decay rate delta of the mode at small amplitudes, the exponent of the first mode
 
     psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
 
-Its frequency and damping change with the square of the amplitude, as geometric nonlinearity causes (Nayfeh and Mook
-1979, Nonlinear Oscillations, section 2.3). At the first frame the frequency is higher by the fraction kappa_1, and the
-loss factor 2 delta / omega is larger by 2 kappa_2. The other modes have kappa_1 = kappa_2 = 0. A nonlinear beam also
-moves at two and three times its frequency. These harmonics are fitted too.
+The frequency and damping of the first mode change with the square of the amplitude. Geometric nonlinearity causes this
+change (Nayfeh and Mook 1979, Nonlinear Oscillations, section 2.3). At the first frame the frequency is higher by the
+fraction kappa_1, and the loss factor 2 delta / omega is larger by 2 kappa_2. The other modes have kappa_1 = kappa_2 =
+0. A nonlinear beam also vibrates at two and three times the frequency of the first mode. These harmonics are fitted
+too.
 
-The signals are linear in amplitudes and baseline, which are therefore eliminated (Golub and Pereyra 1973, SIAM J.
-Numer. Anal. 10:413).
+The signals are linear functions of the amplitudes a_k and of the coefficients of the baseline. These unknowns are
+therefore eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
 """
 
 from __future__ import annotations
@@ -41,16 +42,17 @@ _MOST_MODES = 3
 
 @dataclass(frozen=True)
 class ModalFit:
-    """A fit of m modes to signals; symbols as in the module `time.modal_fit`.
+    """A fit of m damped vibrations (modes) to the signals of a ring-down; for symbols see `time.modal_fit`.
 
     Attributes
     ----------
     signals : Signals
-        The signals, with n frames, r reduced signals and c channels.
+        The signals of the ring-down, with n frames, r reduced signals and c channels. A channel is one coordinate of
+        one point.
     modes : ndarray, shape (m, 2)
-        ln omega (in rad/s) and the loss factor 2 delta / omega of each mode.
+        For each mode ln omega (omega in rad/s) and the loss factor 2 delta / omega.
     bend : ndarray, shape (2,)
-        kappa_1 and kappa_2 of the first mode.
+        The coefficients kappa_1 and kappa_2 of the first mode.
     has_bend : bool
         Whether kappa_1 and kappa_2 were fitted; otherwise they are 0.
     chi2 : float
@@ -58,9 +60,9 @@ class ModalFit:
     noise : float
         Standard deviation of the residuals near the frequency of the first mode, or of all residuals if this is larger.
     covariance : ndarray
-        Covariance of the fitted values of ``modes`` and ``bend``.
+        Covariance matrix of the entries of ``modes`` and ``bend`` that were fitted.
     residuals : ndarray, shape (n, r)
-        In units of the standard uncertainty of the recording, like the reduced signals.
+        Residuals of the reduced signals, divided by the standard uncertainty of the recording.
     linear : ndarray
         Coefficients of the columns of `design_matrix` for each reduced signal.
     """
@@ -77,7 +79,7 @@ class ModalFit:
 
     @staticmethod
     def first_of(signals: Signals, frequency: float) -> ModalFit:
-        """Return the fit of one mode near a frequency in Hz. The fit starts from the best of several loss factors."""
+        """Fit one mode near a frequency in Hz. The fit starts from the best of several loss factors."""
         start = np.array([np.log(2 * np.pi * frequency), 0.0])
         values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
         start[1] = _LOSSES[int(np.argmin(values))]
@@ -85,7 +87,7 @@ class ModalFit:
 
     @staticmethod
     def of(signals: Signals, modes: Array, has_bend: bool) -> ModalFit:
-        """Return the fit that starts from given modes.
+        """Fit modes to the signals of a ring-down, starting from given modes.
 
         Parameters
         ----------
@@ -119,11 +121,11 @@ class ModalFit:
 
     @property
     def frequency_Hz(self) -> float:
-        """Frequency of the first mode at small amplitudes."""
+        """Frequency in Hz of the first mode at small amplitudes."""
         return float(np.exp(self.modes[0, 0]) / (2 * np.pi))
 
     def vibration_mm(self, which: int | None = None) -> Array:
-        """Return the fitted vibrations in all c channels and n frames, (n, c) in mm.
+        """Return the fitted vibrations in n frames and c channels (coordinates of points), (n, c) in mm.
 
         which: number of the mode, from 0; None: the sum of all modes and of the harmonics.
         """
@@ -132,9 +134,9 @@ class ModalFit:
         return self.signals.in_mm(design[:, rows] @ self.linear[rows])
 
     def slow_mm(self) -> Array:
-        """Return the fitted baseline in all c channels and n frames, (n, c) in mm.
+        """Return the fitted baseline in n frames and c channels (coordinates of points), (n, c) in mm.
 
-        The baseline includes the shift in proportion to the square of the amplitude.
+        The baseline includes the shift that is proportional to the square of the first mode's amplitude.
         """
         # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
         first = 2 * len(self.modes) + 4
@@ -142,14 +144,14 @@ class ModalFit:
         return self.signals.in_mm(design[:, first:] @ self.linear[first:])
 
     def amplitude_mm(self) -> Array:
-        """Return the amplitude of the first mode in n frames, (n,), in the channel with the largest amplitude."""
+        """Return the amplitude of the first mode in n frames, (n,) in mm, in the channel with the largest amplitude."""
         complex_amplitude = self.signals.in_mm(self.linear[0]) - 1j * self.signals.in_mm(self.linear[1])
         time = self.signals.time_s - self.signals.time_s[0]
         return float(np.abs(complex_amplitude).max()) * np.exp(exponent(time, self.modes[0], self.bend).real)
 
 
 def with_more_modes(fitted: ModalFit) -> ModalFit:
-    """Return a fit to which modes are added as long as a peak stands out from the spectrum of the residuals."""
+    """Add modes to a fit, as long as a peak stands out from the spectrum of the residuals, and return the new fit."""
     while len(fitted.modes) < _MOST_MODES:
         signals, n = fitted.signals, len(fitted.residuals)
         step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
@@ -178,7 +180,7 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the exponent psi of a mode at n times, complex, (n,); symbols as in the module `time.modal_fit`.
+    """Return the complex exponent psi of a mode at n times, (n,); the module `time.modal_fit` defines the symbols.
 
     time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2, or empty for 0.
     """
@@ -192,11 +194,11 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 
 
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time whose sum is fitted, as columns (n, columns) at n times.
+    """Return the functions of time whose linear combination is fitted to the signals, (n, functions) at n times.
 
-    The columns are cosine and sine of each mode with its decay, cosine and sine of the two harmonics of the first mode,
-    the shift in proportion to the square of the first mode's amplitude, and the functions of the baseline. The
-    arguments are as for `exponent`, with a row of ``modes`` for each mode.
+    The columns are the decaying cosine and sine of each mode, cosine and sine of the two harmonics of the first mode,
+    the shift that is proportional to the square of the first mode's amplitude, and the functions of the baseline.
+    ``time`` and ``bend`` are those of `exponent`. ``modes`` has one row for each mode: ln omega and the loss factor.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
@@ -215,10 +217,10 @@ def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
 
 
 def _baseline(time: Array, frequency: float) -> Array:
-    """Return functions of time whose sums are a slow baseline, (n, functions) at n times.
+    """Return functions of time whose linear combinations describe a slow baseline, (n, functions) at n times.
 
-    The sums are cubic splines whose knots are at least 4 periods apart on average. For a recording of less than about 8
-    periods they are straight lines.
+    The linear combinations are cubic splines. The knots of the splines are at least 4 periods apart on average. For a
+    recording of less than about 8 periods, the linear combinations are straight lines.
     """
     span = time[-1] - time[0]
     inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))

@@ -45,7 +45,7 @@ class PronyTerm:
 
 @dataclass(frozen=True)
 class ModulusAt:
-    """The shear modulus in Pa at a time after a sudden strain, with its 95 % interval."""
+    """The shear modulus in Pa at a time in s after a sudden strain, with its 95 % interval."""
 
     time_s: float
     value: float
@@ -54,27 +54,29 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """A ring-down: frequency and loss factor at small amplitudes, time windows, and a curve for a figure.
+    """The result for a ring-down: frequency and loss factor at small amplitudes, time windows, and a curve.
 
     Attributes
     ----------
     label : str
         Where the recording comes from.
     frequency_Hz, frequency_sigma_Hz : float
-        Frequency and its standard uncertainty.
+        Frequency at small amplitudes and its standard uncertainty.
     decay_loss, decay_loss_sigma : float
         Loss factor of the decay, 2 delta / omega with the decay rate delta and the angular frequency omega, and its
-        standard uncertainty. Gravity and field store a part of the energy without loss. This loss factor therefore
-        differs from the loss factor of the material.
+        standard uncertainty. Gravity and field store a part of the energy without loss. The loss factor of the decay
+        therefore differs from the loss factor of the material.
     amplitude_mm : float
-        Amplitude at the start of the fitted part, in the channel with the largest amplitude.
+        Amplitude at the start of the fitted part of the recording, in the channel with the largest amplitude. A channel
+        is one coordinate of one point.
     frequency_change, loss_change : float
         Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
     higher_Hz : tuple of float
         Frequencies of the higher modes that were used.
     windows : tuple of Window
     time_s, displacement_mm, envelope_mm : tuple of float
-        Times, displacement without the baseline, and envelope, in the channel with the largest amplitude.
+        Times of the frames. For the channel with the largest amplitude: displacement without the baseline, and
+        envelope.
     """
 
     label: str
@@ -94,7 +96,7 @@ class RingDown:
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """A recording of creep: measured and fitted rotation of the tip in degrees, each without its mean."""
+    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time."""
 
     label: str
     time_s: tuple[float, ...]
@@ -114,33 +116,36 @@ class LawOfTime:
     frequency_Hz : float
         Frequency of the first ring-down.
     loss_factor : float
-        Loss factor of the material at this frequency, Im mu* / Re mu*.
+        Loss factor Im mu* / Re mu* of the material at ``frequency_Hz``.
     loss_interval_95 : tuple of float
     dynamic_shear_modulus : Quantity
-        Storage modulus Re mu* at this frequency. If there was no field, it does not depend on the magnet's moment.
+        Storage modulus Re mu* at ``frequency_Hz``. If there was no field, this modulus does not depend on the magnet's
+        moment.
     prony : tuple of PronyTerm
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
     known_between_s : tuple of float
-        Range of times in which the data determine mu(t) to 5 %, without the stated sources of uncertainty.
+        Range of times in which the data determine mu(t) to 5 %, without the sources of uncertainty that a file
+        specifies.
     moment : Quantity or None
-        Factor on the stated magnetic moment with which static states and motions agree; None if it was not fitted.
+        Factor on the specified magnetic moment at which static states and motions give the same modulus; None if the
+        factor was not fitted.
     static_age_s : float or None
         Median time between the setting of a static load and the measurement of the edges; None without static states.
     modulus_by_time : tuple of ModulusAt
     ring_downs : tuple of RingDown
     creep : tuple of CreepCurve
     budget : tuple of BudgetEntry
-        Effects on the dynamic modulus, the largest first.
+        Contributions to the uncertainty of the dynamic modulus, the largest first.
     small_effects : tuple of SmallEffect
     log_evidence : tuple of float
         Logarithm of the evidence for one, two, ... terms.
     chi2, rows : float, int
-        Sum of the squared residuals, each divided by its uncertainty, and number of residuals.
+        Sum of the squared residuals, each divided by its standard uncertainty, and number of residuals.
     doubts : tuple of str
     evaluations : int
         Number of candidates that were computed.
     wall_s : float
-        Time that the identification took.
+        Time in s that the identification took.
     """
 
     frequency_Hz: float
@@ -167,7 +172,7 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage moduli of P candidates at an angular frequency, (P,) in Pa.
+    """Return the storage modulus Re mu* of P candidates at an angular frequency, (P,) in Pa.
 
     unknowns: the m unknowns of each candidate, (P, m); omega: angular frequency in rad/s.
     """
@@ -199,7 +204,7 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Return the identified law at an optimum, with its intervals, its budget of uncertainties and its doubts."""
+    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and doubts."""
     terms, at = optimum.problem.terms, optimum.unknowns[None]
     frequency = rings[0].decay.modes[0].frequency_Hz
     omega = 2 * np.pi * frequency
@@ -274,7 +279,7 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
-    """Return the factor on the stated magnetic moment with which static states and motions agree.
+    """Return the factor on the specified magnetic moment at which static states and motions give the same modulus.
 
     free: the optimum with an unknown moment, see `TimeOptimum.with_free_load`.
     """
@@ -289,7 +294,7 @@ def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the change of ln(modulus) divided by the change of ln(frequency) that it causes.
+    """Return the derivative of ln(modulus) by ln(frequency) of a beam's vibration.
 
     before_Hz, after_Hz: frequencies before and after an increase of the modulus by 5 %.
     """
@@ -301,13 +306,13 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return D draws of the factor by which the small effects change the modulus, (D,)."""
+    """Return ``count`` draws of the factor by which the small effects change the modulus, shape (count,)."""
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 
 
 def _interval(value: float, drawn: Array) -> tuple[float, float]:
-    """Return the 95 % interval of draws, extended so that it contains the value."""
+    """Return the 95 % interval of the draws of a quantity, extended so that the interval contains ``value``."""
     low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
     return float(min(low, value)), float(max(high, value))
 
@@ -315,9 +320,10 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
     """Return the range of times around ``start_s`` in which the data determine the modulus.
 
-    In this range the 95 % half-width of ln mu(t) over the draws is at most 5 %, and there are data.
+    In this range the half-width of the 95 % interval of ln mu(t) is at most 5 %, and there are data. start_s: a time in
+    the range; data_s: the range of times that the data cover.
 
-    curves: mu(t) of D draws at m times, (D, m).
+    curves: the modulus mu(t) of D draws from the posterior at m times t, (D, m).
     """
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
@@ -374,7 +380,7 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each source, of the noise and of each small effect on the dynamic modulus."""
+    """Return the contributions of the sources, the noise and the small effects to the dynamic modulus' uncertainty."""
     entries = []
 
     def effect_percent(moves: Array) -> float:

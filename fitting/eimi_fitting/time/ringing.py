@@ -1,4 +1,4 @@
-"""The frequencies and losses of a specimen's vibrations, as functions of the modulus and its relaxation.
+"""The frequencies and loss factors of a specimen's vibrations, as functions of shear modulus and relaxation.
 
 The equilibrium modulus is the shear modulus with which the equilibrium is computed. The modes (`beam.vibration`) are
 computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus. In a vibration with the
@@ -6,7 +6,8 @@ complex rate s, the modulus is the equilibrium modulus times the complex ratio r
 eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
 lambda/r gives lambda for any complex r.
 
-The frequencies of the solid, divided by those of the planar model, are computed once, at the middle modulus.
+The ratios of the frequencies of the solid model to the frequencies of the planar model are computed once, at the middle
+modulus.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above tha
 
 
 class NoEquilibrium(Exception):
-    """The specimen has no stable equilibrium with a modulus, or no modulus gives the measured frequency."""
+    """The specimen has no stable equilibrium with a given modulus, or no modulus gives the measured frequency."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class RingingBeam:
 
     @property
     def section(self) -> str:
-        """The section of the specimen."""
+        """The section of the specimen: solid, plane stress or plane strain."""
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
@@ -90,12 +91,12 @@ class RingingBeam:
         return BeamModel(self.specimen, plane=self.specimen.planar_section)
 
     def parameters(self, modulus_Pa: Array) -> Array:
-        """Return the n parameters of the law, (B, n), for B initial shear moduli (B,) in Pa."""
+        """Return the n parameters of the law, (B, n), for each of B initial shear moduli in Pa."""
         is_modulus = np.array([unit == "Pa" for unit in self.law.units])
         return np.where(is_modulus, np.asarray(modulus_Pa)[:, None] * self.shape, self.shape)
 
     def undamped_Hz(self, modulus_Pa: float, count: int = 3) -> Array:
-        """Return the lowest ``count`` undamped frequencies of the planar model with one shear modulus, (count,).
+        """Return the lowest ``count`` undamped frequencies of the planar model with one shear modulus, (count,) in Hz.
 
         Raises
         ------
@@ -108,9 +109,9 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the same specimen and loads with deviations of their sources of uncertainty.
+        """Return the same beam and loads with deviations in the quantities that the sources of uncertainty describe.
 
-        deviations: by the keys of `SOURCES`.
+        deviations: the deviations from the nominal values, by the keys of `SOURCES`.
         """
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
@@ -194,7 +195,9 @@ class RingTable:
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
-        """Return the complex rates s of the vibrations of P candidates, (P, count) in 1/s, corrected to the solid.
+        """Return the complex rates s of the vibrations of P candidates, (P, count) in 1/s.
+
+        The rates are corrected from the planar to the solid model by `solid_over_planar`.
 
         Parameters
         ----------
@@ -221,15 +224,15 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the solid, divided by those of the planar model, (3,).
+        """The three lowest frequencies of the solid model, each divided by that of the planar model, shape (3,).
 
-        For a specimen with a planar section, the frequencies on a finer mesh take the place of those of the solid.
+        For a specimen with a planar section, a planar model with a finer mesh takes the place of the solid model.
         """
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The modulus with which the planar model bends like the solid with ``middle_Pa``, divided by ``middle_Pa``."""
+        """The modulus at which the planar model bends like the solid with ``middle_Pa``, divided by ``middle_Pa``."""
         return self._better[1]
 
     @cached_property
@@ -256,18 +259,18 @@ class RingTable:
         return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of ln(frequency) of each mode if a source changes by its standard uncertainty.
+        """Return the changes of ln(frequency) of three modes due to a change of each source of uncertainty.
 
         Parameters
         ----------
         sources : mapping of str to float
-            Standard uncertainties by the keys of `SOURCES`.
+            Standard uncertainties by the keys of `SOURCES`. Each source changes by its standard uncertainty.
 
         Returns
         -------
-        dict of ndarray, shape (parts, 3)
-            For each source a row for each of its parts, with the three modes. Zero for a source that does not change
-            the specimen or its loads.
+        dict of ndarray, shape (components, 3)
+            For each source, one row for each component of the source (`Source.parts`) and one column for each of the
+            three modes. Zero for a source that does not change the specimen or its loads.
         """
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
@@ -298,7 +301,7 @@ class RingTable:
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:
-    """Return the values of F Lagrange polynomials at P places, (P, F).
+    """Evaluate F Lagrange polynomials at P points, (P, F).
 
     Each polynomial is 1 at one of F nodes and 0 at the other nodes.
     """
@@ -314,7 +317,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the ratios r that belong to places x from -1 to 1; 1/r is a linear function of x."""
+    """Return the modulus ratios r for coordinates x from -1 to 1; 1/r is a linear function of x."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

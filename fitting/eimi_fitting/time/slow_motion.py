@@ -1,8 +1,8 @@
 """The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
 
-The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. Each point has a
-displacement for a rotation of the tip by one rad, which is computed from two static solutions. With these values the
-displacements are converted to rotations.
+The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. For each point, the
+displacement per rad of rotation of the tip is computed from two static solutions. With this displacement, the measured
+displacement of the point is converted to a rotation of the tip.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 
 
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
-    """Return the displacement of p points for a rotation of the tip by one rad, (p, 2) in mm.
+    """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
     The displacement is the difference between two computed shapes, divided by the difference of their rotations. If the
     shape depends on the modulus, the two shapes have different moduli. Otherwise, for example for a hanging beam
-    without a field, one shape has the loads after the step. The loads of the other shape are changed by a tenth of the
-    step toward the loads before.
+    without a field, the two shapes have different loads. The first shape has the loads after the step. For the second
+    shape, the loads are changed by a tenth of the step toward the loads before the step.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     modulus_Pa : float
         Initial shear modulus.
     loads, before : Loads
-        The loads after and before the step, one state each.
+        The loads after the step, and the loads before the step, in one state each.
     rest_mm : ndarray, shape (p, 2)
-        Places of the points at rest.
+        Positions (x, y) of the points at rest.
     """
     model = beam.planar()
     inside = np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf])
@@ -71,7 +71,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
 ) -> tuple[Array, Array, Array] | None:
-    """Return times after the step in s, rotations of the tip in rad up to a constant, and their standard uncertainties.
+    """Return the rotation of the tip after a step of the load, up to a constant, at logarithmically spaced times in s.
 
     Parameters
     ----------
@@ -81,12 +81,13 @@ def slow_rotations(
     decay : Decay or None
         The vibrations in the recording; None if no vibration was found in it.
     per_rad_mm : ndarray, shape (p, 2)
-        Displacements of the p points, see `displacement_per_rad`.
+        Displacements of the p points for a rotation of the tip by one rad, see `displacement_per_rad`.
 
     Returns
     -------
     tuple of ndarray, or None
-        None if there are fewer than three averages, or if no point moves.
+        Times, rotations and standard uncertainties of the rotations (rad). None if there are fewer than three averages,
+        or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:

@@ -1,6 +1,6 @@
 """Small effects on a ring-down that are estimated but not corrected: air, eddy currents, coil, shutter, clamp.
 
-Each estimate is the change of the dynamic modulus, or of the loss factor, that the effect causes.
+For each effect, the changes of the dynamic modulus and of the loss factor are estimated.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _COIL_OHM = 2.0
 
 @dataclass(frozen=True)
 class SmallEffect:
-    """An effect that is estimated but not corrected.
+    """An effect on a ring-down that is estimated but not corrected.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SmallEffect:
 def small_effects(
     specimen: Specimen, loads: Loads, frequency_Hz: float, loss: float, gain: float, exposure_s: float | None
 ) -> tuple[SmallEffect, ...]:
-    """Return the estimates of all small effects on one ring-down.
+    """Return the estimates of all small effects on the modulus and loss factor of one ring-down.
 
     The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
     6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
@@ -59,9 +59,9 @@ def small_effects(
     frequency_Hz, loss : float
         Frequency and loss factor of the ring-down.
     gain : float
-        Change of ln(modulus) divided by the change of ln(frequency) that it causes.
+        Derivative of ln(modulus) by ln(frequency) for this beam.
     exposure_s : float or None
-        Exposure of a frame; None if it is not known.
+        Exposure time of a frame; None if it is not known.
     """
     omega = 2 * np.pi * frequency_Hz
     width, depth, length = (1e-3 * v for v in (specimen.width_mm, specimen.depth_mm, specimen.length_mm))

@@ -1,10 +1,10 @@
-"""The unknowns of a viscoelastic law: the modulus and the terms of the Prony series.
+"""The unknowns of a viscoelastic (Prony) law: the shear modulus and the terms of the Prony series.
 
 With n terms, a candidate has the unknowns (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n): the long-term shear
 modulus mu_inf, the modulus mu_i = h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal in the
-logarithms. The prior of h_i has the median 0.1 and the standard deviation 1.5 of ln h_i. The medians of tau_i divide
-the range of the data into n equal intervals of ln tau. The standard deviation is half of such an interval, or almost
-zero if the times are fixed.
+logarithms. The prior of h_i has the median 0.1 and the standard deviation 1.5 of ln h_i. The range of times that the
+data cover is divided into n intervals of equal length in ln tau. The median of tau_i is the middle of interval i. The
+standard deviation of ln tau_i is half of such an interval, or almost zero if the relaxation times are fixed.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ MODULUS_SIGMA = 3.0
 
 @dataclass(frozen=True)
 class Terms:
-    """The unknowns of a viscoelastic law with n terms, and their prior; symbols as in the module `time.terms`.
+    """The 1 + 2 n unknowns of a viscoelastic law with n terms, and their prior; the module `time.terms` lists them.
 
     Attributes
     ----------
     count : int
         Number n of terms.
     range_s : tuple of float
-        Range of the relaxation times.
+        Shortest and longest relaxation time of the prior.
     modulus_Pa : float
         Median of the prior of the long-term shear modulus.
     free_times : bool
@@ -48,20 +48,20 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The means of the prior of the unknowns, (1 + 2 n,)."""
+        """The prior means of the 1 + 2 n unknowns, shape (1 + 2 n,); the module `time.terms` lists the unknowns."""
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
         return np.concatenate([[np.log(self.modulus_Pa)], np.full(self.count, np.log(_SHARE)), middle])
 
     @property
     def sigma(self) -> Array:
-        """The standard deviations of the prior of the unknowns, (1 + 2 n,)."""
+        """The prior standard deviations of the 1 + 2 n unknowns in the order of `mean`, shape (1 + 2 n,)."""
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
-        """Return the instantaneous shear moduli (P,) in Pa and the Prony series of P candidates.
+        """Return the instantaneous shear moduli of P candidates, (P,) in Pa, and the Prony series of the candidates.
 
         unknowns: the 1 + 2 n unknowns of each candidate, (P, 1 + 2 n).
         """
