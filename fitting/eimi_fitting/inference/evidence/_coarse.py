@@ -1,7 +1,7 @@
-"""Experiments for the search, with a coarse mesh and few points of each edge.
+"""Reduce experiments to a coarse mesh and few points of each edge, for the search of a fit.
 
-The search has to come only near the optimum, because Gauss-Newton follows. The coarse mesh changes the edges by a few
-thousandths of a millimetre, and the omitted points have a smaller effect.
+The search has to come only near the optimum, because Gauss-Newton follows. The coarse mesh changes the simulated edges
+by a few thousandths of a millimetre. The effect of the omitted points is smaller.
 """
 
 from __future__ import annotations

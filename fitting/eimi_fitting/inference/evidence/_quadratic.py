@@ -1,4 +1,4 @@
-"""The minimum of a quadratic within the unit cube."""
+"""Minimise a quadratic function within the unit cube."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Correct the residuals of a fit to those of a better model, which is solved at the optimum only.
+"""Correct the residuals of a fit to the residuals of a better beam model, which is solved at the optimum only.
 
 Let r(x) be the residuals of the model of the search for the unknowns x, R(x) the residuals of the better model, and x_0
 the optimum of r. The fit is repeated with the residuals
@@ -16,14 +16,14 @@ element size h, for elements of any order; 1.19 is twice the exponent. Halving h
 error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,
 Verification and Validation in Computational Science and Engineering, section 5.5).
 
-The solid. The model of the search is in plane stress. In the solid, the clamp and the magnet restrain the
-cross-section, and the cross-section bows. If the magnet is shallower than the beam, the silicone in front of the magnet
-and behind the magnet is soft. These effects change the modulus by some per cent and the edges by tens of micrometres,
-which no planar model reproduces. The change is much larger than the noise, and is therefore computed again at each new
-optimum until the modulus hardly changes. The residuals are those of the solid on its own mesh. The change by a finer
-planar mesh is not added, because the corner singularities differ: the cross-section at the clamp is free in plane
-stress and restrained in the solid. A solid of 20 x 2 elements gives a modulus within 0.1 % of the modulus of 36 x 4
-elements, with the change by a finer planar mesh and without it.
+The solid section. The model of the search is in plane stress. The better model is a three-dimensional solid. In the
+solid, the clamp and the magnet restrain the cross-section, and the cross-section bows. If the magnet is shallower than
+the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
+per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
+noise, and is therefore computed again at each new optimum until the modulus hardly changes. The residuals are those of
+the solid on its own mesh. The change by a finer planar mesh is not added, because the corner singularities differ: the
+cross-section at the clamp is free in plane stress and restrained in the solid. A solid of 20 x 2 elements gives a
+modulus within 0.1 % of the modulus of 36 x 4 elements, with the change by a finer planar mesh and without it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A refinement: a finer planar mesh, or a three-dimensional solid, that replaces the model of an experiment.
+    """A better beam model for an experiment: a finer planar mesh or a three-dimensional model.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ FINER_MESH = Refinement(
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the solid of a specimen together with its planar model.
+    """Return the three-dimensional model of a specimen together with its planar model.
 
-    The solid has 20 elements along the beam and 2 to 4 elements across.
+    The three-dimensional model has 20 elements along the beam and 2 to 4 elements across.
     """
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
@@ -100,10 +100,10 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the beam model that the Gauss-Newton method uses.
+    """Return the experiment with the planar beam model that the Gauss-Newton method uses.
 
-    If the section is "solid", this model is planar and has the mesh of the solid. Otherwise the experiment keeps its
-    model.
+    If the section is "solid", the planar model has the mesh of the three-dimensional model. Otherwise the experiment
+    keeps its model.
     """
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
@@ -127,7 +127,7 @@ SOLID = Refinement(
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the refinements that the experiments need.
+    """Return the better beam models (refinements) that the experiments need.
 
     An experiment with the section "solid" needs the three-dimensional model of the beam, and any other experiment needs
     a planar model with a finer mesh.
@@ -138,12 +138,12 @@ def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of one candidate by a refinement, for K states.
+    """The change of the residuals of one candidate by a better beam model, for K states.
 
     Parameters
     ----------
     refinement : Refinement
-        The finer mesh or the solid.
+        The finer mesh or the three-dimensional model.
     changes : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals of the better model minus those of the earlier model in mm, in G groups of m
         points.
@@ -152,8 +152,8 @@ class Correction:
     models : tuple of Model
         The better model of each experiment.
     effects : tuple of DepthEffect or None
-        For each experiment, the displacements of the solid minus those of its planar model (the depth effect); None if
-        the better model is planar.
+        For each experiment, the displacements of the three-dimensional model minus the displacements of the planar
+        model (the depth effect). None if the better model is planar.
     """
 
     refinement: Refinement
@@ -163,11 +163,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return the correction without the shapes of the beam, which need much memory."""
+        """Return the correction without the simulated shapes of the beam, which need much memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with the changes of this correction added to the changes that they have already."""
+        """Return the experiments with the changes of this correction added to earlier changes of the residuals."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -186,8 +186,7 @@ def with_residuals_of(
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        Comparison of the candidate on the models of the experiments, with the changes that the experiments have
-        already.
+        Comparison of the candidate on the models of the experiments, including earlier changes of the residuals.
 
     Returns
     -------
@@ -208,7 +207,7 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """Compute the change of the residuals of a candidate by a refinement.
+    """Compute the change of the residuals of a candidate by a better beam model (refinement).
 
     Parameters
     ----------
@@ -221,7 +220,7 @@ def correction(
     compare : callable
         Takes experiments and returns the comparison of the candidate with these experiments.
     near : sequence of Correction
-        Corrections of similar candidates. The solver of a solid starts from the displacements in these corrections.
+        Corrections of similar candidates. The solver of a three-dimensional model starts from their displacements.
     options : SolidOptions, optional
         Options of the solver of a solid.
 
@@ -257,17 +256,17 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate a candidate by the better model of one experiment: a finer mesh or a solid.
+    """Simulate a candidate with a better model of one experiment: a finer mesh or a three-dimensional model.
 
-    The parameters are those of `correction`.
+    `correction` describes the parameters.
 
     Returns
     -------
     tuple or None
-        The misfit of the better model, the edges of the beam in K states, and the correction. The edges have the shape
-        (K, 2, S, 3, 2): S quadratic segments of three points in mm. If the finer mesh finds no equilibrium, misfit and
-        edges are those of the coarse mesh and the correction is None.
-        The result is None if the planar model or the solid finds no equilibrium.
+        The misfit of the better model, the edges of the beam, and the correction. The edges have the shape (K, 2, S, 3,
+        2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh finds no
+        equilibrium, misfit and edges belong to the coarse mesh and the correction is None. The result is None if the
+        planar or the three-dimensional model finds no equilibrium.
     """
     if here.unconverged[0]:
         return None

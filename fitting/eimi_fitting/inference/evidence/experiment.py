@@ -1,4 +1,4 @@
-"""An experiment with its loads and measurements, and the comparison of candidates with these measurements."""
+"""Describe an experiment with loads and measurements, and compare candidate laws with the measurements."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ class Experiment:
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points of the K states.
     change : ndarray, shape (K, G, m), optional
-        Correction by a better model in mm, which is added to the residuals in G groups of m points
-        (`inference.evidence.corrections`).
+        Change of the residuals in mm by a better beam model, in G groups of m points. The change is added to the
+        residuals (`inference.evidence.corrections`).
     solid : SolidBeside, optional
-        The solid that is solved instead of ``model``.
+        The three-dimensional model that is solved instead of ``model``.
     solid_options : SolidOptions, optional
-        Options of the solver of the solid.
+        Options of the solver of the three-dimensional model.
     stated : tuple of StatedSource
-        The stated standard uncertainties of the inputs.
+        The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
-        Deviations of the specimen in ``model`` from the stated specimen, because these deviations were measured. The
-        keys are those of `SOURCES`; each value has one number for each part of the source.
+        Measured deviations of the specimen in ``model`` from the stated specimen. Each key is a source (a key of
+        `SOURCES`). Each value has one number for each part of this source, in the unit of the source.
 
     Examples
     --------
@@ -79,11 +79,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The model that a simulation solves: the solid if there is one, else the planar model."""
+        """The beam model that a simulation solves: ``solid`` if it is given, else the planar model."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with the states that have the indices ``states``; an index may occur more than once."""
+        """Return the experiment with only the states of the indices ``states``; an index may occur more than once."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -92,9 +92,9 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return the misfit with the correction of this experiment in place of that of the experiment ``before``.
+        """Return a misfit after the correction of the experiment ``before`` is replaced by the correction of this one.
 
-        A correction (``change``) is added to the residuals. The two experiments may differ only in their corrections.
+        A correction (``change``) is added to the residuals. The two experiments may differ only in ``change``.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -110,13 +110,14 @@ class Experiment:
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            Deviation of each source, by its key in `SOURCES`, in the unit of the source. Sources that change only the
-            strength of the field or the map of the image are ignored; see `Setup`.
+            For each source (a key of `SOURCES`), the deviation of each of its parts, in the unit of the source. Sources
+            that change only the strength of the field or the map of the image are ignored (`Setup` contains their
+            effect).
 
         Returns
         -------
         Experiment
-            The experiment with another specimen, other loads or another lens.
+            The experiment with changed specimen, loads and lens.
         """
         if not deviations:
             return self
@@ -148,7 +149,7 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of P candidates with all experiments.
+    """Comparison of P candidate laws with the measurements of all experiments.
 
     Parameters
     ----------
@@ -157,9 +158,10 @@ class Comparison:
     unstable : ndarray of bool, shape (P,)
         Whether a candidate has equilibria in all states but its law is unstable in at least one state.
     max_stretch : ndarray, shape (P,)
-        Largest stretch of each candidate in all states.
+        Largest stretch in the beam over all states, for each candidate.
     shapes : tuple of Shapes
-        Shapes of the candidates in each experiment; empty if the candidates differ in more than law, field and image.
+        Simulated shapes of the beam in each experiment. Empty if the candidates differ in more than law, field and
+        image.
     misfits : tuple of Misfit
         Residuals of the candidates in each experiment.
     """
@@ -172,21 +174,21 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Error in mm, shape (P, K), of P candidates in the K states of all experiments."""
+        """Root mean square distance in mm, shape (P, K), for P candidates in the K states of all experiments."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Deviation in mm, shape (P, K), of P candidates in the K states of all experiments."""
+        """Standard deviation of the distances in mm, (P, K), for P candidates in the K states of all experiments."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean error over the states in mm of P candidates, (P,); `DISCARDED_MM` if one is unconverged or unstable."""
+        """Mean error over all states in mm for P candidates, (P,); `DISCARDED_MM` for an invalid candidate."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the comparison of the candidates with the indices ``rows``."""
+        """Return the comparison of only the candidates with the indices ``rows``."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -207,8 +209,8 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
     Returns
     -------
     Comparison
-        All candidates in the order of their indices. Several groups may have different meshes, and the shapes are then
-        omitted.
+        All candidates in the order of their indices. The shapes are omitted if there are several groups, because the
+        meshes may differ.
     """
     if len(parts) == 1:
         return parts[0][1]
@@ -240,14 +242,14 @@ def compare(
     keep: bool = False,
     seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
-    """Simulate candidates in all experiments and compute their distance from the measurements.
+    """Simulate candidate laws in all experiments, and compute the distances between simulation and measurement.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        Parameters of P candidates.
+        The n parameters of P candidates, in the order and units of the law.
     experiments : sequence of Experiment
         The experiments.
     bulk_modulus_Pa : ndarray, shape (P,), optional
@@ -298,7 +300,7 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the misfit of all candidates; the edges of each candidate are projected by the lens of its group."""
+    """Return the misfit of all candidates, with the edges of each candidate projected by the lens of its group."""
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:
         through = experiment.under(seen[0][1]) if seen else experiment
@@ -321,7 +323,7 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the shapes of all candidates. Candidates that differ only in the map of the image are solved once."""
+    """Return the simulated shapes of all candidates; candidates that differ only in the picture are solved once."""
     solved = row = np.arange(len(parameters))
     if setup is not None:
         bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa

@@ -1,4 +1,4 @@
-"""The distance of measured edges and tracked points from simulated ones.
+"""Compute the distances of measured edges and tracked points from simulated edges and points.
 
 Let d_ki be the distance in mm of the measured point i of state k from the simulated edge on the same side of the beam.
 For a tracked point, d_ki is its distance from its simulated position. Let N_k be the number of points of state k. Error
@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 _STATES_AT_ONCE = 16
 """Number of states that are compared in one block, because the arrays of more states exceed the processor's cache."""
 _PAIRS_AT_ONCE = 1 << 18
-"""Number of pairs of a measured point and a place on its curve in one block, which needs 2 MB of the cache."""
+"""Number of pairs of a measured point and a point of a simulated edge in one block. One block needs 2 MB of the
+cache."""
 
 __all__ = [
     "EdgeObservation",
@@ -43,15 +44,15 @@ __all__ = [
 def signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances of points from curves.
 
-    The nearest of four places on each segment selects the segment. Three steps of Newton's method then compute the foot
-    of the perpendicular on the parabola of that segment.
+    The segment is selected by the nearest of four points on each segment. Three steps of Newton's method then compute
+    the foot of the perpendicular on the parabola of this segment.
 
     Parameters
     ----------
     curves : ndarray, shape (..., S, 3, 2)
-        Curves of S parabolic segments from clamp to tip. Each segment has three points in mm.
+        Curves of S parabolic segments from clamp to tip. Each segment has three points, and each point x and y in mm.
     points : ndarray, shape (..., n, 2)
-        The n points beside each curve, in mm.
+        The n points beside each curve, each with x and y in mm.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the distances of `signed_distance` for one block of curves (b, S, 3, 2) and points (b, n, 2)."""
+    """Return the distances (b, n) of `signed_distance` for b curves (b, S, 3, 2) and n points of each (b, n, 2)."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
@@ -85,7 +86,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y (b, n) of the coefficients of the segment that is nearest to each point.
+        """Return x and y, each (b, n), of a coefficient of the nearest segment to each point.
 
         Two arrays are faster than sums over an axis of length two.
         """
@@ -98,7 +99,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each point to the place ``xi`` of its segment, and the tangent there, as x and y."""
+        """Return x and y of the vector from each point to its segment at ``xi``, and of the tangent there."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
@@ -116,7 +117,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Residuals of P candidates in K states.
+    """Distances of measured points from P simulated candidates in K states (residuals), with the error of each state.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the misfit of the candidates with the indices ``rows``."""
+        """Return the misfit of only the candidates with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
@@ -161,10 +162,10 @@ class EdgeObservation:
     sigma_mm : ndarray, shape (K, 2, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     view : View, optional
-        Perspective of the lens; None if the lens is telecentric or its stand-off is not stated.
+        Perspective of the lens. None if the lens is telecentric or if no file specifies the stand-off of the lens.
     noise_mm : ndarray, shape (K, 2, n), optional
-        Standard deviation of the noise of each point in mm, if flags have increased ``sigma_mm``. The checks of a fit
-        compare the residuals with this noise.
+        Standard deviation of the noise of each point in mm, without the uncertainty that flags have added to
+        ``sigma_mm``. The checks of a fit compare the residuals with ``noise_mm``.
 
     Examples
     --------
@@ -197,7 +198,7 @@ class EdgeObservation:
         Returns
         -------
         EdgeObservation
-            All edges, lengthened to the largest number of points by points that are not used.
+            All edges with the same number of points. Shorter edges are filled up with unused points.
         """
         most = max(len(points) for left, _, right, _ in edges for points in (left, right))
         points = np.zeros((len(edges), 2, most, 2))
@@ -230,7 +231,7 @@ class EdgeObservation:
         Returns
         -------
         Misfit
-            The distances as residuals, with error and deviation of each state.
+            The distances as residuals, with error and deviation of each candidate in each state.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -248,7 +249,10 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of residuals (P, K, 2, n) in mm, with error and deviation of P candidates in K states."""
+        """Return the misfit of given residuals in mm, with error and deviation of P candidates in K states.
+
+        ``residuals`` has the shape (P, K, 2, n): left and right edge with n points each.
+        """
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -264,11 +268,12 @@ class PointObservation:
     Parameters
     ----------
     rest_mm, moved_mm : ndarray, shape (K, n, 2)
-        Positions of n points at rest and under load, in mm in the beam frame.
+        Positions of n points at rest (``rest_mm``) and under load (``moved_mm``), with x and y in mm in the beam frame.
     sigma_mm : ndarray, shape (K, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     depth_mm : ndarray, shape (K, n), optional
-        Distance of each point from the middle of the beam's depth in mm; zero by default. A planar model ignores it.
+        Distance of each point from the middle of the beam's depth in mm; zero by default. A planar model ignores the
+        distance.
 
     Examples
     --------
@@ -326,7 +331,10 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of residuals (P, K, 2, n) in mm in x and y, with error and deviation in K states."""
+        """Return the misfit of given residuals in mm, with error and deviation of P candidates in K states.
+
+        ``residuals`` has the shape (P, K, 2, n): x and y for n points.
+        """
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

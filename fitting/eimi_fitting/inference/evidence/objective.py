@@ -1,4 +1,4 @@
-"""The objective of a fit: one number for each candidate, computed from all the evidence.
+"""Compute the objective of a fit: one number for each candidate law, from all the evidence.
 
 State k has the error e_k in mm (`inference.evidence.measurements`), and e is the mean of e_k over all states. Let the
 noise of the edges be normal. The likelihood of N independent points, maximised over the noise level, is then
@@ -36,7 +36,7 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The comparison of P candidates with all the evidence.
+    """The comparison of P candidates of a fit with all the evidence.
 
     Parameters
     ----------
@@ -60,22 +60,22 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the solver finds no equilibrium in at least one state, for each of P candidates, shape (P,)."""
+        """Whether a candidate has no equilibrium in at least one state, for P candidates, shape (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates has equilibria in all states but an unstable law in at least one, (P,)."""
+        """Whether a candidate has all equilibria but an unstable law in at least one state, for P candidates, (P,)."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """Residuals of m rows of curves, f nuisances and q priors over their standard deviations, (P, m + f + q)."""
+        """Standardised residuals of m rows of curves, f nuisances and q priors for P candidates, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of P candidates in mm, (P,); `DISCARDED_MM` for an unconverged or unstable candidate."""
+        """The objective of P candidates in mm, shape (P,); `DISCARDED_MM` for an invalid candidate."""
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
         # Beyond x = 5 a straight line continues the exponential, which would overflow.
@@ -90,12 +90,12 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether priors or curves make the objective of each of P candidates reach its limit, 0.99 `DISCARDED_MM`."""
+        """Whether priors or curves raise the objective of each of P candidates to 0.99 `DISCARDED_MM`, (P,)."""
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Residuals for least squares: those of each experiment, and the standardised residuals z as one more state.
+        """Residuals for least squares: one element for each experiment, and one for the standardised residuals z.
 
         Let K be the number of states, N the number of independent points, and e the median of the mean errors of the
         valid candidates. The residuals of the additional state are e sqrt(K / N) z, and its error is e. Near the
@@ -117,7 +117,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of a fit: a law, its unknowns and the evidence for them.
+    """The problem of a fit: a hyperelastic law, the unknowns and the evidence.
 
     Parameters
     ----------
@@ -141,13 +141,13 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether the problem has freed nuisances, tensile curves or priors on the law besides the edges."""
+        """Whether the problem of a fit has freed nuisances, tensile curves or priors on the law."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return the evaluation with the corrections of this problem in place of those of the problem ``before``.
+        """Return an evaluation after the corrections of the problem ``before`` are replaced by those of this problem.
 
-        Corrections are added to the residuals. The two problems may differ only in the corrections.
+        Corrections by better beam models are added to the residuals. The two problems may differ only in corrections.
         """
         comparison = evaluation.comparison
         misfits = tuple(
@@ -159,7 +159,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function for `polish` that evaluates candidates, starting the solver from an earlier evaluation."""
+        """Return a function for `polish` that evaluates candidates and starts the solver from an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )
@@ -172,7 +172,7 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Compare candidates with all the evidence.
+        """Compare P candidates of a fit with all the evidence.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Problem:
             P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either those that the search
             varies (``Unknowns.searched``), or all n unknowns. By default nuisances have their stated values.
         independent_points : float
-            The number N of independent points.
+            Number of independent edge points.
         experiments : sequence of Experiment, optional
             Experiments that replace those of the problem.
         near : sequence of Shapes

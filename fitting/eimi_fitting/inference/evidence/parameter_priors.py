@@ -1,4 +1,4 @@
-"""Normal priors on the parameters of a law.
+"""Normal priors on the parameters of a hyperelastic law.
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
 Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
@@ -27,7 +27,7 @@ INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal prior on one parameter of a law.
+    """A normal prior on one parameter of a hyperelastic law.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return z = (p - mean) / standard_deviation for P candidates, shape (P,).
+        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P candidates, shape (P,).
 
-        p is the parameter of this prior, computed from the parameters (P, n) of the law.
+        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
         """
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)

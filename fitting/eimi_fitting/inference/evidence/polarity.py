@@ -1,9 +1,9 @@
-"""The field in both polarities, which separates the modulus from a tilted magnetisation and from a background field.
+"""Use a field in both polarities to separate the modulus from a tilted magnetisation and from a background field.
 
 The odd part of the deflection is caused by the field of the coil and is reversed with the current. The even part does
 not depend on the current, or depends on the square of the current, and stays the same. The modulus follows from the odd
-part. The direction of magnetisation and the background field follow from the even part. A fit therefore frees both
-sources if both polarities were measured.
+part. The direction of magnetisation and the background field follow from the even part. If both polarities were
+measured, a fit therefore also determines the direction of magnetisation and the background field.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether a state has a field component opposite to the strongest field, above 0.2 of its strength."""
+    """Return whether a state has a component opposite to the strongest field, above 0.2 of the strongest field."""
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 
 
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
-    """Return the sources that a fit frees because the field was measured in both polarities.
+    """Return the sources of uncertainty that a fit frees because the field was measured in both polarities.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments of a fit.
     free : sequence of NuisancePrior
-        The sources that the user frees; they are not returned.
+        The sources that the user frees. These sources are not returned.
 
     Returns
     -------

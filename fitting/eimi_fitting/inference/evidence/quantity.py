@@ -1,4 +1,4 @@
-"""A number with its unit and its intervals."""
+"""A quantity: a number with unit and 95 % intervals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NORMAL_95 = float(special.ndtri(0.975))
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with its 95 % intervals.
+    """A number with unit and 95 % intervals.
 
     Parameters
     ----------

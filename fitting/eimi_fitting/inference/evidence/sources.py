@@ -2,7 +2,7 @@
 
 A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
 intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit
-(`inference.evidence.unknowns`). The entries define the keys of files, the options of commands and the words of reports.
+(`inference.evidence.unknowns`). The entries define keys in files, options of commands and words in reports.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """A quantity that may be uncertain, and its effect on an experiment.
+    """An input that may be uncertain (a source of uncertainty), and its effect on an experiment.
 
-    A source has one or more numbers, its parts: the background field has the parts x and y. The shapes are
-    those for P candidates.
+    A source has one or more numbers, the parts: the background field has the parts x and y. P is the number of
+    candidates of a fit.
 
     Parameters
     ----------
@@ -43,31 +43,31 @@ class Source:
     unit : str
         Unit of all parts; ``"1"`` for a share of the stated value.
     largest : float
-        Largest standard deviation that is accepted, in this unit.
+        Largest standard deviation that is accepted, in ``unit``.
     usual : float
-        Standard deviation that is usual in a laboratory, in this unit.
+        Standard deviation that is usual in a laboratory, in ``unit``.
     is_decisive : bool
         Whether a fit reports the effect of the usual standard deviation if no file states the uncertainty.
     is_even : bool
-        Whether the effect of the source is the same in a reversed field, so that both polarities separate the effect
-        from that of the modulus.
+        Whether the effect of the source is the same in a reversed field. Both polarities then separate this effect from
+        the effect of the modulus.
     common : bool
-        Whether all datasets share one error of the source if no file states which datasets share the error. If False,
-        each dataset then has a separate error.
+        Whether all datasets share one error of the source. If False, each dataset has a separate error. The value is
+        used if no file specifies which datasets share the error.
     covers : tuple of str
-        Other sources with the same effect, which are ignored if this source is freed.
+        Keys of other sources with the same effect. These sources are ignored if this source is freed.
     stated_in : str or None
-        The file that states the uncertainty: "specimen", "calibration" or "rig"; None if no file states it.
+        The file that specifies the uncertainty: "specimen", "calibration" or "rig"; None if no file specifies it.
     key : str
-        Key of the quantity in that file, with the unit.
+        Key of the input in the file ``stated_in``, with the unit.
     field : callable, optional
         Takes deviations (P, parts) and returns the factor (P,) on the magnetic loads.
     image : callable, optional
         Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
         to its position in the picture.
     specimen, loads, lens : callable, optional
-        Take the stated specimen, loads or view of the lens and the deviations (parts,) of one candidate. They return
-        another specimen, other loads or another view.
+        Three functions. Each takes the stated specimen, loads or view of the lens, and the deviations (parts,) of one
+        candidate. Each returns the changed specimen, loads or view.
     """
 
     words: str
@@ -89,18 +89,18 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether the source changes the specimen, the lens, or the loads other than by a factor on the field."""
+        """Whether the source of uncertainty changes specimen, lens or loads other than by a factor on the field."""
         return any((self.specimen, self.loads, self.lens))
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether the source changes the shapes of the beam, and not only the picture of these shapes."""
+        """Whether the source of uncertainty changes the shape of the beam, and not only its picture."""
         return any((self.specimen, self.loads, self.field))
 
 
 @dataclass(frozen=True)
 class StatedSource:
-    """The stated standard uncertainty of one source.
+    """The standard uncertainty of one source, as a file specifies it.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with gravity and the tip forces rotated; tip forces are weights that hang from the tip."""
+    """Return the loads with gravity and tip forces rotated; tip forces are weights that hang from the tip."""
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -150,7 +150,7 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with field and gravity rotated by minus the deviation of the beam's direction.
+    """Return the loads with field and gravity rotated by minus the deviation of the direction of the beam.
 
     The directions of field and gravity in the picture stay the same.
     """

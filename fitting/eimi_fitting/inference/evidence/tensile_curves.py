@@ -1,4 +1,4 @@
-"""Tensile curves as evidence besides the edges.
+"""Tensile curves as additional evidence in a fit to measured edges.
 
 The law with n parameters is first fitted to the curve of m rows alone. The sum Q of the squared residuals of this fit
 gives the noise s = sqrt(Q / (m - n)). The noise is at least 1e-4 of the largest stress. tau neighbouring rows with
@@ -57,7 +57,7 @@ class TensileCurve:
 
 @dataclass(frozen=True)
 class TensileEvidence:
-    """A tensile curve with the noise of its stress.
+    """A tensile curve with the noise of the measured stress.
 
     Parameters
     ----------
@@ -103,10 +103,16 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return simulated minus measured stresses in Pa, (P, m), at m rows for P candidates with parameters (P, n)."""
+        """Return simulated minus measured stress in Pa, (P, m), in m rows of the curve for P candidates.
+
+        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
+        """
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the standardised residuals z (see the module), (P, m), at m rows for P candidates (P, n)."""
+        """Return the residuals divided by their standard deviation, (P, m), in m rows of the curve for P candidates.
+
+        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
+        """
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

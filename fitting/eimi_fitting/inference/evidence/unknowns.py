@@ -1,4 +1,4 @@
-"""The unknowns of a fit: the coordinates of the law, the bulk modulus and the freed nuisances.
+"""The unknowns of a fit: the coordinates of the hyperelastic law, the bulk modulus and the freed nuisances.
 
 A nuisance is an uncertain number of specimen, calibration or rig (`inference.evidence.sources`). A nuisance either
 keeps its stated value or is freed. A freed nuisance has a normal prior about the stated value, which enters the fit as
@@ -26,7 +26,7 @@ _BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interva
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """A source to free, with the standard deviation of its prior.
+    """A source of uncertainty that a fit frees, with the standard deviation of its prior.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One freed number: the deviation of an input from its stated value.
+    """One freed number of a fit: the deviation of an input from its stated value.
 
     Parameters
     ----------
@@ -98,14 +98,15 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Setup:
-    """The strength of the field and the map of the image of one dataset, for P candidates.
+    """The factor on the field and the map from the beam to the picture of one dataset, for P candidates.
 
     Parameters
     ----------
     field_factor : ndarray, shape (P,)
         Factor on the magnetic loads.
     linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
-        Linear map and shift in mm, from a true position in the beam frame to its position in the picture.
+        Linear map (``linear``) and shift in mm (``shift_mm``) from a true position in the beam frame to the position in
+        the picture.
     """
 
     field_factor: Array
@@ -114,13 +115,13 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the strength of the field and the map of the image for deviations of the inputs.
+        """Return the factor on the field and the map to the picture for deviations of the inputs.
 
         Parameters
         ----------
         deviations : iterable of (str, int, ndarray or float)
-            For each number, the key of its source, its index among the parts of the source, and its deviation. A
-            deviation has shape (P,) or is one number for all candidates.
+            For each uncertain number, the key of its source, its index among the parts of the source, and its deviation
+            in the unit of the source. A deviation has shape (P,) or is one number for all candidates.
         candidates : int
             The number P of candidates.
 
@@ -149,18 +150,18 @@ class Setup:
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return true positions (P, ..., 2) in mm from positions (..., 2) in the picture, for P candidates."""
+        """Return true positions (x, y) in mm, (P, ..., 2), from positions in the picture (..., 2) for P candidates."""
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return positions (..., 2) in the picture from true positions (..., 2) in mm, for the first candidate."""
+        """Return positions (x, y) in the picture in mm, (..., 2), from true positions, for the first candidate."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the key of the source and the index of the part of a freed number from its name in a result.
+    """Return the key of the source and the index of the part, for a freed number by its name in a result.
 
     Raises
     ------
@@ -214,8 +215,8 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     Returns
     -------
     tuple of SharedUnknowns
-        One for each group. Datasets that state the same object for the source form a group. The datasets that do not
-        state the source form a group if ``Source.common`` is true, else each of these datasets is a group.
+        One element for each group. Datasets with the same object ``StatedSource.of`` form a group. The datasets that do
+        not specify the source form a group if ``Source.common`` is true, else each of these datasets is a group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -250,7 +251,7 @@ def nuisances(
     Raises
     ------
     ValueError
-        If the prior has no standard deviation, and a dataset states none or states 0.
+        If a prior has no standard deviation, and a dataset specifies no uncertainty of the source or the value 0.
     """
     freed: list[Nuisance] = []
     for prior in priors:
@@ -270,7 +271,7 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit: those of the law, then the bulk modulus if it is searched, then the freed nuisances.
+    """The unknowns of a fit: coordinates of the law, then the bulk modulus if it is searched, then freed nuisances.
 
     Each of the n unknowns has a unit coordinate from 0 to 1. P candidates have the shape (P, n).
 
@@ -322,7 +323,10 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return P candidates (P, searched) or (P, n) as (P, n); missing nuisances get their stated values."""
+        """Return all n unit coordinates of P candidates, (P, n); missing nuisances get their stated values.
+
+        ``unit`` has the shape (P, searched) or (P, n).
+        """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
@@ -332,15 +336,21 @@ class Unknowns:
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa of P candidates (P, n); None if the bulk modulus is not searched."""
+        """Return the bulk moduli in Pa, (P,), of P candidates in unit coordinates (P, n); None if not searched."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return f freed nuisances over their standard deviations, (P, f), for P candidates of n unknowns (P, n)."""
+        """Return f freed nuisances divided by their prior standard deviations, (P, f), for P candidates.
+
+        ``unit`` has the n unit coordinates of each candidate, shape (P, n).
+        """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return field strength and image map by dataset for P candidates (P, n); None if no nuisance is freed."""
+        """Return the factor on the field and the map to the picture of each dataset; None if no nuisance is freed.
+
+        ``unit`` has the n unit coordinates of each of P candidates, shape (P, n).
+        """
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -362,12 +372,13 @@ class Unknowns:
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its candidates and, for each dataset, the deviations (parts,) by source.
+            For each group: the indices of its candidates, and for each dataset the deviations, one array (parts,) for
+            each source.
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates that have the same lenses; parameters and result are those of `bent`."""
+        """Return groups of candidates with the same lenses; `bent` describes the parameters and the result."""
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
     def _grouped(
