@@ -231,7 +231,7 @@ class DipoleInField:
     Parameters
     ----------
     shape : CoilShape
-        The ratio of the field at any place to the field at the magnet's place at rest.
+        The ratio of the field at any point to the field at the position of the magnet at rest.
     dipole : ndarray, shape (2,)
         Magnetic moment at rest in N mm/T.
     arm_mm : ndarray, shape (2,)
@@ -295,7 +295,7 @@ class SiliconeInField:
     Parameters
     ----------
     shape : CoilShape
-        The ratio of the field at any place to the field at the magnet's place at rest.
+        The ratio of the field at any point to the field at the position of the magnet at rest.
     rest_mm : ndarray, shape (2,)
         The point (x, y) at rest at which the field is ``field_T``.
     nodes_mm : ndarray, shape (E, n, 2)

@@ -24,7 +24,7 @@ from eimi_fitting.laws.law import Law
 Array = NDArray[np.float64]
 
 PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-"""Where component (K, L) of a symmetric tensor is among its six components, shape (3, 3)."""
+"""The index of the component (row, column) of a symmetric tensor among its six components, shape (3, 3)."""
 
 _FIRST, _SECOND = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
 # Two stretches whose logarithms differ by less are taken as equal. The error of the limit grows with the square of the
@@ -113,7 +113,7 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the stress p J C^-1 of a pressure p (...) to the stress S, and its derivative to D, in place.
+    """Add the stress p J C^-1 of a pressure p to the stress S, and the derivative of this stress to D, in place.
 
     pressure: p; volume: J C^-1; J, S, D: see `response`.
     """

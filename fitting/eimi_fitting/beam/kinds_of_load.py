@@ -57,7 +57,7 @@ class CoilField:
     numbers : ndarray, shape (K, 2)
         Components of the magnetic flux density in T at the position of the magnet at rest, in K states.
     shape : CoilShape
-        The ratio of the field at any place to the field at the magnet's place at rest.
+        The ratio of the field at any point to the field at the position of the magnet at rest.
     """
 
     numbers: Array

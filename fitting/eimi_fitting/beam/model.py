@@ -109,7 +109,7 @@ class BeamModel:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement of n material points.
 
-        points_mm: places of the points at rest, shape (n, 2).
+        points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -121,7 +121,7 @@ class BeamModel:
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
         """Return the positions of n material points for P candidates in K states, (P, K, n, 2) in mm.
 
-        points_mm: places of the points at rest, shape (n, 2).
+        points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -153,7 +153,7 @@ class BeamModel:
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
         """Return the positions of n points of the magnet for P candidates in K states, (P, K, n, 2) in mm.
 
-        points_mm: places of the points at rest, shape (n, 2).
+        points_mm: positions (x, y) of the points at rest, shape (n, 2).
         """
         (face_x, face_y), arm = self.grid.face_mm, points_mm - np.array(self.grid.face_mm)
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])

@@ -124,7 +124,7 @@ class Strip:
     def straightened(self, places_mm: Array) -> Array:
         """Return the points (x, y) of the straight strip that correspond to n points (x, y) at rest, (n, 2) in mm.
 
-        This is the inverse of `at_rest`.
+        This method is the inverse of `at_rest`.
         """
         places = np.asarray(places_mm, float)
         if self.is_straight:

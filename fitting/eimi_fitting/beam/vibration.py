@@ -275,8 +275,8 @@ class Vibration:
     ) -> ReducedMotion:
         """Return the reduced motion of B candidates about given configurations in equilibrium.
 
-        chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. The other
-        parameters are those of `about`.
+        chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. For the other
+        parameters see `about`.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))

@@ -1,9 +1,9 @@
 """Drucker's stability criterion for hyperelastic laws: whether a larger strain always needs a larger stress.
 
 A law is stable at a deformation if the increments of Kirchhoff stress tau and logarithmic strain eps do positive work,
-d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). This is equivalent to a positive
-definite restricted Hessian. The restricted Hessian is the Hessian of the strain energy by the logarithmic principal
-stretches, restricted to increments whose sum is zero.
+d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). This condition holds if and only
+if the restricted Hessian is positive definite. The restricted Hessian is the Hessian of the strain energy by the
+logarithmic principal stretches, restricted to increments whose sum is zero.
 
 A law is stable up to the stretch L if it is stable at every isochoric deformation in which no principal stretch exceeds
 L. In the space of logarithmic stretches these deformations form a triangle. The corners of the triangle are equibiaxial
@@ -86,11 +86,11 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     """Return the stretch up to which each candidate is stable, by a scan of sampled deformations.
 
-    This is `Law.drucker_limit` for a law without a criterion in closed form. The scan has 48 levels of the largest
-    stretch with equal steps of its logarithm. At each level it examines 61 deformations from uniaxial through planar to
-    equibiaxial tension. Let the first unstable level be the first level with an unstable deformation. Bisection finds
-    the limit between this level and the level before it. Deformations between the sampled deformations are not
-    examined.
+    A law without a criterion in closed form uses this function as `Law.drucker_limit`. The scan has 48 levels of the
+    largest stretch with equal steps of its logarithm. At each level it examines 61 deformations from uniaxial through
+    planar to equibiaxial tension. Let the first unstable level be the first level with an unstable deformation.
+    Bisection finds the limit between this level and the level before it. Deformations between the sampled deformations
+    are not examined.
 
     Parameters
     ----------
