@@ -10,7 +10,8 @@ residuals for amplitudes of one. A hypothesis H is a set of causes. The model of
 with the inverse variance P of the priors of the fit and the usual size size_a of the cause. The noise e has the level
 sigma and the correlation tau of neighbouring points. The error d is the part that no listed cause explains. It has the
 size eta in mm and the covariance G, which is smooth along an edge and over the loads (Kennedy and O'Hagan 2001, J. R.
-Stat. Soc. B 63:425). The columns of J also contain the remaining errors of the finer mesh and of the solid.
+Stat. Soc. B 63:425). The columns of J also contain the remaining errors of the finer mesh and of the three-dimensional
+model.
 
 The evidence. The model is linear and Gaussian, so that the evidence has a closed form. Let L = sigma^2 tau + eta^2 G,
 let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L) r. For normal priors,
@@ -35,9 +36,9 @@ The computation. Residuals are compared by their coefficients in orthonormal pol
 smooth signatures completely. The remainder gives sigma and tau. A signature is linear only in small amplitudes. The
 probable hypotheses are therefore simulated at their amplitudes, and the difference from the linear model is added to r
 (Gauss-Newton). Errors of the simulation are added to the noise under every hypothesis. They are 1 per cent of each
-change by the most probable hypothesis, and the remaining error of the finer mesh and of the solid. These errors are
-smooth along an edge and alike in states of similar loads, as d is. Independent errors would be too small on average
-over many states, and a second cause would then explain the rest with a probability near one.
+change by the most probable hypothesis, and the remaining error of the finer mesh and of the three-dimensional model.
+These errors are smooth along an edge and alike in states of similar loads, as d is. Independent errors would be too
+small on average over many states, and a second cause would then explain the rest with a probability near one.
 """
 
 from __future__ import annotations

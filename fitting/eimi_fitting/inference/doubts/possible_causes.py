@@ -114,8 +114,8 @@ class PossibleCause:
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of inputs to assumptions, in proportion to amplitudes.
 
-    Each of ``parts`` belongs to one amplitude. It maps (source, index of the part) to the deviation for an amplitude of
-    1.
+    Each of ``parts`` belongs to one amplitude. The part maps (source, index) to
+    the deviation for an amplitude of 1. The index counts the parts of the source.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -234,7 +234,7 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads that describe a beam whose stiffness decreases in proportion to time."""
+    """Return larger loads that describe a beam that softens in proportion to time, with equal time steps."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 

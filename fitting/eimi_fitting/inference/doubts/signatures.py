@@ -274,7 +274,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm for one amplitude of a cause of value 1; None without equilibrium.
+    """Return the change of the residuals in mm if one amplitude of a cause is 1; None without an equilibrium.
 
     The shape is (K, G, m) for G groups of m points in K states.
     """

@@ -212,7 +212,7 @@ def correction(
     Parameters
     ----------
     refinement : Refinement
-        The finer mesh or the solid.
+        The finer mesh or the three-dimensional model.
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
@@ -222,7 +222,7 @@ def correction(
     near : sequence of Correction
         Corrections of similar candidates. The solver of a three-dimensional model starts from their displacements.
     options : SolidOptions, optional
-        Options of the solver of a solid.
+        Options of the solver of a three-dimensional model.
 
     Returns
     -------

@@ -70,7 +70,7 @@ def draw_noise(
         Ends of the intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown are
         scaled to these ends.
     model_errors : ndarray, shape (C, n)
-        Change of the n unknowns by one standard deviation of each of C errors of the beam models.
+        Change of the n unknowns by one standard deviation of each of C errors of the beam models, in unit coordinates.
     modulus_errors : ndarray, shape (C,)
         Additional change of the first unknown by one standard deviation of each of the C errors.
 

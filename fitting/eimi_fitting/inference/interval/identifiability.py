@@ -61,7 +61,9 @@ class Identifiability:
     correlation_points : float
         Mean number of neighbouring points that count as one independent point.
     points : int
-        Number of measured points. independent_points : float Number of independent points.
+        Number of measured points.
+    independent_points : float
+        Number of independent points.
     names : tuple of str
         Names of all unknowns.
     correlation : tuple of tuple of float
