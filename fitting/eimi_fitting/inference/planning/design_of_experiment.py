@@ -94,8 +94,7 @@ class EdgeNoise:
     alike : float
         Number of neighbouring edge points that count as one independent point.
     left_percent : float
-        95 % bound of the remaining error of the modulus after the correction to the three-dimensional beam model, in
-        per cent.
+        95 % bound of the error of the modulus that remains after the correction for a solid section, in per cent.
     """
 
     residual_mm: float
@@ -145,8 +144,7 @@ class Candidates:
     points : float
         Number of independent edge points in a state.
     irreducible : float
-        The part of the standard deviation of the goal quantity that is the same for all choices of states, as a share
-        of the value of the goal quantity.
+        Part of the standard deviation of the goal quantity that is the same for all choices, as a share of its value.
     """
 
     loads: Loads
@@ -163,10 +161,7 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the goal quantity for D choices of K states, shape (D,).
-
-        ``choices`` has the indices of the K states in each row, shape (D, K).
-        """
+        """Return the relative variance of the goal quantity, (D,), for D choices of K states by index, (D, K)."""
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -257,10 +252,7 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return 1 / (expected difference in AIC of the two laws) for D choices of K states, shape (D,).
-
-        ``choices`` has the indices of the K states in each row, shape (D, K).
-        """
+        """Return 1 / (expected difference in AIC), shape (D,), for D choices of K states by index, shape (D, K)."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
@@ -281,8 +273,7 @@ def candidates(
 ) -> Candidates:
     """Linearise the states in which the beam has an equilibrium, to plan the narrowest interval of a quantity.
 
-    A planar model replaces the three-dimensional model of a solid section. The derivatives of the edges differ by only
-    a few per cent.
+    A planar model replaces a solid section, because the derivatives of the edges differ by only a few per cent.
 
     Parameters
     ----------
@@ -299,8 +290,7 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the later fit. The error of this mesh widens the interval
-        unless the section is solid.
+        Number of elements along the mesh of the later fit. The mesh error counts unless the section is solid.
 
     Returns
     -------
@@ -351,8 +341,7 @@ def rivals(
     Parameters
     ----------
     known, rival : KnownLaw
-        The first law, which is assumed true (``known``), and the second law (``rival``), both with parameters of
-        earlier fits.
+        The first law (assumed true) and the second law, both with the parameters of earlier fits.
     specimen : Specimen
         The specimen of the planned run.
     loads : Loads
@@ -417,10 +406,7 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in n unit coordinates, in mm, shape (n, K, 2, m).
-
-    There are m points on each of 2 edges in K states.
-    """
+    """Return the derivatives of residuals in n unknowns in mm, (n, K, 2, m), for m points of 2 edges in K states."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -428,11 +414,7 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the mesh error of the residuals in mm, as a mapping with one named array.
-
-    The array has the shape (K, 2, m) for m points on each of 2 edges in K states. The mapping is empty without an
-    equilibrium.
-    """
+    """Return one standard deviation of the mesh error in mm, (K, 2, m), by name; empty without an equilibrium."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -446,10 +428,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor that turns a sum over simulated points into w times a sum over measured points.
-
-    w is the inverse variance of an independent edge point in 1/mm^2.
-    """
+    """Return the factor from a sum over simulated points to w (see the module) times a sum over measured points."""
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
