@@ -392,7 +392,7 @@ def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: 
         )
     assert_whole(read(logged.stdout.splitlines()))
     assert re.search(r"eimi_drivers\.supplies\.logged: .* > b'.*CURR", logged.stderr)
-    assert re.search(r"\d+ messages, \d+ answers, the slowest after \d+\.\d+ s; 0 faults", logged.stderr)
+    assert re.search(r"\d+ messages, \d+ answers, the slowest answer after \d+\.\d+ s; 0 faults", logged.stderr)
     assert re.search(r"guardian.*: armed", logged.stderr)
     assert re.search(r"eimi_lab\.acquisition\.run: StateStored\(", logged.stderr)
 
