@@ -93,7 +93,7 @@ def test_laws_are_compared_and_stored(bench, tmp_path):
     assert stored.model_dump() == fits.model_dump()
     assert "yeoh" in repr(stored)
     assert stored._repr_html_().count("<table>") == 2
-    with pytest.raises(eimi.InputError, match=r"give model = \['yeoh'\]"):
+    with pytest.raises(eimi.InputError, match=r"model = \['yeoh'\]"):
         eimi.fit(bench / "run.h5", "yeoh", each=True)
 
 
