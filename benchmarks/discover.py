@@ -95,7 +95,7 @@ def outcome(case: Case) -> Outcome | None:
 
 
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
-    """Return "right", "open" or "wrong": the terms that a discovery names, compared with the hidden law."""
+    """Return "right" if a discovery names the terms of the hidden law, "open" if it names none, otherwise "wrong"."""
     if discovery is None or not discovery.identified:
         return "open"
     return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"

@@ -56,9 +56,9 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that describes events in sentences and passes the sentences to two functions.
 
-    Two cases have no sentence: an error that ends the run, and a coil that may be on after the run. The caller that
-    catches the exception prints these errors. A coil that may be on while the run still tries to switch it off is
-    reported, and so is the result of these attempts.
+    Two events have no sentence here: an error that ends the run, and a coil that may still be on at the end of the run.
+    For both, the run raises an exception, whose message the command prints. During the run, the listener reports each
+    failed attempt to switch the coil off, and the result of further attempts.
 
     Parameters
     ----------

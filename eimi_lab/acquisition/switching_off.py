@@ -122,7 +122,10 @@ class _SignalsHeeded:
         """
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
-            _log.info("a second signal or a wrong current while a state is stored: the coil is switched off at once")
+            _log.info(
+                "while a state was stored, a second signal came or the current was wrong: "
+                "the coil is switched off at once"
+            )
             if self._guardian:
                 self._guardian.allow(OFF_WITHIN_S)
             try:

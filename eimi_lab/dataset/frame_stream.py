@@ -22,7 +22,7 @@ from eimi_lab.dataset.frame_chunk import compressed, write_chunk
 from eimi_lab.dataset.layout import to_stored
 
 RING_BYTES = 512 << 20
-"""Default limit of the bytes of frames in memory: about three seconds at 120 frames of 1.3 MB per second."""
+"""Default limit of the bytes of frames in memory: about 3 s of frames of 1.3 MB each, at 120 frames a second."""
 
 COMPRESSING = 2
 """Number of threads that compress frames; they run in parallel, because igzip releases Python's interpreter lock."""

@@ -1,7 +1,7 @@
-"""The inputs that a fit assumes for a dataset in addition to the law: the bulk modulus and the freed nuisances.
+"""The inputs of a simulation with a fitted law: the bulk modulus, and the nuisances that were fitted with the law.
 
-The values of freed nuisances apply to the datasets to which the law was fitted. For any other dataset all inputs have
-their stated values.
+The fitted values of nuisances apply to the datasets to which the law was fitted. For any other dataset, the inputs have
+the values that the files of the dataset give.
 """
 
 from __future__ import annotations

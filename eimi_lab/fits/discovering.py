@@ -95,7 +95,11 @@ def _alternative(law: Alternative) -> dict[str, Any]:
 
 
 def lines(discovery: Discovery, output: Path) -> list[str]:
-    """Return the lines that `eimi discover` prints; the lines name the file `output`, which holds all alternatives."""
+    """Return the lines that `eimi discover` prints about the discovered law and its alternatives.
+
+    The alternatives are sets of terms that the data cannot distinguish from the best set. If some are not printed, the
+    last line names the file `output`, which lists all of them.
+    """
     printed = [discovery.statement]
     for law in discovery.alternatives[:_SHOWN]:
         names = SumOfTerms(law.terms).parameter_names

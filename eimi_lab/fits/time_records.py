@@ -71,7 +71,7 @@ def time_lines(time: LawOfTime) -> list[str]:
     """Return lines on a viscoelastic (Prony) law.
 
     The lines concern the dynamic modulus, the ring-downs, the Prony series, the range of times in which the series
-    holds, the magnetic moment, and the budget.
+    holds, the magnetic moment, and the largest sources of uncertainty.
     """
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)

@@ -1,4 +1,7 @@
-"""Compute the errors of identified laws on a specimen as `eimi validate` does, corrected for mesh and section."""
+"""Compute the errors of identified laws on a specimen as `eimi validate` does.
+
+The simulated edges are corrected for the error of the mesh, and for the difference between a planar and a solid model.
+"""
 
 from __future__ import annotations
 

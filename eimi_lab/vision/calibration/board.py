@@ -132,7 +132,10 @@ class Board:
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, marker_mm, dictionary)
 
     def cells(self) -> NDArray[np.bool_]:
-        """Return whether each cell of the board is dark, shape (10 rows, 10 columns). Each square has 10 x 10 cells."""
+        """Return whether each cell of the board is dark. Each square of the board is divided into 10 x 10 cells.
+
+        The shape is (10 * rows, 10 * columns), for the rows and columns of squares on the board.
+        """
         if self.kind == "charuco":
             size = (_CELLS * self.columns, _CELLS * self.rows)
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128

@@ -79,7 +79,8 @@ class Side:
     sound : ndarray of bool, shape (n,)
         Whether a step was detected at each point.
     stride : int
-        Every stride-th point becomes a point of the edge. The other points serve only to estimate the scatter.
+        Every stride-th of the n points is stored as a point of the edge. The other points only serve to estimate the
+        scatter.
     """
 
     curve: SmoothCurve

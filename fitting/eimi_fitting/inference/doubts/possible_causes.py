@@ -346,7 +346,10 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
     _of_source("width", "width", (0.05,), "the width at several places"),
     _of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
     _of_source(
-        "moment", "moment", (0.05,), "the field of the magnet at a stated distance, or weights instead of a field"
+        "moment",
+        "moment",
+        (0.05,),
+        "the field of the magnet at a stated distance, or a bending test with weights in place of the field",
     ),
     PossibleCause(
         "field_gradient",

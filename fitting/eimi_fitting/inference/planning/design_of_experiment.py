@@ -271,7 +271,9 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """Linearise the states in which the beam has an equilibrium, to plan the narrowest interval of a quantity.
+    """Return the states from which a plan may choose, with the derivatives of their edges by the unknowns.
+
+    States in which the beam has no equilibrium are left out.
 
     A planar model replaces a solid section, because the derivatives of the edges differ by only a few per cent.
 

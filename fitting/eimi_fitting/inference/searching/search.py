@@ -78,7 +78,7 @@ class Generation:
     Parameters
     ----------
     run : int
-        Number of the run, counted from 1.
+        Number of the start of CMA-ES, counted from 1; a search may start several times.
     best_mm : float
         Smallest objective of all generations so far, in mm.
     mean_mm : float
