@@ -86,7 +86,7 @@ def test_a_file_that_stays_open_is_named_and_nothing_is_left(tmp_path: Path, mon
     monkeypatch.setattr(replacing, "TRY_FOR_S", 0.3)
     path = tmp_path / "fits.json"
     path.write_bytes(b"old")
-    with path.open("rb"), pytest.raises(PermissionError, match=r"fits\.json: cannot be replaced .* close it there"):
+    with path.open("rb"), pytest.raises(PermissionError, match=r"fits\.json: cannot be replaced .* close the file"):
         write_file(path, "new", force=True)
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["fits.json"]
