@@ -1,7 +1,7 @@
 """Fixtures that connect supply drivers to emulated supplies.
 
-A link is the text "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp": a driver and the connection to its
-emulated supply.
+A link is the text "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp": the name of a driver, and how this
+driver is connected to its emulated supply (a pty is a pseudo-terminal).
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return the links of all drivers. Links on real ports are marked slow if `quick` does not contain them."""
+    """Return the links of all drivers; links on real ports get the mark slow if `quick` does not contain them."""
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply on a link and yields its address; None for "in process"."""
+    """Return a function that serves an emulated supply on the link's kind of port and yields the address of the port.
+
+    Return None for a link "in process", which needs no port.
+    """
     driver, _, where = link.partition(" ")
 
     @contextmanager
@@ -53,7 +56,7 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Return a function that runs one check of the conformance suite with the driver of a link."""
+    """Return a function that runs one check of the conformance suite on the driver of a link."""
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
@@ -67,40 +70,40 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """The link of each driver in turn, "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp"."""
+    """The link of each driver in turn: "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp"."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """The link of each driver in turn, for checks that wait for seconds. By default only some links are used."""
+    """The link of each driver in turn, for checks that wait for seconds; most real ports have the mark slow."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """The open bench of a supply on the link of the fixture `waiting_link`."""
+    """The open driver and its emulated supply, connected by the link of the fixture `waiting_link`."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """The open bench of a supply on the link of the fixture `link`."""
+    """The open driver and its emulated supply, connected by the link of the fixture `link`."""
     with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """The open bench of each driver in turn, with an emulated supply in the same process and in simulated time."""
+    """Each driver in turn, open, with its emulated supply in the same process and in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Return a function that opens the bench of a link."""
+    """Return a function that opens the driver of a link and its emulated supply; both are closed after the test."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

@@ -1,4 +1,4 @@
-"""Hold a conversation with an emulated supply and compare every answer."""
+"""Send the messages of a prepared conversation to an emulated supply, and compare every answer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ LINE_ENDS = {
 
 
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
-    """Send the messages one after the other, and compare the answers."""
+    """Send the messages of a conversation one after the other, and assert that every answer is the expected one.
+
+    The entry SETTLE instead of a message waits for 5 s of simulated time; the entry TRIP trips the over-current
+    protection.
+    """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):
         if message == SETTLE:
@@ -37,7 +41,7 @@ def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: 
 
 
 class InPieces:
-    """Emulated supply that receives every message byte by byte."""
+    """An emulated supply that receives every message byte by byte, as a slow line delivers it."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument

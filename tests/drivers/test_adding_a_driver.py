@@ -1,4 +1,4 @@
-"""The driver in the documentation works, and the package finds the driver without a change."""
+"""The driver in the documentation works, and the program finds it without a change of the program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class BenchDialect:
-    """Emulated supply with the commands of the driver in docs/howto/add_a_supply.md."""
+    """An emulated supply that obeys the commands of the driver in docs/howto/add_a_supply.md."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -56,7 +56,10 @@ def blocks(language: str) -> list[str]:
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
-    """Write the metadata of an installed package that announces the entry points `points` of a group."""
+    """Write the metadata of an installed package into a folder, as `pip install` does.
+
+    points: the entry points of the package in this group, from the name of each driver to its class.
+    """
     information = folder / "some_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
@@ -66,7 +69,7 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
-    """Install the driver of the documentation as a separate package, and return the name of the driver."""
+    """Install the driver of the documentation as a separate package; return the name of the driver."""
     code = next(block for block in blocks("python") if "class BenchSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
@@ -109,7 +112,7 @@ def test_the_shown_check_passes_and_reports_a_faulty_driver(shown_driver, monkey
 
 
 class Nonsense:
-    """Emulated supply that answers every query with an empty line."""
+    """An emulated supply that answers every query with an empty line."""
 
     def __init__(self, supply: CoilSupply) -> None:
         pass

@@ -28,14 +28,14 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
+    """Keep the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
     with only_gige_camera():
         yield
 
 
 @pytest.fixture(scope="module")
 def still(alone: None) -> Iterator[CameraProcess]:
-    """An emulated camera whose pictures show a ramp of grey values. Several tests share it and must not change it."""
+    """An emulated camera whose pictures show a ramp of grey values; tests share the camera and must not change it."""
     with gige_camera(ramp, serial_number="EIMI01", shutter="Rolling") as process:
         yield process
 
@@ -133,7 +133,7 @@ def test_with_a_trigger_input_the_camera_waits_for_its_signal(still: CameraProce
 
 
 @needs_aravis
-def test_a_camera_that_another_program_controls_is_refused_until_that_program_is_gone(still: CameraProcess) -> None:
+def test_a_camera_that_another_program_controls_is_refused_until_that_program_ends(still: CameraProcess) -> None:
     code = (
         "from eimi_drivers.cameras import open_camera\n"
         f"camera = open_camera('aravis', '{LOOPBACK}'); print('open', flush=True); input()"
@@ -146,7 +146,7 @@ def test_a_camera_that_another_program_controls_is_refused_until_that_program_is
         with pytest.raises(InstrumentError, match="another program controls this camera"):
             opened()
         other.kill()
-    opened().close()  # the camera ends the control by a program that has ended
+    opened().close()  # the camera becomes free after the program that controlled it has ended
 
 
 @needs_aravis

@@ -1,4 +1,4 @@
-"""GigE Vision cameras that lose packets, disappear, return, or are replaced by another camera."""
+"""The driver aravis with GigE cameras that lose packets, disappear, return, or are replaced by another camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
+    """Keep the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
     with only_gige_camera():
         yield
 
@@ -45,7 +45,7 @@ _opened: list[AravisCamera] = []
 
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    """Close all open cameras after a test. A camera that stays open could not be opened by the next test."""
+    """Close all open cameras after a test, because the next test cannot open a camera that is still open."""
     yield
     while _opened:
         _opened.pop().close()
@@ -53,7 +53,10 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """A list with the emulated camera that several tests share. The start of its process takes long."""
+    """A list with the emulated camera that several tests share, because the start of its process takes long.
+
+    The list is empty before the camera starts.
+    """
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -62,7 +65,10 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """The shared emulated camera, whose pictures contain their number. If its process has ended, a new one starts."""
+    """The shared emulated camera, whose pixels all contain the number of the exposure.
+
+    A new camera starts if the process of the shared camera has ended.
+    """
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -74,7 +80,7 @@ def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
 
 @pytest.fixture
 def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
-    """A new emulated camera, which has not exposed a picture yet."""
+    """A new emulated camera that has not exposed a picture yet."""
     end(kept)
     with gige_camera(serial_number="EIMI01") as process:
         yield process
@@ -82,7 +88,7 @@ def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess
 
 @pytest.fixture
 def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
-    """End the shared emulated camera, so that a test can serve its own camera."""
+    """End the shared emulated camera, so that a test can run an emulated camera of its own."""
     end(kept)
 
 
@@ -116,7 +122,7 @@ def test_a_region_that_the_camera_rounds_is_an_error(none_served: None) -> None:
 
 
 @needs_aravis
-def test_frame_numbers_go_on_when_the_counter_of_the_camera_begins_again(fresh: CameraProcess) -> None:
+def test_frame_numbers_keep_increasing_when_the_counter_of_the_camera_begins_again(fresh: CameraProcess) -> None:
     camera = opened(CameraSettings(region=(0, 0, 8, 8)))  # the counter of the emulated camera begins at 65400
     numbers = [camera.grab(GRAB_S).number for _ in range(150)]
     camera.close()
@@ -143,7 +149,7 @@ def test_no_frame_with_lost_packets_is_returned_and_each_is_counted(
 
 
 @needs_aravis
-def test_without_a_complete_frame_the_error_names_the_states_of_the_incomplete_ones(served: CameraProcess) -> None:
+def test_without_a_complete_frame_the_error_names_why_the_frames_were_incomplete(served: CameraProcess) -> None:
     camera = opened()
     served.lose_packets(0.5)
     with pytest.raises(
@@ -177,7 +183,7 @@ def test_a_camera_that_was_restarted_or_replaced_gives_no_frame(none_served: Non
 
 @needs_aravis
 @pytest.mark.parametrize("status", sorted(BUFFER_STATUS.keys() - {SUCCESS}))
-def test_every_state_of_a_buffer_is_named_in_the_error(
+def test_every_status_of_a_buffer_is_named_in_the_error(
     served: CameraProcess, monkeypatch: pytest.MonkeyPatch, status: int
 ) -> None:
     camera = opened()
@@ -211,7 +217,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that returns a picture after half a second, as a slow camera does."""
+    """Return a function that returns a picture after half a second, to emulate a slow camera."""
     picture = numbered()
 
     def slowly() -> np.ndarray:

@@ -1,7 +1,7 @@
-"""Camera drivers switch automatic exposure and gain off before they set a value, and only if a value is requested.
+"""Camera drivers switch automatic exposure and gain off only if the user requests a value, and before they set it.
 
-An automatic control would change the value after the driver has read it back. The tests use objects that contain only
-the settings of a camera.
+An automatic control would change the value after the driver has read it back. The tests replace the camera by objects
+that contain only its settings.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """Object that takes the place of an Aravis camera and records the calls that set a value.
+    """A replacement for an Aravis camera, which records the calls that set a value.
 
     `automatic` contains the quantities with an automatic control: "exposure", "gain" or both.
     """
@@ -74,7 +74,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A feature of a GenICam camera. It records each new value in a log."""
+    """A setting of a GenICam camera, which records each new value in a log."""
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value
@@ -91,7 +91,7 @@ class Node:
 
 
 class Nodes:
-    """The features of a GenICam camera, by the names of the features."""
+    """The settings of a GenICam camera as attributes with the names of the settings."""
 
     def __init__(self, **values: Any) -> None:
         self.log: list[tuple[str, Any]] = []
@@ -114,7 +114,7 @@ FEATURES = {
 
 
 def gentl(nodes: Nodes) -> GenTLCamera:
-    """Return a GenTL camera that has only the features in `nodes`."""
+    """Return a GenTL camera that has only the settings in `nodes`."""
     camera = object.__new__(GenTLCamera)
     camera._nodes = nodes
     camera._api = SimpleNamespace(is_readable=lambda node: True, AccessException=KeyError)
@@ -136,7 +136,7 @@ def test_gentl_switches_automatic_controls_off(automatic: dict[str, str]) -> Non
 
 
 def test_a_gentl_region_is_set_with_its_offsets_at_zero_first() -> None:
-    """With the old offsets, a larger region of the sensor might exceed the sensor."""
+    """The driver sets both offsets to zero before the size: old offsets plus a new size may exceed the sensor."""
     nodes = Nodes(**FEATURES)
     read_back = gentl(nodes)._set_up(CameraSettings(region=(8, 16, 700, 500)))
     assert read_back.region == (8, 16, 700, 500)
@@ -147,7 +147,7 @@ def test_a_gentl_region_is_set_with_its_offsets_at_zero_first() -> None:
     ]
 
 
-def test_a_gentl_camera_has_a_trigger_or_a_frame_rate() -> None:
+def test_a_gentl_camera_has_a_software_trigger_or_a_frame_rate() -> None:
     trigger = {"TriggerMode": "Off", "TriggerSource": "Line0", "TriggerSelector": "AcquisitionStart"}
     nodes = Nodes(**FEATURES, **trigger)
     assert gentl(nodes)._set_up(CameraSettings()).trigger == "software"
@@ -164,7 +164,7 @@ def test_a_gentl_camera_has_a_trigger_or_a_frame_rate() -> None:
     assert gentl(Nodes(**FEATURES))._set_up(CameraSettings()).trigger is None
 
 
-def test_opencv_sets_the_exposure_by_hand_on_linux() -> None:
+def test_opencv_switches_to_manual_exposure_on_linux() -> None:
     from eimi_drivers.cameras import opencv
 
     set_now: list[tuple[int, float]] = []

@@ -1,4 +1,4 @@
-"""Every check of sensor drivers fails for a faulty driver, and the message contains the name of the check."""
+"""Every check of the conformance suite fails for a faulty sensor driver, and the message names the check."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Slow(TextLine):
 
 
 class LastValue(TextLine):
-    """Faulty sensor driver that returns the last value if the instrument does not answer."""
+    """A faulty sensor driver that returns the last value if the instrument does not answer."""
 
     errors: tuple[type[Exception], ...] = (InstrumentTimeout,)
     last: SensorReading | None = None
@@ -62,7 +62,7 @@ class LastValueForGarbage(LastValue):
 
 
 class Offended(TextLine):
-    """Faulty sensor driver that reads no more values after one error."""
+    """A faulty sensor driver that reads no more values after one error."""
 
     failed: Exception | None = None
 
@@ -77,7 +77,7 @@ class Offended(TextLine):
 
 
 class KeepsLateAnswers(TextLine):
-    """Faulty sensor driver that uses a late answer as the answer to the next query."""
+    """A faulty sensor driver that uses the late answer to one query as the answer to the next query."""
 
     late: SensorReading | None = None
 
@@ -94,13 +94,13 @@ class KeepsLateAnswers(TextLine):
 
 
 class Hasty(TextLine):
-    """Faulty sensor driver that waits only 0.1 s for an answer."""
+    """A faulty sensor driver that waits only 0.1 s for an answer."""
 
     timeout_s = 0.1
 
 
 class RaisesAnything(TextLine):
-    """Faulty sensor driver that raises RuntimeError instead of an InstrumentError."""
+    """A faulty sensor driver that raises RuntimeError instead of an InstrumentError."""
 
     def read(self) -> SensorReading:
         try:

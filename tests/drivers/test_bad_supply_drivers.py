@@ -1,4 +1,4 @@
-"""Checks of supply drivers fail for a faulty driver, and the message contains the name of the check."""
+"""Checks of the conformance suite fail for a faulty supply driver, and the message names the check."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class GivesUpAfterTheFirst(Scpi):
-    """Faulty supply driver that sends nothing more if the first message of `safe_off` fails."""
+    """A faulty supply driver whose `safe_off` sends nothing more after its first message has failed."""
 
     def safe_off(self) -> Any:
         self.set_current(0.0)
@@ -34,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """Faulty supply driver that switches the output off when the line is closed."""
+    """A faulty supply driver that switches the output off when the line is closed; `close` must change nothing."""
 
     def close(self) -> None:
         self._send_output(False)
@@ -42,7 +42,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """Faulty supply driver that returns the last measured values if the instrument does not answer."""
+    """A faulty supply driver that returns the last measured values if the instrument does not answer."""
 
     last: Reading | None = None
 

@@ -1,4 +1,4 @@
-"""The driver of Basler cameras with Basler's own emulated cameras, and its error without pypylon."""
+"""The driver of Basler cameras works with Basler's own emulated cameras, and names the missing package pypylon."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ from tests.patience import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def two_cameras():
-    """Request two emulated cameras from pypylon, by an environment variable that pypylon reads at its first use."""
+    """The serial numbers of two emulated cameras of pypylon.
+
+    The environment variable PYLON_CAMEMU requests these cameras; pypylon reads it at its first use.
+    """
     before = os.environ.get("PYLON_CAMEMU")
     os.environ["PYLON_CAMEMU"] = "2"
     pytest.importorskip("pypylon.pylon", reason="needs pypylon: pip install 'eimi-lab[basler]'")

@@ -1,6 +1,7 @@
-"""Settings of Basler cameras, with a replacement for pypylon that has only the features that the driver uses.
+"""The driver of Basler cameras writes and reads settings, with a replacement for pypylon instead of a camera.
 
-`test_basler_camera` tests the driver with pypylon and the emulated cameras of Basler.
+The replacement has only the features that the driver uses. `test_basler_camera` tests the driver with pypylon and the
+emulated cameras of Basler.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class OutOfRange(Exception):
 
 
 class Node:
-    """A feature of a Basler camera that accepts a new value, or keeps the old value."""
+    """A setting of a Basler camera, which accepts a new value or keeps its old value."""
 
     def __init__(self, value: Any, stuck: bool = False) -> None:
         self._value, self._stuck = value, stuck
@@ -39,7 +40,7 @@ class Node:
 
 
 class Result:
-    """The result of a grab in pypylon. It contains the number of a frame, or None if no frame arrived in time."""
+    """The result of a grab in pypylon: the number of a frame, or None if no frame arrived in time."""
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -69,7 +70,7 @@ class Result:
 class Device:
     """A Basler camera with an exposure of 10 ms, which delivers one frame for each trigger.
 
-    If `late` is True, the next wait for a frame ends without the frame.
+    If `late` is True, the next frame does not arrive within the time limit.
     """
 
     def __init__(self, stuck: str = "") -> None:
@@ -117,7 +118,7 @@ class Device:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    """The camera that the replacement for pypylon lists."""
+    """The only camera that the replacement for pypylon lists."""
     camera = Device()
     attached = SimpleNamespace(GetSerialNumber=lambda: "4711")
     factory = SimpleNamespace(EnumerateDevices=lambda: [attached], CreateDevice=lambda device: device)
@@ -135,7 +136,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     return camera
 
 
-def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> None:
+def test_every_setting_is_written_to_its_node_in_the_unit_of_the_camera(device: Device) -> None:
     camera = open_camera("basler", 0, SETTINGS)
     assert device.ExposureTime.Value == pytest.approx(2000.0)  # microseconds
     assert (device.Gain.Value, device.Gamma.Value, device.PixelFormat.Value) == (6.0, 0.8, "Mono12")
@@ -164,7 +165,9 @@ def test_a_setting_that_reads_back_wrong_is_named(device: Device, node: str, set
     assert not device.grabbing
 
 
-def test_with_a_frame_rate_the_camera_runs_freely_and_frames_under_way_at_a_flush_are_skipped(device: Device) -> None:
+def test_with_a_frame_rate_the_camera_runs_freely_and_frames_that_were_exposed_before_a_flush_are_skipped(
+    device: Device,
+) -> None:
     camera = open_camera("basler", 0, CameraSettings(frame_rate_Hz=100.0))
     assert (device.AcquisitionFrameRateEnable.Value, device.AcquisitionFrameRate.Value) == (True, 100.0)
     assert (device.TriggerMode.Value, camera.settings.frame_rate_Hz) == ("Off", 100.0)

@@ -1,4 +1,4 @@
-"""Camera drivers pass the conformance suite with files, with a simulated device and with Basler's emulated cameras."""
+"""Camera drivers pass the conformance suite with image files, a simulated device and emulated cameras of Basler."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
 class Device:
-    """Simulated device for OpenCV that delivers a frame every millisecond until it is stopped or unplugged."""
+    """A simulated device for OpenCV, which delivers a frame every millisecond until it is stopped or unplugged."""
 
     frozen, unplugged = False, False
 
@@ -53,7 +53,7 @@ class Device:
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[Device]:
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
-    monkeypatch.setattr(opencv, "CLOSE_WITHIN_S", 0.1)  # of a device that hangs
+    monkeypatch.setattr(opencv, "CLOSE_WITHIN_S", 0.1)  # the time limit for a device that hangs
     monkeypatch.setattr(cv2, "VideoCapture", Device)
     yield Device
     Device.unplugged = True
@@ -88,7 +88,7 @@ def test_a_basler_camera_conforms(monkeypatch, check):
 
 
 class Sloppy:
-    """Camera that returns the same array for every frame. Everything else is correct."""
+    """A camera with one fault: it returns the same array for every frame."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if settings != CameraSettings():
@@ -114,14 +114,14 @@ class Sloppy:
 
 
 class Restarting(Sloppy):
-    """Camera whose frame numbers begin at 1 again after a flush."""
+    """A camera whose frame numbers begin at 1 again after a flush."""
 
     def flush(self) -> None:
         self.number = 0
 
 
 class Unending(Sloppy):
-    """Camera whose `grab` does not return after `close`."""
+    """A camera whose `grab` does not return after `close`."""
 
     def grab(self, timeout_s: float) -> Frame:
         if self.closed:
@@ -130,7 +130,7 @@ class Unending(Sloppy):
 
 
 class Colourful(Sloppy):
-    """Camera that returns colours as floating-point numbers."""
+    """A camera that returns colours as floating-point numbers."""
 
     def grab(self, timeout_s: float) -> Frame:
         frame = super().grab(timeout_s)
@@ -138,14 +138,14 @@ class Colourful(Sloppy):
 
 
 class Crashing(Sloppy):
-    """Camera with a programming error in `identify`."""
+    """A camera with a programming error in `identify`."""
 
     def identify(self) -> Identity:
         return self.nothing
 
 
 class Careless(Sloppy):
-    """Camera that ignores the requested settings."""
+    """A camera that ignores the requested settings."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         super().__init__(source, CameraSettings())

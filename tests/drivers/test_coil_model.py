@@ -1,4 +1,4 @@
-"""The model of a supply with its coil, its protections and its faults, compared with formulas."""
+"""The model of a supply and its coil agrees with formulas, also with protections and faults."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ STEADY_S = 50.0
 
 
 def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: Any) -> CoilSupply:
-    """Return a supply whose current has been constant for a long time; the coil has 4 ohm and 0.5 s."""
+    """Return a supply whose current has been constant for a long time, with a coil of 4 ohm and 0.5 s.
+
+    The supply accepts negative set-points (bipolar). current_A, voltage_V: the set-points. options: of `CoilSupply`.
+    """
     clock = SimulatedClock()
     coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)
     coil.bipolar = True
@@ -79,7 +82,7 @@ def test_the_voltage_bounds_the_current_of_both_signs(sign: int) -> None:
     assert coil.coil_current_A() == pytest.approx(sign * 0.5)
     assert coil.constant_voltage()
     assert coil.read().voltage_V == pytest.approx(sign * 2.0)
-    assert not energised(sign * 0.5, 2.0).constant_voltage()  # exactly at the bound
+    assert not energised(sign * 0.5, 2.0).constant_voltage()  # the current is exactly at the bound
 
 
 def test_a_locked_supply_obeys_no_command() -> None:
@@ -93,7 +96,7 @@ def test_a_locked_supply_obeys_no_command() -> None:
     assert coil.switch(False)
 
 
-def test_the_current_of_the_past_is_that_of_the_moment() -> None:
+def test_the_current_at_an_earlier_time_is_the_current_that_flowed_then() -> None:
     coil = energised(0.8)
     coil.set_current(0.2)
     changed_s = coil.clock.now()
@@ -105,7 +108,7 @@ def test_the_current_of_the_past_is_that_of_the_moment() -> None:
 
 
 @pytest.mark.parametrize("fault", ["hunting_A", "fallen", "shorted_A", "drift"])
-def test_while_a_fault_changes_the_current_the_past_is_the_present(fault: str) -> None:
+def test_with_a_faulty_current_an_earlier_time_has_the_present_current(fault: str) -> None:
     coil = energised(0.8)
     coil.set_current(0.2)
     changed_s = coil.clock.now()
@@ -169,7 +172,7 @@ def test_a_shorted_regulator_carries_at_least_its_current() -> None:
     assert not coil.output_on()
 
 
-def test_a_fallen_output_reads_back_on_without_current() -> None:
+def test_an_output_that_failed_reads_back_as_on_without_a_current() -> None:
     coil = energised(0.8)
     coil.fallen = True
     assert (coil.coil_current_A(), coil.output_on(), coil.state.set_current_A) == (0.0, True, 0.8)
@@ -266,7 +269,7 @@ def test_a_level_is_kept_while_its_protection_is_off() -> None:
 
 
 @pytest.mark.parametrize("quantity", ["current_A", "voltage_V"])
-def test_a_protection_is_on_unless_it_says_otherwise(quantity: str) -> None:
+def test_a_protection_is_on_by_default(quantity: str) -> None:
     coil = CoilSupply(SimulatedClock())
     protection = TripLevel(coil, quantity, 13.0)  # type: ignore[arg-type]
     assert protection.on
@@ -278,7 +281,7 @@ def test_a_timer_acts_after_its_time_on_an_output_that_is_on() -> None:
     coil = energised()
     timer = OutputWatchdog(coil, 2.0)
     coil.clock.sleep(3.0)
-    assert not timer.watch()  # not switched on
+    assert not timer.watch()  # the timer is not switched on
     assert timer.switch(True)
     timer.restart()
     coil.clock.sleep(2.0)
@@ -340,7 +343,7 @@ def test_a_message_without_an_answer_stays_without_one(fault: Fault) -> None:
     assert clock.now() == 0.0
 
 
-def test_a_sleeping_line_wakes_after_its_time() -> None:
+def test_a_supply_that_sleeps_answers_again_after_its_time() -> None:
     clock, line = echo()
     line.inject(Fault.SLEEP)
     assert line.receive(b"1") == b""
@@ -350,7 +353,7 @@ def test_a_sleeping_line_wakes_after_its_time() -> None:
     assert line.receive(b"1") == b"1"
 
 
-def test_a_dropped_line_is_cut_once_and_a_lost_line_until_it_is_reconnected() -> None:
+def test_a_dropped_line_is_cut_once_and_a_lost_line_stays_cut_until_it_is_reconnected() -> None:
     _, line = echo()
     line.inject(Fault.DROP)
     with pytest.raises(ConnectionResetError):
@@ -387,7 +390,12 @@ def test_a_fault_of_the_supply_has_its_effect_until_it_ends(fault: Fault) -> Non
     assert getattr(coil, name) == value
     end_faults(coil, line)
     assert not getattr(coil, name)
-    assert (SHORTED_A, OFFSET_A, HUNTING_A, DRIFTS_TO_A) == (0.8, 0.015, 0.2, 2.4)  # as `eimi emulate` states them
+    assert (SHORTED_A, OFFSET_A, HUNTING_A, DRIFTS_TO_A) == (
+        0.8,
+        0.015,
+        0.2,
+        2.4,
+    )  # the values in the help of `eimi emulate`
 
 
 def test_a_drift_begins_at_once_and_ends() -> None:
@@ -400,7 +408,7 @@ def test_a_drift_begins_at_once_and_ends() -> None:
     assert coil.coil_current_A() == pytest.approx(0.8)
 
 
-def test_after_a_brownout_the_supply_is_silent_and_then_as_after_power_up() -> None:
+def test_after_a_brownout_the_supply_does_not_answer_and_then_is_as_after_power_up() -> None:
     coil = energised()
     line = FaultyInstrument(emulate("scpi", coil), coil.clock)
     line.receive(b"NONSENSE\n")
@@ -414,7 +422,7 @@ def test_after_a_brownout_the_supply_is_silent_and_then_as_after_power_up() -> N
 @pytest.mark.parametrize(
     ("driver", "question"), [("scpi", b"*IDN?\n"), ("genesys", b"ADR 6\rSN?\r"), ("korad", b"*IDN?")]
 )
-def test_another_unit_is_off_and_differs_in_its_serial_number(driver: str, question: bytes) -> None:
+def test_another_unit_differs_only_in_its_serial_number(driver: str, question: bytes) -> None:
     clock = SimulatedClock()
     first, other = emulate(driver, CoilSupply(clock)).receive(question), another_unit(driver, clock).receive(question)
     if driver == "korad":

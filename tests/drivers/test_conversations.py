@@ -1,6 +1,7 @@
-"""Emulated supplies with other languages than SCPI answer as their manuals describe.
+"""Emulated supplies whose commands are not SCPI answer as their manuals describe.
 
-The emulated coil has 4 ohm. The emulated supply accepts at most 5 A and 30 V. Every answer depends on the steps before.
+The emulated coil has 4 ohm, and the emulated supply accepts at most 5 A and 30 V. Every answer depends on the messages
+before.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ GENESYS: Conversation = [
     ("PV five", "C03"),
     ("PV 12.5", "OK"),
     ("PV?", "12.500"),
-    ("\\", "12.500"),  # repeats the message before
+    ("\\", "12.500"),  # repeats the previous message
     ("PC 0.7", "OK"),
     ("PC?", "00.700"),
     ("PC 5.01", "C05"),
@@ -262,7 +263,7 @@ TTI: dict[str, tuple[Model, Conversation]] = {
             ("I1O?", "0.7000A"),
             ("LSR1?", "2"),  # constant current
             ("V1 2", ""),
-            ("LSR1?", "3"),  # constant current until the command, constant voltage since
+            ("LSR1?", "3"),  # constant current before the command, constant voltage after it
             ("LSR1?", "1"),
             ("OPALL 0", ""),
             ("OP1?", "0"),
@@ -354,7 +355,7 @@ def test_a_conversation_with_an_aim_tti_follows_the_manual(subject: str) -> None
     hold(conversation, "aim-tti", AimTtiDialect(coil, model=model), coil)
 
 
-def test_a_lock_that_another_interface_holds_refuses_commands_and_no_queries() -> None:
+def test_while_another_interface_has_the_lock_commands_are_refused_and_queries_are_answered() -> None:
     instrument = AimTtiDialect(CoilSupply(SimulatedClock()))
     instrument.lock = -1
     for message, answer in (

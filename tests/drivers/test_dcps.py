@@ -1,6 +1,7 @@
-"""The emulated supplies over TCP obey the instrument classes of the package dcps, and messages from the manuals.
+"""The instrument classes of the Python package dcps work with the emulated supplies over TCP.
 
-dcps is installed with the extra `bench`. Without dcps the tests of its classes are skipped.
+So do single messages from the manuals. The extra `bench` installs dcps; without dcps the tests of its classes are
+skipped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The search for attached instruments lists them with their drivers."""
+"""The search for attached instruments lists each instrument with its driver, and notes what could not be searched."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_drivers.supplies.recognised import recognise
 from eimi_drivers.supplies.transport import usb_serial_number
 
 
-def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch, tmp_path):
+def test_without_instruments_the_search_gives_notes_and_opens_no_port(monkeypatch, tmp_path):
     def never(*arguments, **options):
         pytest.fail("a port was opened")
 
@@ -31,7 +31,7 @@ def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch
     assert discovery.UNLISTED_CAMERAS in result.notes
 
 
-def test_serial_ports_name_the_driver(monkeypatch):
+def test_serial_ports_are_listed_with_their_driver(monkeypatch):
     ports = [
         SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403, pid=0x6001, description=None, serial_number=None),
         SimpleNamespace(device="COM12", vid=0x0416, pid=0x5011, description="USB Virtual COM", serial_number="A7"),
@@ -74,7 +74,7 @@ def test_a_host_that_announces_itself_and_answers_a_broadcast_is_listed_once(mon
     ]
 
 
-def test_no_note_asks_to_install_a_package(monkeypatch):
+def test_no_note_asks_the_user_to_install_a_package(monkeypatch):
     assert not [note for note in discovery.list_visa_resources()[1] if "install" in note]
 
 

@@ -1,4 +1,4 @@
-"""What a search tells: each instrument once, a remedy for what is missing, and the drivers from elsewhere."""
+"""The search for instruments lists each instrument once, notes how to add what is missing, and names added drivers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ CAMERA = Found("camera", "opencv", "0", "Webcam")
 
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
-    """Return a function that searches among the instruments which it is given."""
+    """Return a function that runs the search on prepared instruments, given by the kind of the port or camera.
+
+    An exception instead of instruments is raised by this part of the search.
+    """
 
     def run(**found: Any) -> Discovery:
         for name in ("serial_ports", "network", "cameras", "basler_cameras", "genicam_cameras", "gentl_cameras"):
@@ -72,14 +75,14 @@ def test_a_host_is_listed_once_with_its_announcement(search: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", ["serial_ports", "visa", "network"])
-def test_one_supply_of_any_kind_needs_no_remedy(search: Any, kind: str) -> None:
+def test_with_a_supply_of_any_kind_there_is_no_note_about_a_missing_supply(search: Any, kind: str) -> None:
     one = {"serial_ports": PORT, "visa": VISA, "network": LAN}[kind]
     assert discovery.NO_SUPPLY not in search(**{kind: (one,)}).notes
     assert discovery.NO_SUPPLY in search(cameras=(CAMERA,)).notes
 
 
 @pytest.mark.parametrize("lists_cameras", [True, False])
-def test_a_missing_camera_has_the_remedy_of_the_system(search: Any, lists_cameras: bool) -> None:
+def test_the_note_about_a_missing_camera_depends_on_the_operating_system(search: Any, lists_cameras: bool) -> None:
     notes = search(serial_ports=(PORT,), lists_cameras=lists_cameras).notes
     assert notes == (discovery.NO_CAMERA if lists_cameras else discovery.UNLISTED_CAMERAS,)
     assert search(serial_ports=(PORT,), gentl_cameras=(CAMERA,), lists_cameras=lists_cameras).notes == ()

@@ -1,4 +1,4 @@
-"""A driver that lacks a member, or cannot be called, is refused with the name of the member and what it does."""
+"""A driver that lacks a method or attribute, or cannot be called, is refused; the error explains the member."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 
 
 def made(kind: str, **members: Any) -> Any:
-    """Return a driver class with every member of its kind, of which some are replaced; None removes a member."""
+    """Return a driver class of a kind (supply, camera or sensor) with all members of this kind.
+
+    members: members that replace the usual ones; the value None removes a member.
+    """
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))
     body["__init__"] = {2: lambda self, a, b: None, 3: lambda self, a, b, c: None}[count]
@@ -86,7 +89,7 @@ def test_a_driver_that_cannot_be_called_with_its_arguments_is_refused(kind: str)
 
 
 @pytest.mark.parametrize("kind", ["supply", "sensor"])
-def test_connect_takes_the_address_only(kind: str) -> None:
+def test_a_connect_method_is_called_with_the_address_only(kind: str) -> None:
     _, check_driver, _, _ = KINDS[kind]
     check_driver("mine", made(kind, connect=staticmethod(lambda address: None)))
     for connect in (lambda: None, lambda a, b: None):

@@ -1,4 +1,4 @@
-"""Behaviour that only one family of supplies has."""
+"""Each family of supplies behaves as its manual describes where it differs from other families."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_current_that_flows_at_a_kepcos_zero_is_reported(bench_of):
 
 
 @pytest.mark.parametrize("driver", ["keysight-n6900", "delta-sm15k", "delta-psc-eth"])
-def test_a_mode_that_was_changed_at_the_front_panel_is_brought_about_again(bench_of, driver):
+def test_a_mode_that_was_changed_at_the_front_panel_is_set_again(bench_of, driver):
     bench = bench_of(f"{driver} in process")
     bench.energise()
     message = {"keysight-n6900": b"FUNC VOLT\n"}.get(driver, b"SYSTEM:REMOTE:CC FRONT\n")
@@ -81,7 +81,7 @@ def test_a_mode_that_was_changed_at_the_front_panel_is_brought_about_again(bench
 
 
 @pytest.mark.parametrize("driver", ["keysight-n6900", "delta-sm15k"])
-def test_a_mode_that_is_not_taken_is_an_error_before_any_set_point(bench_of, driver):
+def test_a_mode_that_the_supply_does_not_take_is_an_error_before_any_set_point_is_sent(bench_of, driver):
     bench = bench_of(f"{driver} in process")
     mode = {"keysight-n6900": b"FUNC CURR\n", "delta-sm15k": b"SYSTEM:REMOTE:CC REMOTE\n"}[driver]
     bench.line.inject(Fault.SILENCE, lambda message: message == mode)
@@ -161,7 +161,7 @@ def test_an_error_that_a_genesys_answers_is_raised(bench_of):
         ("aim-tti", 13.2),
         *((driver, 13.2) for driver in ("keysight-e36312a", "keysight-n6700", "keysight-n6900", "keysight-rp7900")),
         *((driver, 13.2) for driver in ("keithley-2200", "keithley-2260b", "bk-xln", "owon-spe")),
-        ("genesys", 13.53),  # the limit plus 5.1 % of the rated 30 V
+        ("genesys", 13.53),  # the voltage limit plus 5.1 % of the rated 30 V
     ],
 )
 def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of, driver, level_V):
@@ -205,13 +205,13 @@ SWITCHES = {
 """The message that switches a protection on, by family of supplies."""
 
 
-def test_every_family_with_protections_is_covered():
+def test_every_family_with_protections_is_tested():
     armed = {driver for driver in SUPPLIES if getattr(SUPPLIES[driver], "protections", "")}
     assert armed == {*LEVELS, "genesys"}
 
 
 @pytest.mark.parametrize(("driver", "message"), [*LEVELS.items(), *SWITCHES.items()])
-def test_a_protection_that_is_not_taken_is_an_error_and_the_output_stays_off(bench_of, driver, message):
+def test_a_protection_that_the_supply_does_not_take_is_an_error_and_the_output_stays_off(bench_of, driver, message):
     bench = bench_of(f"{driver} in process")
     if driver in {"keysight-e3632a", "keysight-e364x"} and message in SWITCHES.values():
         for word in (b"CURR", b"VOLT"):

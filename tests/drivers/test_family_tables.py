@@ -1,6 +1,6 @@
 """Compare the tables in the drivers with tables that this file copies from manuals and standards.
 
-If a driver has a new family, format, unit or model, a test fails until its numbers are added to this file.
+If a driver gets a new family, format, unit or model, a test fails until its numbers are added to this file.
 """
 
 from __future__ import annotations
@@ -28,13 +28,15 @@ from eimi_drivers.supplies.transport import InProcessTransport
 
 @dataclass(frozen=True)
 class Family:
-    """The numbers of one family of supplies.
+    """The numbers in the manual of one family of supplies.
 
     channels : the lowest and the highest channel
     off_A : the largest current (A) with which an emulated supply counts as off
     line : the speed (bit/s) and the number of stop bits of the serial line
-    watchdog_s : the time (s) of the timer inside the supply; None without a timer
+    watchdog_s : the time (s) of the watchdog in the supply; None without a watchdog
     steps : the smallest step of the current set-point (A) and of the voltage set-point (V)
+    bipolar : whether the supply accepts negative currents
+    query_delay_s : the time (s) that the driver waits before the answer to a query
     """
 
     channels: tuple[int, int] = (1, 1)
@@ -51,7 +53,7 @@ FAMILIES = {
     "korad": Family(),
     "scpi": Family(),
     "keysight-e36312a": Family(channels=(1, 3)),
-    "keysight-n6700": Family(channels=(1, 4), watchdog_s=10),  # four slots
+    "keysight-n6700": Family(channels=(1, 4), watchdog_s=10),  # four slots for modules
     "keysight-e3631a": Family(channels=(1, 2), off_A=0.06, line=(9600, 2)),  # User's Guide, pages 72 to 77
     "keysight-e3632a": Family(line=(9600, 2)),
     "keysight-e364x": Family(line=(9600, 2)),
@@ -96,7 +98,7 @@ def test_the_numbers_of_every_family_are_those_of_its_manual(driver: str) -> Non
 
 
 @pytest.mark.parametrize("driver", SUPPLIES)
-def test_a_channel_beyond_those_of_the_family_is_refused(driver: str) -> None:
+def test_a_channel_that_the_family_does_not_have_is_refused(driver: str) -> None:
     first, last = FAMILIES[driver].channels
     clock = SimulatedClock()
 
@@ -112,7 +114,7 @@ def test_a_channel_beyond_those_of_the_family_is_refused(driver: str) -> None:
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """The driver reads back every level and every switch of a protection that it has set."""
+    """The driver reads back every level and every on-off switch of a protection that it has set."""
     for profile in PROFILES:
         asked = {question for question, _ in profile.armed}
         for message in profile.protect:
@@ -219,7 +221,7 @@ def test_the_smallest_grey_format_of_a_depth_is_chosen() -> None:
 
 
 def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
-    """Source: ArvBufferStatus in arvbuffer.h of Aravis 0.8."""
+    """The driver knows every status code of an image buffer in arvbuffer.h (ArvBufferStatus) of Aravis 0.8."""
     assert {code: words.split()[0] for code, words in BUFFER_STATUS.items()} == {
         **{-1: "unknown", 0: "success", 1: "cleared", 2: "timeout", 3: "missing", 4: "wrong"},
         **{5: "size", 6: "still", 7: "aborted", 8: "payload"},
@@ -227,7 +229,10 @@ def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
 
 
 def test_the_units_of_gaussmeters() -> None:
-    """1 T = 1000 mT and 1 G = 0.1 mT. In air, 1 Oe is 1 G, and 1 A/m is 4 pi 10^-7 T."""
+    """Each unit of a gaussmeter is converted to mT: 1 T = 1000 mT and 1 G = 0.1 mT.
+
+    In air, 1 Oe corresponds to 1 G, and 1 A/m to 4 pi 10^-7 T.
+    """
     assert fw_bell._MILLITESLA == {"G": 0.1, "T": 1000.0}
     # Model 425 User's Manual, UNIT: 1 gauss, 2 tesla, 3 oersted, 4 ampere per metre
     assert lake_shore.MILLITESLA.keys() == {"1", "2", "3", "4"}
@@ -235,7 +240,7 @@ def test_the_units_of_gaussmeters() -> None:
 
 
 def test_the_numbers_of_usb_devices() -> None:
-    """Sources of the USB identifiers: the USB ID Repository (usb.ids); for gaussmeters, cp210x.c of Linux."""
+    """USB identifiers agree with the USB ID Repository (usb.ids), and for gaussmeters with cp210x.c of Linux."""
     assert {(0x0416, 0x5011)} == KORAD_USB_IDS
     assert SENSOR_USB_IDS == {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
     assert BOARD_USB_VENDORS == {

@@ -29,7 +29,7 @@ SWITCHED_OFF = {
 
 
 class ReopenedTransport(InProcessTransport):
-    """Line on which every message fails after the line was cut, until the line is reopened.
+    """A line on which every message fails after the line was cut, until the driver reopens the line.
 
     If the emulated line is cut permanently, reopening raises InstrumentDisconnected.
     """
@@ -182,7 +182,7 @@ def line_with(emulator: subprocess.Popen[str], pattern: str) -> str:
 @pytest.mark.timeout(PATIENCE_S)
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 @pytest.mark.parametrize("arguments", [("scpi",), ("scpi", "--tcp", "0")], ids=["serial", "tcp"])
-def test_a_program_meets_a_supply_that_returns_at_another_address(arguments: tuple[str, ...]) -> None:
+def test_a_supply_that_returns_at_another_address_can_only_be_switched_off_there(arguments: tuple[str, ...]) -> None:
     emulator = eimi_emulate(*arguments, "--fault", "reenumerate", "--after", "0")
     try:
         address = line_with(emulator, r'address = "(.*)"')

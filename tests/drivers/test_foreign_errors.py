@@ -1,4 +1,4 @@
-"""Every error of another package's driver is raised as an InstrumentError with one line of text."""
+"""Every exception in a driver of another package reaches the user as an InstrumentError with one line of text."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class VendorError(Exception):
 
 
 class Vendor:
-    """Supply of another package. The member whose name is in `fails` raises `error`."""
+    """A supply driver of another package; its method with the name `fails` raises `error`."""
 
     fails = ""
     error: BaseException = VendorError("code 7\nsee the manual")
@@ -93,7 +93,7 @@ class Vendor:
 
 @pytest.fixture
 def vendor(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Add the driver `Vendor` for one test, and return a function that sets attributes of this driver."""
+    """Register the driver `Vendor` for one test; return a function that sets attributes of this driver."""
     SUPPLIES["vendor"] = Vendor
     yield lambda **values: [monkeypatch.setattr(Vendor, name, value) for name, value in values.items()]
     del SUPPLIES["vendor"]
@@ -120,7 +120,7 @@ def test_an_error_when_the_supply_is_opened_is_an_instrument_error(vendor: Any) 
         open_supply("vendor", "here", LIMITS)
 
 
-def test_other_members_pass_and_their_errors_are_instrument_errors(vendor: Any) -> None:
+def test_additional_members_of_a_driver_can_be_used_and_their_errors_are_instrument_errors(vendor: Any) -> None:
     supply: Any = open_supply("vendor", "here", LIMITS)
     assert (supply.reads_zero_within_A, supply.limits) == (0.05, LIMITS)
     assert not hasattr(supply, "measures_current")
@@ -190,7 +190,11 @@ def test_a_search_whose_library_fails_is_a_note(monkeypatch: pytest.MonkeyPatch)
 
     for search in ("list_serial_ports", "list_cameras", "list_basler_cameras"):
         monkeypatch.setattr(discovery, search, fail)
-    for search in ("list_network", "list_genicam_cameras", "list_gentl_cameras"):  # these may find real instruments
+    for search in (
+        "list_network",
+        "list_genicam_cameras",
+        "list_gentl_cameras",
+    ):  # these searches may find real instruments
         monkeypatch.setattr(discovery, search, tuple)
     monkeypatch.setattr(discovery.pyvisa, "ResourceManager", fail)
     discovered = discovery.discover()
@@ -199,7 +203,7 @@ def test_a_search_whose_library_fails_is_a_note(monkeypatch: pytest.MonkeyPatch)
         assert f"{kind}: the search failed: VendorError: no driver" in discovered.notes
 
 
-def test_an_error_below_pyserial_is_an_instrument_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_exception_while_pyserial_opens_a_port_is_an_instrument_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*arguments: object, **options: object) -> Any:
         raise VendorError("chip not found")
 

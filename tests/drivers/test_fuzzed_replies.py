@@ -1,7 +1,7 @@
 """Damaged replies never lead to a wrong set-point: a driver returns the value in the reply, or raises an error in time.
 
-The emulated supply obeys every message, or no message if its front panel is locked. The replies are damaged on the
-line. The long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
+The emulated supply obeys every message, or no message if its front panel is locked. The line damages the replies at
+random. The long run prints the number of each outcome: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Found = TypeVar("Found")
 
 
 def flipped(bit: int) -> Spoil:
-    """Return a function that flips one bit of a reply."""
+    """Return a function that flips one bit of a reply; `bit` counts the bits modulo the length of the reply."""
 
     def spoil(reply: bytes) -> bytes:
         if not reply:
@@ -77,9 +77,9 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """Line that damages the reply to every query and stores the damaged replies.
+    """A line that damages the reply to every query and keeps the damaged replies in `handed_out`.
 
-    The functions in `spoils` are applied to the replies in turn.
+    The functions in `spoils` damage the replies in turn.
     """
 
     instrument: Responder
@@ -98,7 +98,7 @@ class FuzzedLine:
 
 
 def said(reply: bytes, driver: str) -> float:
-    """Return the number in a complete reply, without the code of the drivers."""
+    """Return the number in a complete reply. The function is independent of the code of the drivers."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")
@@ -116,13 +116,13 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     driver : str
         The name of the driver.
     spoils : list of functions
-        The functions that damage the replies.
+        The functions that damage the replies in turn.
     milliamperes : int
         The current set-point that is requested, mA.
     locked : bool
         True if the supply obeys no command.
     figures : Counter
-        Counts the outcomes.
+        Counts the replies and the outcomes of the calls.
     """
     clock = SimulatedClock()
     coil = CoilSupply(clock)
@@ -182,7 +182,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Call the methods of a driver until `replies` replies were damaged; return the number of each outcome."""
+    """Call the methods of a driver until at least `replies` replies were damaged; return the number of each outcome."""
     figures: Counter[str] = Counter()
 
     @given(
@@ -200,7 +200,7 @@ def run(driver: str, replies: int) -> Counter[str]:
 
 
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
-def test_a_fuzzed_reply_gives_a_driver_error_or_the_value_that_it_states(driver):
+def test_a_fuzzed_reply_gives_a_driver_error_or_the_value_that_it_contains(driver):
     assert run(driver, SHORT_RUN_REPLIES)["answers taken"] > 0
 
 

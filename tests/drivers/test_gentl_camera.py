@@ -1,4 +1,4 @@
-"""The driver gentl with the test producer of the package genicam, whose camera has no trigger and no exposure time."""
+"""The driver gentl works with the emulated camera of the package genicam, which has no trigger and no exposure time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ GRAB_S = 20.0
 
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Set the environment variable of the GenTL producers as an installer does, and return the path of the producer."""
+    """The folder with the GenTL producer (the vendor's driver) of the package genicam.
+
+    The environment variable of the GenTL producers is set to this folder, as an installer does.
+    """
     genicam = pytest.importorskip("genicam", reason="needs harvesters: pip install 'eimi-lab[gentl]'")
     folder = Path(genicam.__file__).parent
     if not list(folder.glob("*.cti")):

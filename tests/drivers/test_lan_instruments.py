@@ -29,7 +29,7 @@ TTI = announced(
 def announce_and_list(deadline: float) -> tuple[LanInstrument, ...]:
     """Announce an Aim-TTi supply on the loopback interface; repeat the search until an instrument is listed.
 
-    At the time `deadline` (s, clock of `time.monotonic`) the search ends and returns no instrument.
+    The result is empty if no instrument was listed before `deadline` (s, clock of `time.monotonic`).
     """
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)

@@ -1,4 +1,4 @@
-"""The drivers accept only answers within a tolerance, and every exchange on a line has a time limit."""
+"""Drivers accept only read-backs within a tolerance, and every message and answer on a line has a time limit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport,
 
 
 class Rounding(KoradDialect):
-    """Emulated supply that reports its set-point with an added error."""
+    """An emulated supply that reports its current set-point with an added error of `more_A` (A)."""
 
     more_A = 0.0
 
@@ -76,7 +76,7 @@ def test_unread_bytes_are_not_used_as_the_answer_to_the_next_query() -> None:
 
 
 def test_a_visa_write_has_its_own_time_limit() -> None:
-    """The time limit of a read is not used for the next write."""
+    """Every write has the time limit of writes, also after a read with a longer time limit."""
     line = VisaTransport.__new__(VisaTransport)
     timeouts_ms: list[float] = []
     resource: Any = SimpleNamespace(timeout=None, read_termination=None)
@@ -89,7 +89,7 @@ def test_a_visa_write_has_its_own_time_limit() -> None:
     assert timeouts_ms == [round(1000 * WRITE_TIMEOUT_S)] * 2
 
 
-def test_a_line_that_returns_what_is_sent_to_it_is_no_identity() -> None:
+def test_a_line_that_returns_the_query_is_not_accepted_as_an_instrument() -> None:
     clock = SimulatedClock()
     dialect = KoradDialect(CoilSupply(clock))
     dialect.identification = b"*IDN?"

@@ -1,6 +1,6 @@
-"""The log of a line counts messages and faults, and does not change the messages.
+"""The log of a line counts messages and faults, and passes the messages on unchanged.
 
-An incomplete answer appears in the message of the error that it causes.
+The error about an incomplete answer contains this answer.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """Line that returns the answers in a list one after the other. If an element is an error, the error is raised."""
+    """A line that returns prepared answers one after the other; an exception among the answers is raised."""
 
     address = "/dev/ttyX"
 

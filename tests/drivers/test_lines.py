@@ -1,4 +1,4 @@
-"""Lines to instruments: the settings with which they are opened, their time limits, and their errors."""
+"""Lines to instruments (serial, VISA, in the same process) have the right settings, time limits and errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from eimi_drivers.supplies.transport import (
 
 
 class Port:
-    """Serial port that returns prepared pieces, one for each read, and keeps what is written."""
+    """A serial port that returns prepared pieces of an answer, one for each read, and keeps what is written."""
 
     def __init__(self, *pieces: bytes, unread: bytes = b"") -> None:
         self.pieces, self.unread = list(pieces), unread
@@ -142,7 +142,7 @@ def test_an_address_names_its_port(address: str, is_serial: bool, port: str) -> 
         ("COM3#x", ("COM3#x", None)),
     ],
 )
-def test_the_channel_is_the_number_behind_the_last_sign(address: str, parts: tuple[str, int | None]) -> None:
+def test_the_channel_is_the_number_after_the_last_number_sign(address: str, parts: tuple[str, int | None]) -> None:
     assert split_address(address) == parts
 
 
@@ -169,7 +169,7 @@ ERRORS: list[tuple[Exception, type[InstrumentError], str]] = [
 
 @pytest.mark.parametrize(("error", "kind", "words"), ERRORS, ids=[type(error).__name__ for error, _, _ in ERRORS])
 @pytest.mark.parametrize("call", ["write", "read", "close"])
-def test_every_error_of_a_port_is_one_of_an_instrument(
+def test_every_error_of_a_port_is_raised_as_an_instrument_error(
     opened: list[dict[str, Any]], error: Exception, kind: type[InstrumentError], words: str, call: str
 ) -> None:
     def fail(*_: Any) -> Any:
@@ -250,7 +250,7 @@ def test_a_port_is_closed_before_it_is_reopened_and_a_pseudo_terminal_is_not(ope
 
 
 class Resource:
-    """VISA resource that keeps the calls, and fails with a prepared error."""
+    """A VISA resource that keeps the calls of its methods, and raises a prepared error."""
 
     def __init__(self) -> None:
         self.timeout: float | None = None
@@ -311,7 +311,7 @@ def test_late_answers_are_discarded_on_streams_only(
     assert (opened_name, open_ms) == (name, 3000)
     line.write(b"?\n")
     reads = [call for call in resource.calls if call[0] == "read"]
-    assert len(reads) == (2 if is_stream else 0)  # at opening, and before the message
+    assert len(reads) == (2 if is_stream else 0)  # at the opening, and before the message
     assert all(call[2] == 1 for call in reads)  # waits for 1 ms only
     assert resource.calls[-1] == ("write", b"?\n", 2000)
 
@@ -372,7 +372,7 @@ def test_the_library_of_visa_is_chosen_by_the_environment(
 
 
 class Scripted:
-    """Responder that answers after a time of its clock."""
+    """An emulated instrument that answers after a given time on its clock."""
 
     def __init__(self, clock: SimulatedClock, answer: bytes, after_s: float = 0.0) -> None:
         self._clock, self._answer, self._after_s = clock, answer, after_s
@@ -388,7 +388,7 @@ def test_an_answer_in_process_is_read_up_to_its_end_and_discarded_by_the_next_me
     line.write(b"?")
     assert [line.read(9, 1.0, b"\n"), line.read(1, 1.0), line.read(1, 1.0)] == [b"ab\n", b"c", b"d"]
     line.write(b"?")
-    assert line.read(2, 1.0, b"\n") == b"ab"  # the size ends it first
+    assert line.read(2, 1.0, b"\n") == b"ab"  # the answer ends at its size, before its end character
     line.write(b"??")
     assert line.read(3, 1.0) == b"ab\n"
     assert line.sent == [b"?", b"?", b"??"]

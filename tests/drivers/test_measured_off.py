@@ -45,10 +45,10 @@ def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("driver", DIALECTS)
 def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
-    """A supply with the largest offset of its measured current still counts as off.
+    """A supply counts as off even if its measured current has the largest offset that the manual allows.
 
-    The offset of the E3631A is from its manual. The offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA)
-    are assumed.
+    The offset of the E3631A is in its manual. The offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA) are
+    assumptions.
     """
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
@@ -82,16 +82,18 @@ def test_switching_off_waits_for_the_decay_of_a_slow_coil():
     assert coil.coil_current_A() <= LEAST_OFF_A
 
 
-def test_the_limit_of_the_rig_replaces_that_of_the_family(coil):
+def test_the_off_limit_in_the_rig_file_replaces_the_limit_of_the_family(coil):
     supply = energised("genesys", coil, Limits(1.0, 12.0, off_below_A=0.03))
     assert off_limit_A(supply) == 0.03
     coil.offset_A = 0.05
     with pytest.raises(SwitchOffFailed, match=r"must be at most 0\.03 A"):
         supply.safe_off()
-    assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # 0.3 % of 50 A, for a GEN30-50
+    assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(
+        0.15
+    )  # 0.3 % of 50 A, the offset of a GEN30-50
 
 
-def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil):
+def test_the_current_is_measured_if_the_safe_off_of_a_driver_does_not_measure_it(coil):
     supply = energised("scpi", coil)
 
     class Commanding:
@@ -110,7 +112,7 @@ def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil
 
 
 class Line(InProcessTransport):
-    """Line that is connected to another instrument after the line was reopened."""
+    """A line that is connected to another instrument after the driver has reopened it."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)
@@ -122,7 +124,7 @@ class Line(InProcessTransport):
 
 
 class Cut:
-    """Emulated instrument whose line can be cut."""
+    """An emulated instrument whose line is cut if `cut` is True."""
 
     cut = False
 

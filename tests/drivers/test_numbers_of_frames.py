@@ -10,7 +10,7 @@ from eimi_drivers.cameras.aravis import AravisCamera
 
 
 def camera(gige: bool = True) -> AravisCamera:
-    """Return an Aravis camera before its first frame."""
+    """Return an Aravis camera that has not delivered a frame; `gige` is False for a USB3 camera."""
     made = object.__new__(AravisCamera)
     made._gige, made._last_id, made._number, made._counting = gige, None, 0, False
     made._incomplete, made.lost_frames = Counter(), Counter()
@@ -24,7 +24,7 @@ def camera(gige: bool = True) -> AravisCamera:
         (True, [7, 9, 12], [7, 9, 12], 3),
         (True, [65534, 65535, 1, 2], [65534, 65535, 65536, 65537], 0),
         (True, [65535, 2], [65535, 65537], 1),
-        (True, [65536, 65537], [65536, 65537], 0),  # extended identifiers do not begin again
+        (True, [65536, 65537], [65536, 65537], 0),  # identifiers of 64 bits do not begin again
         (False, [65535, 65536], [65535, 65536], 0),
         (False, [0, 1, 4], [0, 1, 4], 2),
     ],

@@ -1,4 +1,4 @@
-"""Errors when an instrument is opened, and the conversations of emulated sensors."""
+"""Errors at the opening of an instrument are clear and release its line; emulated sensors answer as their manuals say."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class Line:
-    """Line that counts how often it was closed."""
+    """A line that counts how often it was closed."""
 
     address = "here"
 
@@ -32,7 +32,7 @@ class Line:
 
 
 def failing(error: Exception, line: Line | None = None) -> Any:
-    """Return a driver that raises an error; with a line it has `connect`."""
+    """Return a driver that raises `error` when it is opened; with `line`, its method `connect` returns this line."""
 
     def driver(*arguments: object) -> Any:
         raise error
@@ -50,7 +50,7 @@ OPENINGS = {
 
 
 @pytest.mark.parametrize("kind", OPENINGS)
-def test_an_error_of_an_instrument_passes_unchanged_and_another_one_names_its_driver(kind: str) -> None:
+def test_an_instrument_error_passes_unchanged_and_the_driver_is_named_for_any_other_error(kind: str) -> None:
     error = InstrumentDisconnected("here: gone")
     with pytest.raises(InstrumentDisconnected) as caught:
         OPENINGS[kind](failing(error))
@@ -176,7 +176,7 @@ def test_an_emulated_sensor_answers_as_its_manual_describes(driver: str, in_piec
         assert received == (answer.encode() + b"\r\n" if answer else b""), message
 
 
-def test_a_measured_quantity_has_its_noise_and_its_seed() -> None:
+def test_an_emulated_quantity_has_the_given_noise_and_seed() -> None:
     def values(seed: int, noise: float) -> list[float]:
         quantity = EmulatedQuantity(SimulatedClock(), lambda: 2.5, noise=noise, seed=seed)
         return [quantity.read() for _ in range(1000)]

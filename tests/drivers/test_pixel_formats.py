@@ -1,4 +1,4 @@
-"""Compare the decoding of pixel formats with data whose bits were arranged by hand as the standards define them."""
+"""The decoding of pixel formats agrees with data whose bits were arranged by hand as the standards define them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Emulated SCPI supplies answer as their manuals describe.
 
-The emulated coil has 4 ohm. The emulated supply accepts at most 5 A and 30 V. Every answer depends on the steps before.
+The emulated coil has 4 ohm, and the emulated supply accepts at most 5 A and 30 V. Every answer depends on the messages
+before.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Sensor drivers with emulated gaussmeters and boards, in the same process and over real lines."""
+"""Sensor drivers read emulated gaussmeters and microcontroller boards, in the same process and over real lines."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_driver_that_raises_for_a_negative_value_fails_the_checks():
     "answer",
     ["", "1.2", "nan mT", "1.2 mT -1", "1.2 mT 0.1 0.2", "one mT", "1.2 2 0.1", "inf mT 0.1"],
 )
-def test_a_board_that_answers_otherwise_is_refused(answer):
+def test_a_board_that_does_not_answer_as_documented_is_refused(answer):
     class Other(TextLineDialect):
         def answer(self, query):
             return answer or " "

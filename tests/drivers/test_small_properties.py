@@ -1,4 +1,4 @@
-"""Small properties of drivers, recordings, settings and emulated instruments that users rely on."""
+"""Single properties of drivers, recordings, settings and emulated instruments on which users rely."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ TextLine: Any = SENSORS["text-line"]
 
 
 class Status:
-    """Korad that reports a given status byte."""
+    """An emulated Korad that reports the status byte `byte`."""
 
     byte = 0
 
@@ -180,7 +180,7 @@ def test_a_bit4886_sets_a_current_in_current_mode_only() -> None:
 
 
 class ReopensWhenRead(TextLine):
-    """Faulty driver that cannot be closed twice without a `read` between."""
+    """A faulty sensor driver that raises an error if it is closed twice without a `read` in between."""
 
     is_closed = False
 
@@ -200,7 +200,7 @@ def test_a_sensor_that_cannot_be_closed_twice_in_a_row_fails_the_check() -> None
         check_sensor(ReopensWhenRead, TextLineDialect, checks=checks)
 
 
-def test_a_supply_that_leaves_is_served_again_elsewhere_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_supply_that_disappears_returns_at_another_address_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
     seen: list[tuple[float, str, str]] = []
@@ -230,7 +230,7 @@ def test_a_supply_that_leaves_is_served_again_elsewhere_after_a_second(monkeypat
     assert all(coil_line.ADDRESS.fullmatch(coil) for _, _, coil in seen)
 
 
-def test_a_second_port_of_a_session_is_free_and_the_first_is_the_asked_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_serves_first_at_the_requested_port_and_then_at_a_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(supply_session, "serve_tcp", lambda line, port: asked.append(("tcp", port)))
     monkeypatch.setattr(supply_session, "serve_pty", lambda line: asked.append(("pty",)))
@@ -247,7 +247,7 @@ def test_a_second_port_of_a_session_is_free_and_the_first_is_the_asked_one(monke
 
 
 class Constant:
-    """Instrument that gives the same answer to every message; an empty answer ends the connection."""
+    """An instrument that gives the same answer to every message; an empty answer ends the connection."""
 
     def __init__(self, answer: bytes) -> None:
         self._answer = answer
@@ -304,7 +304,7 @@ def test_a_far_coil_that_does_not_answer_is_a_timeout(monkeypatch: pytest.Monkey
         (b"1_0", None),
     ],
 )
-def test_a_number_is_the_whole_answer(reply: bytes, number: float | None) -> None:
+def test_an_answer_is_a_number_only_if_it_has_no_other_characters(reply: bytes, number: float | None) -> None:
     assert number_in(reply) == number
 
 
@@ -312,7 +312,7 @@ def test_a_number_is_the_whole_answer(reply: bytes, number: float | None) -> Non
     ("reply", "line"),
     [(b" A,B \r\n", "A,B"), (b"A\0", "A"), (b"\xb0C\n", None), (b"A\x07B", None), (b"A\nB", None), (b"\r\n", None)],
 )
-def test_a_line_is_the_whole_answer(reply: bytes, line: str | None) -> None:
+def test_an_answer_is_one_line_only_if_nothing_follows_it(reply: bytes, line: str | None) -> None:
     assert line_in(reply) == line
 
 
@@ -345,7 +345,7 @@ def test_a_set_point_is_rounded_toward_zero_in_whole_steps(value: float, step: s
         ("KORADKA3005PV2.0", ""),
     ],
 )
-def test_the_serial_number_is_the_third_field(text: str, serial_number: str) -> None:
+def test_the_serial_number_is_the_third_field_of_an_identification(text: str, serial_number: str) -> None:
     assert serial_number_in(text) == serial_number
     words = in_words(Identity("scpi", text, "COM3", serial_number))
     assert words == (f"{text!r} with serial number {serial_number}" if serial_number else repr(text))

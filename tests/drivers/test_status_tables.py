@@ -1,7 +1,7 @@
 """The drivers interpret every error number, trip and status bit as the manuals describe it.
 
 The tables in this file were written from the manuals, independently of the drivers. `test_every_row_has_a_case` fails
-if a driver has a row that this file lacks.
+if the table of a driver has an entry that this file lacks.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Replace the answer of the emulated instrument to one query for the rest of the test."""
+    """Replace the emulated instrument's answer to one query until the end of the test."""
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 
@@ -152,7 +152,7 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the query for a register: `register` is the driver and the register's index in the driver's profile."""
+    """Return the query of a status register; `register` is the driver and the index of the register in its profile."""
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
     return profile.registers[place].question.format(channel=1).encode() + b"\n"
@@ -255,7 +255,7 @@ def test_positive_and_negative_numbers_of_scpi_errors_are_errors(bench_of: Any, 
 
 
 def tti(series: str) -> Any:
-    """Return a context manager that opens the bench of an emulated Aim-TTi supply of the series."""
+    """Return a context manager that opens the driver of an emulated Aim-TTi supply of this series."""
     return supply_bench(SUPPLIES["aim-tti"], lambda coil: AimTtiDialect(coil, model=TTI_MODELS[series]))
 
 

@@ -1,4 +1,4 @@
-"""Every supply driver passes the conformance suite on every kind of line, and describes errors in its messages."""
+"""Every supply driver passes the conformance suite on every kind of line, and its errors name the cause."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Supply drivers on a line with faults and with unexpected answers."""
+"""Supply drivers handle faulty lines and unexpected answers without a wrong set-point or an unnoticed current."""
 
 from __future__ import annotations
 
@@ -126,13 +126,13 @@ def test_a_rounded_set_point_is_within_one_step_and_never_above_the_limit(driver
         assert -1e-6 < current_A + coil.state.set_current_A < float(SUPPLIES[driver].current_step_A)
 
 
-def test_binary_fractions_do_not_cost_a_step(quick_bench):
+def test_a_set_point_is_not_one_step_too_low_because_of_binary_fractions(quick_bench):
     quick_bench.supply.set_current(0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1)  # the sum is 0.7999999999999999
     assert quick_bench.coil.state.set_current_A == 0.8
 
 
 class Babbler:
-    """Emulated instrument that returns the answers in a list one after the other, whatever the messages are."""
+    """An emulated instrument that returns prepared answers one after the other, whatever the messages are."""
 
     def __init__(self, answers: list[bytes]) -> None:
         self._answers = answers
@@ -188,7 +188,7 @@ def test_an_endless_error_queue_does_not_block_the_driver():
 
 
 class SlowFirmware(KoradDialect):
-    """Emulated supply that reports a new current set-point only after 0.45 s."""
+    """An emulated supply that reports a new current set-point only after 0.45 s."""
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)
@@ -218,7 +218,7 @@ def test_the_korad_driver_leaves_a_gap_without_which_messages_fuse():
     coil = CoilSupply(clock)
     dialect = KoradDialect(coil, fuse_within_s=0.02)
     dialect.receive(b"ISET1:0.500")
-    dialect.receive(b"VSET1:5.00")  # without a pause: both messages are lost
+    dialect.receive(b"VSET1:5.00")  # without a pause, both messages are lost
     assert (coil.state.set_current_A, coil.state.set_voltage_V) == (0.0, 0.0)
     clock.sleep(MESSAGE_GAP_S)
     KoradSupply(InProcessTransport(dialect, clock), LIMITS, clock).set_current(0.5)
@@ -267,7 +267,7 @@ def test_amperes_in_another_form_than_a_korads_are_refused(korad, reply):
 def test_one_false_read_back_does_not_confirm_a_set_point(korad):
     korad.energise(0.2)
     korad.coil.locked = True
-    answers, spoilt = korad.line.receive, [b"0.600K"]  # 0.200 with a bit flipped
+    answers, spoilt = korad.line.receive, [b"0.600K"]  # 0.200 with one flipped bit
     korad.line.receive = lambda data: spoilt.pop() if data == b"ISET1?" and spoilt else answers(data)
     with pytest.raises(SetPointNotTaken, match=r"set to 0\.600 A but reads back 0\.2 A"):
         korad.supply.set_current(0.6)

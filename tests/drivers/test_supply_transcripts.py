@@ -1,4 +1,4 @@
-"""Every driver sends exactly the messages in its transcript (`tests.shared.supply_transcripts`)."""
+"""Every supply driver sends exactly the messages in its transcript (`tests.shared.supply_transcripts`)."""
 
 from __future__ import annotations
 

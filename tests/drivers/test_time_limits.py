@@ -1,4 +1,4 @@
-"""Times in simulated time: how long a driver waits, when it asks again, and when a session begins its fault."""
+"""In simulated time, drivers wait as long as they should, and emulated faults begin at their times."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LIMITS = Limits(1.0, 12.0)
 
 
 class Timed:
-    """Line that notes the time of each message, and answers or fails as prepared."""
+    """A line that keeps the time of each message, and answers or raises errors as prepared."""
 
     def __init__(self, clock: SimulatedClock, answer: bytes = b"") -> None:
         self.address = "somewhere"
@@ -99,7 +99,7 @@ LONGEST = {"korad": 64, "genesys": 128, "aim-tti": 256}
 
 
 @pytest.mark.parametrize("driver", [*SUPPLIES, *SENSORS])
-def test_an_answer_without_an_end_is_read_up_to_a_bound(driver: str) -> None:
+def test_an_answer_without_an_end_is_read_up_to_a_maximum_length(driver: str) -> None:
     clock = SimulatedClock()
     line = Timed(clock, b"OK\r" if driver == "genesys" else b"1\n")
     sensor = driver in SENSORS
@@ -145,7 +145,10 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
-    """An emulated supply in simulated time whose meter has an offset 3 s after a current begins to flow."""
+    """An emulated session, its supply, and the list of the texts that it prints.
+
+    The time is simulated. 3 s after a current begins to flow, the measured current of the supply gets an offset.
+    """
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
     coil = CoilSupply(clock)
@@ -210,7 +213,7 @@ def test_the_true_current_is_reported_when_it_changes(
 
 
 class Producer:
-    """GenTL camera whose frames are prepared; a frame that is None stands for a wait without a frame."""
+    """A GenTL camera with prepared frames; None among the frames is a wait in which no frame arrives."""
 
     def __init__(self, settings: CameraSettings, *numbers: int | None) -> None:
         self.waiting = list(numbers)
@@ -290,7 +293,9 @@ def test_a_gentl_camera_with_a_trigger_input_skips_no_frame() -> None:
     ("change", "words"),
     [({"payload": 2}, "payload type 2"), ({"shape": (3, 4)}, r"frame 9 has 3 x 4 pixels, but the region is")],
 )
-def test_another_frame_of_a_gentl_camera_is_not_understood_and_given_back(change: dict[str, Any], words: str) -> None:
+def test_a_gentl_frame_with_unexpected_contents_is_an_error_and_its_buffer_is_returned(
+    change: dict[str, Any], words: str
+) -> None:
     made = Producer(SOFTWARE, None, 9)
     for name, value in change.items():
         setattr(made, name, value)

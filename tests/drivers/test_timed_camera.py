@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """Camera with one method that does not return until the event `release` is set; `stuck` is the method's name."""
+    """A camera whose method `stuck` does not return until the event `release` is set."""
 
     settings = NO_SETTINGS
 
@@ -136,7 +136,10 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """After a sleep of the computer the time limit has passed, although the camera's driver caused no delay."""
+    """After a sleep of the computer, the error of the caller is raised instead of the timeout of the camera.
+
+    The time limit has passed during the sleep, although the camera caused no delay.
+    """
     inner, now = StubbornCamera("grab"), [0.0]
 
     def refuse() -> None:
@@ -154,7 +157,7 @@ def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_cam
 
 
 def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
-    """On a busy computer a simulated camera takes longer than its time limit, but it uses little processor time."""
+    """The time limit of a simulated camera applies to its processor time, because a busy computer delays the camera."""
     inner = StubbornCamera("grab")
     waits: list[bool] = []
 

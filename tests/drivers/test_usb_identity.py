@@ -1,4 +1,4 @@
-"""The serial number of a USB port identifies a supply, whatever name the rig file gives to the port."""
+"""The serial number of a USB port identifies a supply, whatever name of the port the rig file gives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_drivers.supplies.transport import usb_serial_number
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a link to /dev/ttyACM7, as in /dev/serial/by-id. Three ports are attached to the computer."""
+    """A link to /dev/ttyACM7 with a name as in /dev/serial/by-id, on a computer with three serial ports."""
     ports = [
         SimpleNamespace(device="/dev/ttyACM7", serial_number="A1"),
         SimpleNamespace(device="/dev/ttyACM8", serial_number="B2"),
@@ -32,13 +32,13 @@ def test_a_link_by_id_gives_the_serial_number_of_its_device(by_id: Path, form: s
     assert usb_serial_number(form.format("/dev/ttyACM8")) == "B2"
 
 
-def test_a_link_that_leads_to_another_device_gives_that_one(by_id: Path) -> None:
+def test_a_link_that_leads_to_another_device_gives_the_serial_number_of_that_device(by_id: Path) -> None:
     for target, serial_number in (("/dev/ttyACM8", "B2"), ("/dev/ttyUSB0", ""), ("/dev/ttyACM9", "")):
         by_id.unlink()
         os.symlink(target, by_id)
         assert usb_serial_number(str(by_id)) == serial_number
 
 
-def test_a_link_that_is_gone_has_no_serial_number(by_id: Path) -> None:
+def test_a_link_that_no_longer_exists_has_no_serial_number(by_id: Path) -> None:
     by_id.unlink()
     assert usb_serial_number(str(by_id)) == ""

@@ -1,4 +1,4 @@
-"""The driver arms and verifies the watchdog of a supply, which switches the supply off after the last message."""
+"""The driver arms and verifies the watchdog of a supply, which switches the output off when no more messages arrive."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_earlier_current_does_not_return_when_the_watchdog_is_cleared(bench_
 
 
 @pytest.mark.parametrize("driver", SUPPLIES)
-def test_every_driver_states_the_effect_of_a_pulled_cable(driver: str) -> None:
+def test_every_driver_says_what_happens_after_a_cable_is_pulled(driver: str) -> None:
     words = SUPPLIES[driver].without_contact
     assert ("watchdog switches every output off 10 s after" in words) == (driver in WATCHED)
     assert ("timer switches the output off 14400 s after" in words) == (driver == "keithley-2200")

@@ -1,4 +1,4 @@
-"""The messages of a run are recorded in a transcript, and a driver can be tested with the transcript."""
+"""The messages of a run are recorded in a transcript, and a driver can be tested with this transcript."""
 
 from __future__ import annotations
 

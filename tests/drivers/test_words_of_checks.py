@@ -1,4 +1,4 @@
-"""Each requirement of the checks has a driver that breaks this requirement only, and the check names it in words."""
+"""Each requirement of the conformance suite has a driver that breaks only this requirement, and the error names it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Kepco: Any = SUPPLIES["kepco-bop"]
 
 
 def supply(base: Any = Scpi, **members: Any) -> type:
-    """Return a driver with some members replaced."""
+    """Return a driver class with the base class `base`, of which `members` replace some methods or attributes."""
     return type("Replaced", (base,), members)
 
 
@@ -70,7 +70,7 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes a member which ignores the errors of these kinds."""
+    """Return a function from the name of a method to a method that ignores exceptions of the classes `errors`."""
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:
@@ -221,7 +221,7 @@ def test_the_broken_requirement_of_a_supply_is_named(name: str, driver: Any, wor
 
 
 class Good:
-    """Camera that fulfils every requirement."""
+    """A camera that fulfils every requirement."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if source == "absent":
@@ -361,7 +361,7 @@ def test_a_disturbed_camera_may_return_the_frames_that_it_has_stored(stored: int
     assert len(last) == 2 * (stored + 1)
 
 
-def test_a_claim_that_holds_says_nothing() -> None:
+def test_a_requirement_that_is_met_gives_no_message() -> None:
     claim(True, "words")
     with pytest.raises(AssertionError, match=r"^words$"):
         claim(False, "words")

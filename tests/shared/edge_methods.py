@@ -1,7 +1,7 @@
-"""Other methods to detect edges, which a benchmark compares with the search of this project.
+"""Detect edges by published methods, which a benchmark compares with the edge search of this project.
 
-Each function takes an image (height, width), and returns the n points on all detected edges as x and y in px, shape (n,
-2).
+Each function takes a grey image, shape (height, width), and returns the n points of all edges that the method detects
+as x and y in px, shape (n, 2).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from scipy.ndimage import gaussian_filter
 
 Array = NDArray[np.float64]
 _DEVERNAY_BLUR_PX = 2.0
-_LEAST_GRADIENT = 0.3  # of the steepest
+_LEAST_GRADIENT = 0.3  # as a share of the largest gradient in the image
 
 
 def otsu_contours(image: NDArray[np.uint8]) -> Array:
-    """Return the border pixels of the dark regions at Otsu's threshold (IEEE Trans. SMC 9, 1979)."""
+    """Return the border pixels of the regions that are darker than Otsu's threshold (IEEE Trans. SMC 9, 1979)."""
     _, mask = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY_INV + cv2.THRESH_OTSU)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.concatenate([contour.reshape(-1, 2) for contour in contours]).astype(np.float64)
 
 
 def marching_squares(image: NDArray[np.uint8]) -> Array:
-    """Return the contour at Otsu's threshold, interpolated between pixels by matplotlib."""
+    """Return the points of the contour lines at Otsu's threshold, which matplotlib interpolates between pixels."""
     from matplotlib.figure import Figure
 
     level, _ = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
@@ -35,7 +35,10 @@ def marching_squares(image: NDArray[np.uint8]) -> Array:
 
 
 def devernay(image: NDArray[np.uint8]) -> Array:
-    """Return maxima of the grey-value gradient along its direction, by a parabola (Devernay, INRIA RR-2724, 1995)."""
+    """Return the points at which the gradient of the grey value is largest along its own direction.
+
+    A parabola through three pixels gives the position of each maximum between pixels (Devernay, INRIA RR-2724, 1995).
+    """
     smooth: NDArray[Any] = gaussian_filter(image.astype(np.float32), _DEVERNAY_BLUR_PX)
     slope_y, slope_x = np.gradient(smooth)
     size = np.hypot(slope_x, slope_y)

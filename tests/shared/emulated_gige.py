@@ -1,6 +1,7 @@
-"""An emulated GigE Vision camera in a separate process. Only one test on this computer can use it at a time.
+"""Emulate a GigE Vision camera in a separate process.
 
-GigE Vision fixes the port of a camera, so that an address can serve only one camera.
+Only one test on a computer can use the emulated camera at a time: GigE Vision prescribes the network port of a camera,
+so that one network address can serve only one camera.
 """
 
 from __future__ import annotations
@@ -27,13 +28,19 @@ needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
 
 @contextmanager
 def only_gige_camera() -> Iterator[None]:
-    """Wait until no other test on this computer uses a GigE camera, and keep others from using one in the context."""
+    """Lock the emulated GigE camera: wait until no other test on this computer uses it, and keep other tests out.
+
+    The lock ends with the context.
+    """
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
 
 
 def numbered() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns uniform pictures, whose grey values count from 0 to 249 and begin again at 0."""
+    """Return a function that returns a uniform picture at each call.
+
+    The grey value is 0 at the first call, increases by 1 at each call up to 249, and then begins again at 0.
+    """
     number = -1
 
     def picture() -> NDArray[np.uint8]:
@@ -45,7 +52,7 @@ def numbered() -> Callable[[], NDArray[np.uint8]]:
 
 
 def ramp() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns a picture whose grey value is (column + 2 row) modulo 256."""
+    """Return a function that returns the same picture at each call: its grey value is (column + 2 row) modulo 256."""
     columns, rows = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     picture = ((columns + 2 * rows) % 256).astype(np.uint8)
     return lambda: picture
@@ -55,25 +62,31 @@ def ramp() -> Callable[[], NDArray[np.uint8]]:
 def gige_camera(
     prepare: Callable[[], Callable[[], NDArray[np.uint8]]] = numbered, size_px: tuple[int, int] = SIZE_PX, **camera: Any
 ) -> Iterator[CameraProcess]:
-    """Serve a camera on the loopback interface while the context lasts. The caller must hold `only_gige_camera`."""
+    """Run an emulated GigE camera on the loopback interface until the context ends; yield its process.
+
+    The caller must hold the lock `only_gige_camera`. `prepare` returns the function that renders each picture.
+    """
     with gige_process(prepare, size_px, address=LOOPBACK, **camera) as process:
         yield process
 
 
 class NoisyPictures:
-    """Function object that returns the pictures of successive exposures: a dark vertical beam with noise."""
+    """A function object that returns a new picture at each call: a dark vertical beam with camera noise."""
 
     def __init__(self) -> None:
         self._number = 0
 
     def __call__(self) -> NDArray[np.uint8]:
-        """Return the picture of the next exposure."""
+        """Return the picture of the next exposure, shape (height, width)."""
         self._number += 1
         return noisy_picture(self._number)
 
 
 def noisy_picture(number: int) -> NDArray[np.uint8]:
-    """Return a noisy picture of a dark vertical beam. The number of the exposure, from 1, is the seed of the noise."""
+    """Return the picture of a dark vertical beam with noise, shape (height, width).
+
+    number: number of the exposure, counted from 1; it is the seed of the noise.
+    """
     across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
     profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
     noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])

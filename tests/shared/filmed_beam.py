@@ -1,4 +1,4 @@
-"""Films of a level strip that swings after a flick, with a phone's shutter and perspective."""
+"""Render films of a horizontal strip that swings after a flick, with the shutter and the perspective of a phone."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ LEVEL = Calibration(
 class Flick:
     """A strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
 
-    tilt: share by which the scale changes over the picture, because the phone is not parallel to the strip.
+    row_time_s: time between the readout of two rows of pixels (s). tilt: relative change of the scale over the picture,
+    because the phone is not parallel to the strip. size: (width, height) of the film in px.
     """
 
     frequency_Hz: float = 6.0
@@ -53,15 +54,18 @@ class Flick:
 
     @property
     def times_s(self) -> Array:
-        """Times (s), one for each frame, at which the first row is in the middle of its exposure."""
+        """Time (s) of each frame: the middle of the exposure of its first row."""
         return np.arange(round(self.seconds * self.rate_Hz)) / self.rate_Hz
 
     def deflection_mm(self, time_s: Array) -> Array:
-        """Return the deflection (mm) of the tip toward +y (down) at the times `time_s`."""
+        """Return the deflection (mm) of the tip from its sagged position at the times `time_s` (s); + is downward."""
         return self.amplitude_mm * np.exp(-self.decay_per_s * time_s) * np.cos(2 * np.pi * self.frequency_Hz * time_s)
 
     def centre_mm(self, along_mm: Array, time_s: float) -> Array:
-        """Return p points (x, y) in mm of the centre line, shape (p, 2), at the arc lengths `along_mm` at one time."""
+        """Return p points (x, y) of the centre line in mm, shape (p, 2), in the beam frame at one time.
+
+        along_mm: arc length of each point from the clamp (mm), shape (p,). time_s: the time (s).
+        """
         grid = np.linspace(0.0, STRIP.specimen.length_mm, 400)
         tip = self.sag_mm + float(self.deflection_mm(np.array(time_s)))
         slope = np.gradient(tip * cantilever_modes(grid / grid[-1])[:, 0], grid)
@@ -70,16 +74,17 @@ class Flick:
         return np.column_stack([np.interp(along_mm, grid, places[:, axis]) for axis in range(2)])
 
     def to_px(self, points_mm: Array) -> Array:
-        """Return the pixels at which the tilted phone shows points of the beam frame."""
+        """Return the pixels (x, y), shape (n, 2), at which the tilted phone shows n points of the beam frame in mm."""
         points = BeamFrame(LEVEL).to_px(points_mm)
         middle = 0.5 * np.array(self.size)
         away = (points - middle) / self.size[0]
         return np.asarray(middle + (points - middle) / (1.0 + self.tilt * (away[:, :1] + 0.5 * away[:, 1:])))
 
     def outline_px(self, first_row_s: float) -> Array:
-        """Return the outline of the strip (px) in one frame with a rolling shutter.
+        """Return the outline of the strip, points (x, y) in px, shape (n, 2), in one frame with a rolling shutter.
 
-        Each point of the outline has its position at the time at which its row of the picture is read.
+        first_row_s: time (s) at which the first row is exposed. Each point of the outline is shown at the time at which
+        the camera reads the row of this point.
         """
         readout_s = self.row_time_s * (self.size[1] - 1)
         if not readout_s:
@@ -91,9 +96,9 @@ class Flick:
             at = np.clip(row * self.row_time_s / delays[1], 0.0, len(delays) - 1.001)
             low, share = at.astype(int), at % 1.0
             points = np.arange(outlines.shape[1])
-            seen = outlines[low, points] * (1 - share)[:, None] + outlines[low + 1, points] * share[:, None]
-            row = seen[:, 1]
-        return np.asarray(seen)
+            shown = outlines[low, points] * (1 - share)[:, None] + outlines[low + 1, points] * share[:, None]
+            row = shown[:, 1]
+        return np.asarray(shown)
 
     def _outline_px_at(self, time_s: float) -> Array:
         along = np.linspace(0.0, STRIP.specimen.length_mm, 80)
@@ -105,7 +110,7 @@ class Flick:
         return self.to_px(np.vstack([[[-6.0, -1.5]], left, right[::-1], [[-6.0, 1.5]]]))
 
     def frames(self, seed: int = 0) -> Iterator[NDArray[np.uint8]]:
-        """Yield the frames of the video with noise, each of shape (height, width)."""
+        """Yield the frames of the film with noise, each of shape (height, width)."""
         rng = np.random.default_rng(seed)
         clamp_px = self.to_px(np.array([[-6.0, -8.0], [0.0, -8.0], [0.0, 8.0], [-6.0, 8.0]]))
         within_s = self.exposure_s * (np.arange(6) / 6.0 - 5.0 / 12.0) if self.exposure_s else np.zeros(1)
@@ -117,7 +122,10 @@ class Flick:
             yield expose(replace(scenes[0], mean=mean), rng)
 
     def write(self, path: Path, seed: int = 0, quality: str = "FFV1") -> Path:
-        """Write the frames as a video, and return its path. The codec FFV1 keeps every grey level."""
+        """Write the frames as a video file, and return `path`.
+
+        quality: the four-letter code of the video codec; FFV1 keeps every grey level.
+        """
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*quality), self.rate_Hz, self.size)
         for frame in self.frames(seed):
             writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))

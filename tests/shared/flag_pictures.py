@@ -1,4 +1,7 @@
-"""A rendered picture for every flag of a state. NOT_SETTLED, DROPPED and DUPLICATE are flags of several frames."""
+"""Render a picture for every flag, that is, for every warning that the edge search can attach to a picture.
+
+The flags NOT_SETTLED, DROPPED and DUPLICATE compare several frames of one state (one coil current).
+"""
 
 from __future__ import annotations
 
@@ -32,9 +35,10 @@ _DARK = 20
 
 @dataclass(frozen=True)
 class Case:
-    """An image with the calibration and specimen that a user gives; `edges` searches the edges of the beam.
+    """An image, with the calibration and the specimen that a user gives for this image.
 
-    run_flags: flags that a run finds by comparing the frames of a state; the image is the mean of these frames.
+    run_flags: flags that a run raises when it compares the frames of a state; `image` is then the mean of these frames.
+    calibration_age_days: age of the calibration in days, None if it is unknown.
     """
 
     image: Image
@@ -51,12 +55,15 @@ class Case:
 
 
 def photograph(optics: Optics = NOMINAL, beam: BentBeam = BEAM) -> Image:
-    """Return one rendered frame of the beam in the benchmark."""
+    """Return one rendered frame of `beam`, by default the beam of the benchmark of the edge search."""
     return expose(make_bent_scene(optics, CALIBRATION, SPECIMEN, beam), np.random.default_rng(0))
 
 
 def twisted(tip_deg: float, root_deg: float = 0.0) -> BentBeam:
-    """Return the beam twisted evenly about its own axis from root to tip, by its outline."""
+    """Return the outline of the beam after an even twist about its own axis, which makes the beam look wider.
+
+    root_deg, tip_deg: angle of the twist at the clamp and at the tip in degrees.
+    """
     width, depth = SPECIMEN.specimen.width_mm, SPECIMEN.specimen.depth_mm
     turn = np.radians(np.linspace(root_deg, tip_deg, len(BEAM.left)))
     wider = ((np.cos(turn) + depth / width * np.sin(turn) - 1.0) / 2.0)[:, None] * (BEAM.right - BEAM.left)
@@ -94,9 +101,9 @@ def _round_tip() -> Case:
 
 
 def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
-    """Return a case with a coloured beam in front of cloth without a back-light.
+    """Return a photograph of a coloured beam in front of cloth, without a back-light.
 
-    The beam may be half hidden by a plate. `share` scales the size of the picture.
+    half_hidden: whether a plate covers the lower half of the beam. share: factor by which the picture is scaled.
     """
     colours = np.array([[40.0, 60.0, 200.0], [150.0, 160.0, 90.0]])
     image = photographs.photograph("uneven light", np.random.default_rng(5), 25.0, colours).image
@@ -110,13 +117,16 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
 
 
 def _on_its_shadow() -> Case:
-    """Return a case with a coloured beam close to a wall. The border of its shadow is a stronger edge than its own."""
+    """Return a photograph of a coloured beam close to a wall; the edge of its shadow is sharper than its own edge."""
     image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
     return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
 
 
 def _two_stripes() -> Case:
-    """Return a case with two stripes side by side, each as wide as the beam, and the stated clamp between them."""
+    """Return a picture of two stripes side by side, each as wide as the beam.
+
+    The calibration places the midpoint of the clamp between the two stripes, so that either stripe may be the beam.
+    """
     colours = {"left": (40.0, 60.0, 200.0), "right": (200.0, 170.0, 40.0)}
     calibration = photographs.CALIBRATION.model_copy(update={"pixels_per_mm": 3.0, "clamp_midpoint_px": (100.0, 20.0)})
     image = np.full((160, 200, 3), 120.0)
@@ -131,9 +141,10 @@ def _believed(**beam: float) -> Case:
 
 
 def _state(angles_deg: Sequence[float], numbers: Sequence[int], copied: bool = False) -> Case:
-    """Return a case with the mean of several frames, and the flags that the comparison of these frames raises.
+    """Return the mean of several frames of one state, and the flags that the comparison of these frames raises.
 
-    Each frame has a beam angle (degrees) and a frame number. copied: the last frame repeats the frame before.
+    angles_deg: tip angle of the beam in each frame (degrees). numbers: the frame numbers. copied: whether the last
+    frame is a copy of the frame before it.
     """
     rng = np.random.default_rng(0)
     images = [
@@ -171,7 +182,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 def table() -> str:
-    """Return the table of flags in Markdown."""
+    """Return a Markdown table of all flags: measured quantity, limit, severity, and contribution to the uncertainty."""
     rows = ["| flag | value | limit | severity | adds to σ at the limit |", "| --- | --- | --- | --- | --- |"]
     for check in CHECKS:
         below = "below " if check.below else ""

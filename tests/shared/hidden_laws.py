@@ -1,4 +1,7 @@
-"""Laws of one to three terms of the library, drawn at random, and the evidence that is simulated for them."""
+"""Draw hyperelastic laws at random as sums of one to three terms, and simulate measurements of these laws.
+
+The terms are those of the library from which a discovery, the search for an unknown law, chooses.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 
 @cache
 def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """Return the beam model of a shipped specimen, planar or with a solid section."""
+    """Return the beam model of a shipped specimen.
+
+    kind: name of the specimen, for example "type1". solid: whether the model is three-dimensional instead of planar.
+    """
     section: Section = "solid" if solid else "plane-stress"
     specimen = replace(load_specimen(kind).mechanics(), section=section)
     return SolidBeside(specimen, *SOLID_MESH) if solid else BeamModel(specimen, *PLANAR_MESH)
@@ -40,16 +46,16 @@ def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law that a discovery has to identify: k terms, and their coefficients in Pa, shape (k,)."""
+    """A law that a discovery has to identify from its measurements: k terms and their coefficients (Pa), shape (k,)."""
 
     terms: tuple[Term, ...]
     coefficients: Array
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Draw the terms of a law, their shares of the largest tensile stress, and the initial shear modulus.
+        """Return a random law: its terms, the share of each term in the largest tensile stress, and its shear modulus.
 
-        off: largest factor by which Jm, b and alpha differ from the library.
+        off: largest factor by which the constants Jm, b and alpha of the terms differ from those in the library.
         """
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
@@ -71,7 +77,7 @@ class Hidden:
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Return a tensile test of the law; noise: standard deviation as a share of the largest stress."""
+        """Return a simulated tensile test of the law; noise: standard deviation as a share of the largest stress."""
         stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 

@@ -1,4 +1,8 @@
-"""Difficulties in photographs of a bench, for example glare, a ruler, a second beam, a hand, a hard shadow, motion."""
+"""Paint difficulties into photographs of a bench, for example glare, a ruler, a second beam, a hand, or a hard shadow.
+
+Each painting function takes the scene and its picture, shape (height, width, 3), and returns the picture with the
+difficulty.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +24,11 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """A difficulty: functions that paint behind the beam and in front of it, change its light, and change the picture.
+    """A kind of photograph with one difficulty, which one of four functions paints.
 
-    size: size of the picture relative to 960 x 720 px. magnification: width of the beam relative to 42 px. beam:
-    whether the picture shows a beam.
+    behind, front: paint behind and in front of the beam. light: changes the surface of the beam. camera: changes the
+    whole picture. size: size of the picture relative to 960 x 720 px. magnification: width of the beam relative to 42
+    px. beam: whether the picture shows a beam.
     """
 
     behind: Hook | None = None
@@ -92,7 +97,7 @@ def _two_lamps(scene: Scene, picture: Array) -> Array:
 
 
 def _leaning(scene: Scene, picture: Array) -> Array:
-    """Paint the shadow of a beam whose distance from the wall grows toward its tip."""
+    """Paint the shadow of a beam that leans away from a wall: its distance from the wall grows toward the tip."""
     away = scene.width_px * scene.rng.uniform(0.2, 0.6) * scene.rng.choice([-1.0, 1.0])
     left, right = np.array_split(scene.outline(), 2)
     far = np.linspace(0.0, away, len(left))[:, None] * np.array([1.0, 0.1])
@@ -102,7 +107,7 @@ def _leaning(scene: Scene, picture: Array) -> Array:
 
 
 def _ruler_touching(scene: Scene, picture: Array) -> Array:
-    """Paint a ruler that touches the beam: the edge of the beam runs along the ruler or crosses it."""
+    """Paint a ruler that touches the beam, so that an edge of the beam runs along the ruler or crosses the ruler."""
     side = scene.rng.choice([-1.0, 1.0])
     scene.paint(picture, scene.box((0.3, 12.0), (0.45 * side, 2.0 * side)), np.full(3, 225.0))
     for tick in np.arange(0.5, 12.0, 0.5):
@@ -118,7 +123,7 @@ def _writing_behind(scene: Scene, picture: Array) -> Array:
 
 
 def _same_clamp(scene: Scene, picture: Array) -> Array:
-    """Paint a clamp of the colour of the beam."""
+    """Paint a clamp that has the colour of the beam."""
     scene.paint(picture, scene.box((-4.0, 0.0), (-3.0, 3.0)), scene.own)
     return picture
 
@@ -138,7 +143,7 @@ def _glare_at_edge(scene: Scene, picture: Array) -> Array:
 
 
 def _markers(scene: Scene, picture: Array) -> Array:
-    """Paint dots for tracking along the middle line of the beam."""
+    """Paint tracking dots along the centre line of the beam."""
     colour = scene.other_colour()
     for place in np.arange(0.08, 0.95, 0.12):
         scene.paint(picture, scene.outline((place, place + 0.03), (-0.18, 0.18)), colour)
@@ -154,7 +159,7 @@ def _bands(scene: Scene, picture: Array) -> Array:
 
 
 def _other_tip(scene: Scene, picture: Array) -> Array:
-    """Paint a magnet at the tip of the beam."""
+    """Paint a magnet at the tip of the beam, in a different colour."""
     scene.paint(picture, scene.outline((0.85, 1.0)), scene.other_colour())
     return picture
 
@@ -166,7 +171,7 @@ def _two_faces(scene: Scene, picture: Array) -> Array:
 
 
 def _round(scene: Scene, picture: Array) -> Array:
-    """Shade the beam as a round cord, dark toward both edges."""
+    """Shade the beam as a round cord, which is darker toward both edges."""
     for depth in np.linspace(0.5, 0.35, 8):
         for side in (-1.0, 1.0):
             scene.paint(picture, scene.outline(across=(side * depth, side * (depth - 0.02))), 0.0, (depth - 0.3) * 2.0)
@@ -174,7 +179,10 @@ def _round(scene: Scene, picture: Array) -> Array:
 
 
 def _fading(scene: Scene, picture: Array) -> Array:
-    """Shade the beam as a lamp at the clamp does: the tip has half of the light of the clamp."""
+    """Darken the beam with the distance from the clamp, as with a lamp at the clamp.
+
+    The beam loses half of its light at the distance of the farthest corner of the picture.
+    """
     inside = coverage(scene.outline(), scene.size)[..., None]
     x, y = np.meshgrid(*(np.arange(extent, dtype=np.float64) for extent in scene.size))
     away = np.hypot(x - scene.calibration.clamp_midpoint_px[0], y - scene.calibration.clamp_midpoint_px[1])
@@ -182,7 +190,7 @@ def _fading(scene: Scene, picture: Array) -> Array:
 
 
 def _clear(scene: Scene, picture: Array) -> Array:
-    """Let half of the background shine through transparent silicone, whose edges are darker."""
+    """Make the beam transparent: half of the background shines through, and the edges of the beam are darker."""
     rest = cloth(scene)
     inside = coverage(scene.outline(), scene.size)[..., None]
     picture += 0.5 * inside * (rest - picture)
@@ -192,7 +200,7 @@ def _clear(scene: Scene, picture: Array) -> Array:
 
 
 def _hand(scene: Scene, picture: Array) -> Array:
-    """Paint fingers that hold an object near the beam and cover a sixth of the beam."""
+    """Paint two fingers across the beam, which cover about a sixth of its length."""
     share = scene.rng.uniform(0.2, 0.8)
     middle = scene.outline((share, share + 0.02)).mean(axis=0)
     turn = scene.rng.uniform(0.0, 2.0 * np.pi)
@@ -203,7 +211,7 @@ def _hand(scene: Scene, picture: Array) -> Array:
 
 
 def _thread(scene: Scene, picture: Array) -> Array:
-    """Paint wires across the beam."""
+    """Paint three thin wires across the beam."""
     for share in scene.rng.uniform(0.15, 0.9, 3):
         middle = scene.outline((share, share + 0.02)).mean(axis=0)
         turn = scene.rng.uniform(0.0, np.pi)
@@ -255,7 +263,7 @@ def _jpeg_40(scene: Scene, picture: Array) -> Array:
 
 
 def _cut_off(scene: Scene, picture: Array) -> Array:
-    """Blacken the picture beyond a part of the beam, as in a video with black bars."""
+    """Blacken the picture below the tip of the beam, as in a video with black bars."""
     tip = scene.outline((0.97, 1.0)).mean(axis=0)
     picture[int(tip[1]) :] = 0.0
     return picture

@@ -1,4 +1,4 @@
-"""Rendered photographs of a bench with one difficulty each, and the verdict on the edges detected in them."""
+"""Render photographs of a bench with one difficulty each, and judge the edges that are detected in them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ from tests.shared.rendered_edges import bend, errors_px
 
 Image = NDArray[Any]
 WRONG = 0.07
-"""Largest error of good edges, as a share of the beam's width (root mean square)."""
+"""Largest root-mean-square error of edges that count as good, as a share of the beam's width."""
 _QUALITY = 85
 
 
 def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
-    """Return a picture (height, width, 3), uint8, with one difficulty of `KINDS`, and the scene in the picture."""
+    """Return a rendered photograph, shape (height, width, 3), uint8, and the scene that the photograph shows.
+
+    name: the difficulty, a key of `KINDS`.
+    """
     kind = KINDS[name]
     size = (round(960 * kind.size), round(720 * kind.size))
     share = kind.magnification / kind.size
@@ -54,9 +57,10 @@ def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
 
 
 def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-    """Return the calibration and the specimen with the errors of estimates by eye and ruler.
+    """Return the calibration and the specimen file of a user who estimates by eye and with a ruler.
 
-    The errors concern clamp, axis, width and length.
+    The midpoint of the clamp, the angle of the axis, the width and the length differ from the true values by random
+    errors.
     """
     beam = scene.specimen.specimen
     aside = rng.uniform(-0.08, 0.08, 2) * scene.width_px
@@ -70,9 +74,11 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 
 
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
-    """Return "good", "doubted", "refused" or "silent", and the error of the edges as a multiple of the beam's width.
+    """Return a verdict on the detected edges, and their root-mean-square error as a multiple of the beam's width.
 
-    The error is a root mean square; it is NaN for a refused picture and for a picture without a beam.
+    The verdict is "refused" (no edges, or a flag that makes them unusable), "good" (error of at most `WRONG`),
+    "doubted" (wrong, but with a flag) or "silent" (wrong without a flag). In a picture without a beam, all edges are
+    wrong. The error is NaN for refused edges and for a picture without a beam.
     """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:

@@ -22,9 +22,10 @@ _APART = 70.0  # smallest distance of two colours that an eye distinguishes clea
 
 @dataclass(frozen=True)
 class Scene:
-    """A rendered picture of a bench, before it is painted.
+    """A bench with a beam, from which a picture is rendered.
 
-    size: (width, height) in px; beam: the true outline of the beam that `specimen` and `calibration` describe.
+    size: (width, height) of the picture in px. beam: the true outline of the beam. calibration, specimen: the true
+    values. own, behind: colour of the beam and of the background (blue, green, red, from 0 to 255).
     """
 
     rng: np.random.Generator
@@ -42,7 +43,8 @@ class Scene:
     def outline(self, along: tuple[float, float] = (0.0, 1.0), across: tuple[float, float] = (-0.5, 0.5)) -> Array:
         """Return the outline of a part of the beam: n points as x and y in px, shape (n, 2).
 
-        along: start and end of the part, as shares of the length. across: its sides, in widths from the centre line.
+        along: start and end of the part as shares of the length, 0 at the clamp. across: positions of both sides of the
+        part, in widths of the beam from the centre line.
         """
         count = len(self.beam.left)
         first, last = (int(np.clip(round(share * (count - 1)), 0, count - 1)) for share in along)
@@ -51,24 +53,28 @@ class Scene:
         return BeamFrame(self.calibration).to_px(np.vstack([one, other[::-1]]))
 
     def paint(self, picture: Array, polygon: Array, colour: Array | float, share: float = 1.0) -> None:
-        """Fill a polygon of n corners (x, y) in px, shape (n, 2), with one colour; `picture` is changed."""
+        """Fill a polygon of n corners (x, y) in px, shape (n, 2), with one colour; change `picture` in place.
+
+        share: opacity of the colour, from 0 to 1.
+        """
         picture += share * coverage(polygon, self.size)[..., None] * (np.asarray(colour) - picture)
 
     def box(self, ahead: tuple[float, float], aside: tuple[float, float]) -> Array:
-        """Return the four corners of a rectangle as x and y in px, shape (4, 2).
+        """Return the four corners of a rectangle at the clamp as x and y in px, shape (4, 2).
 
-        ahead: distances from the clamp along its axis. aside: distances from the axis. Both are in widths of the beam.
+        ahead: smallest and largest distance from the clamp along the axis of the beam. aside: smallest and largest
+        distance from this axis. All distances are in widths of the beam.
         """
         corners = [[a, b] for a, b in zip((*ahead, *ahead[::-1]), np.repeat(aside, 2), strict=True)]
         return BeamFrame(self.calibration).to_px(self.specimen.specimen.width_mm * np.array(corners))
 
     def other_colour(self) -> Array:
-        """Return a colour that differs clearly from the beam and the background."""
+        """Return a random colour that differs clearly from the colours of the beam and of the background."""
         return another_colour(self.rng, self.own, self.behind)
 
 
 def another_colour(rng: np.random.Generator, *others: Array) -> Array:
-    """Return a random colour that differs clearly from the colours `others`."""
+    """Return a random colour (blue, green, red) that differs clearly from each of the colours `others`."""
     while True:
         colour = rng.uniform(25.0, 235.0, 3)
         if all(np.linalg.norm(colour - other) > _APART for other in others):
@@ -76,8 +82,8 @@ def another_colour(rng: np.random.Generator, *others: Array) -> Array:
 
 
 def cloth(scene: Scene) -> Array:
-    """Return the background of a scene: a colour in uneven light with some grain."""
-    rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # the same each time
+    """Return the background of a scene, shape (height, width, 3): cloth of one colour in uneven light, with grain."""
+    rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # a scene always gets the same cloth
     lumps = rng.uniform(-10.0, 10.0, (6, 8, 3)).astype(np.float32)
     grain = rng.standard_normal((scene.size[1], scene.size[0])).astype(np.float32)
     picture = cv2.resize(lumps, scene.size, interpolation=cv2.INTER_CUBIC).astype(np.float64)
@@ -85,6 +91,6 @@ def cloth(scene: Scene) -> Array:
 
 
 def through_jpeg(picture: Array, quality: int) -> Image:
-    """Return a picture (height, width, 3) after it was stored as a JPEG; the values are between 0 and 255."""
+    """Return a picture (height, width, 3), uint8, with the losses of a JPEG file of this quality (0 to 100)."""
     image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)

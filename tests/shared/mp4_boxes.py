@@ -1,9 +1,10 @@
-"""Change what an MP4 file says about its frames: their times, the rate of the recording, and the orientation.
+"""Change the data of an MP4 file about its frames: their times, the rate of the recording, and the orientation.
 
-The boxes are those of ISO/IEC 14496-12: `moov` / `trak` / `mdia` / `minf` / `stbl` / `stts` has the duration of every
-frame, and `tkhd` the matrix by which a viewer rotates the frames. For slow motion, Android's camera stores the rate of
-the recording under the key `com.android.capture.fps` of `moov` / `meta` (android.media.MediaRecorder.setCaptureRate).
-OpenCV writes `moov` at the end of a file, so that its size may change.
+An MP4 file consists of nested boxes (ISO/IEC 14496-12). The box `moov` / `trak` / `mdia` / `minf` / `stbl` / `stts`
+contains the duration of every frame; the box `tkhd` contains the matrix by which a viewer rotates the frames. For slow
+motion, Android's camera stores the rate of the recording under the key `com.android.capture.fps` of `moov` / `meta`
+(android.media.MediaRecorder.setCaptureRate). OpenCV writes `moov` at the end of a file, so that the size of this box
+may change.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ _TURNS = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 
 
 
 def state_times(path: Path, times_s: Sequence[float]) -> None:
-    """Write the time (s) of every frame into a video from OpenCV. The times increase, and the first time is 0."""
+    """Write the time (s) of every frame into a video file that OpenCV has written.
+
+    times_s: increasing times, one for each frame; the first is 0.
+    """
     content = path.read_bytes()
     mdhd = content.index(b"mdhd")
-    (per_s,) = struct.unpack_from(">I", content, mdhd + 16)  # version 0: version and flags, two dates, time scale
+    (per_s,) = struct.unpack_from(">I", content, mdhd + 16)  # before the time scale: version, flags, two dates
     ticks = [round(time * per_s) for time in times_s]
     last = ticks[-1] - ticks[-2] if len(ticks) > 1 else 1
     lengths = [after - before for before, after in pairwise(ticks)] + [last]
@@ -41,7 +45,7 @@ def state_times(path: Path, times_s: Sequence[float]) -> None:
 
 
 def state_capture_rate(path: Path, rate_Hz: float) -> None:
-    """Write the rate (Hz) of the recording into a video, as Android does for slow motion."""
+    """Write the frame rate (Hz) of the recording into a video file, as Android does for slow motion."""
     name = b"com.android.capture.fps"
     handler = _box(b"hdlr", struct.pack(">II4s12x", 0, 0, b"mdta") + b"\0")
     keys = _box(b"keys", struct.pack(">II", 0, 1) + struct.pack(">I", 8 + len(name)) + b"mdta" + name)
@@ -55,7 +59,10 @@ def state_capture_rate(path: Path, rate_Hz: float) -> None:
 
 
 def state_turn(path: Path, turn_deg: int) -> None:
-    """Write into a video by how many degrees, clockwise, a viewer has to rotate the frames."""
+    """Write into a video file the clockwise angle by which a viewer has to rotate the frames.
+
+    turn_deg: 0, 90, 180 or 270 degrees.
+    """
     a, b, c, d = (value * 0x10000 for value in _TURNS[turn_deg])
     matrix = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 0x40000000)
 
@@ -66,7 +73,11 @@ def state_turn(path: Path, turn_deg: int) -> None:
 
 
 def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable[[bytes], bytes]) -> None:
-    """Replace the content of a box in an MP4 file, and correct the sizes of the boxes that contain it."""
+    """Replace the content of a box in an MP4 file, and correct the sizes of the boxes that contain this box.
+
+    parents: the names of the boxes around the box `name`, from the outside inward. change: function from the old
+    content to the new content.
+    """
     content = bytearray(path.read_bytes())
     begin, end, starts = 0, len(content), []
     for parent in parents:
@@ -83,7 +94,10 @@ def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable
 
 
 def _find(content: bytes | bytearray, begin: int, end: int, name: bytes) -> int:
-    """Return the position at which the box `name` begins, between the positions `begin` and `end`."""
+    """Return the first byte of the box `name`, which is searched between the bytes `begin` and `end`.
+
+    Raise ValueError if there is no such box.
+    """
     at = begin
     while at + 8 <= end:
         size, kind = struct.unpack_from(">I4s", content, at)

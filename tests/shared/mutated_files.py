@@ -1,7 +1,7 @@
-"""Datasets, TOML, JSON and CSV files and images changed at random: each must be read completely or refused in one line.
+"""Change datasets, images, and TOML, JSON, CSV and C3D files at random, and read them.
 
-One process reads many files. A process that dies, or takes more than 10 s of processor time for a file, is counted and
-replaced.
+Each file must be read completely or refused with an error of one line. One process reads many files; if it dies, or
+takes more than 10 s of processor time for a file, this file is counted as a failure and a new process takes over.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from eimi_lab.vision.image_files import read_image
 WITHIN_S = 10.0
 """Largest processor time (s) for one file."""
 STUCK_AFTER_S = 600.0
-"""Time (s) after which a process that waits for something and computes nothing is replaced."""
+"""Time (s) after which a process that does not answer, but computes nothing, is replaced."""
 READERS = {
     ".h5": "dataset",
     "protocol.toml": "protocol",
@@ -61,7 +61,7 @@ READERS = {
 
 
 def sources(folder: Path) -> list[Path]:
-    """Return the valid files that are mutated."""
+    """Write valid files of every kind into a folder; return their paths. The test changes these files at random."""
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), load_protocol("dragon_skin_10"))
     random = np.random.default_rng(0)
     with DatasetWriter(folder / "finished.h5", header, Frame(np.zeros((24, 32), np.uint8), 0, 0.0)) as writer:
@@ -88,7 +88,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def _tables_and_pictures(folder: Path) -> list[Path]:
-    """Write a tensile curve, a fit of this curve, and a picture in each format; return their paths."""
+    """Write a tensile curve, a fit of this curve, and a picture in each image format; return their paths."""
     rows = [f"{0.05 * k},{0.012 * k}" for k in range(1, 30)]
     (folder / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows]) + "\n")
     Fits.of([fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)]).write(folder / "fits.json")
@@ -100,9 +100,9 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
 
 
 def _motion_capture(folder: Path) -> list[Path]:
-    """Write four markers in three frames as a C3D file, and return its path.
+    """Write a C3D file with the positions of four markers in three frames; return its path in a list.
 
-    Return an empty list if the package that reads these files is not installed.
+    The list is empty if the package that writes C3D files is not installed.
     """
     if find_spec("ezc3d") is None:
         return []
@@ -118,7 +118,7 @@ def _motion_capture(folder: Path) -> list[Path]:
 
 
 def mutated(raw: bytes, random: np.random.Generator) -> bytes:
-    """Return the bytes `raw` with a few changes at random places."""
+    """Return a copy of the bytes `raw` with one to four random changes."""
     changed = bytearray(raw)
     for _ in range(int(random.integers(1, 5))):
         at = int(random.integers(0, max(len(changed), 1)))
@@ -140,9 +140,9 @@ def mutated(raw: bytes, random: np.random.Generator) -> bytes:
 
 
 def recovered(path: Path) -> str:
-    """Recover a file as `eimi recover` does; return whether it was copied or refused in one line.
+    """Recover a dataset as `eimi recover` does; return "read", "refused" or "refused in several lines".
 
-    Any other error is raised.
+    An error other than a refusal is raised.
     """
     try:
         copy_readable(path, path.with_name("copy.h5"))
@@ -155,9 +155,9 @@ def recovered(path: Path) -> str:
 
 
 def read(path: Path) -> str:
-    """Read a file; return whether it was read or refused in one line.
+    """Read a file completely; return "read", "refused" or "refused in several lines".
 
-    Any other error is raised.
+    The name of the file selects the reader. An error other than a refusal is raised.
     """
     try:
         match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
@@ -197,7 +197,10 @@ def read(path: Path) -> str:
 
 
 def serve(pipe: Connection, recover: bool) -> None:
-    """Read or recover the files whose paths arrive in the pipe, and send back the outcome of each file."""
+    """Read each file whose path arrives in the pipe, and send back the outcome and the words that were printed.
+
+    recover: whether each file is recovered instead. The function ends when None arrives.
+    """
     if recover:
         limit_memory(MEMORY_BYTES)
     with tempfile.TemporaryFile() as printed:
@@ -218,7 +221,7 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """Read a C3D file in a separate process, as the program does."""
+    """Read a C3D file in a separate process, as the program does; return "read" or "refused" (or in several lines)."""
     try:
         read_c3d(path)
     except InputError as error:
@@ -227,7 +230,10 @@ def read_guarded(path: Path) -> str:
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
-    """Read `files` mutated files, or recover them; return the number of files for each outcome."""
+    """Read this number of mutated files, or recover them; return the number of files for each outcome.
+
+    The outcomes "read" and "refused" are correct; each other outcome is printed with the name of its file.
+    """
     counts: collections.Counter[str] = collections.Counter()
     random = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name:

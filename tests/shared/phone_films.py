@@ -1,9 +1,10 @@
-"""Videos that a phone records of a level strip after a flick. The viscoelastic (Prony) law of the strip is known.
+"""Simulate videos that a phone records of a horizontal strip after a flick; the law of the strip is known.
 
-The strip is a neo-Hookean solid with a Prony series. It vibrates in the first two modes of its own mesh, which is finer
-than that of a fit, about its sag at rest. A finger pushes the tip down and releases it. The camera is that of
-`tests.shared.phone_photographs`: perspective, tilt about all three axes, distortion. In addition each row has its own
-time, each frame the blur of its exposure, and the file the losses of a video compression.
+The strip is a neo-Hookean solid with a Prony series. After a finger has pushed its tip down and released it, the strip
+vibrates in its first two modes about its sag at rest; the mesh of the strip is finer than the mesh of a fit. The camera
+is the camera of `tests.shared.phone_photographs`, with perspective, distortion, and tilt about all three axes. In
+addition, the rows of a frame are read one after another, the exposure blurs each frame, and the video file has the
+losses of compression.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ from tests.shared.phone_photographs import (
 
 Array = NDArray[np.float64]
 SIZE = (1280, 720)
-_STATIONS = 60  # along the centre line
+_STATIONS = 60  # number of points along the centre line
 _NOISES = 6
 _SKIN = np.array([120.0, 150.0, 205.0])
-_PUSH_S, _STAY_S = 0.20, 0.25  # time in which the finger deflects the tip, and time for which the finger is seen after
+_PUSH_S, _STAY_S = 0.20, 0.25  # duration of the push, and time for which the finger stays visible after it
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,10 @@ class HiddenStrip:
     rest_rad : ndarray, shape (_STATIONS,)
         Direction of the centre line at rest, at equally spaced stations.
     first_rad, second_rad : ndarray, shape (_STATIONS,)
-        Change of this direction in the first and the second mode, for 1 mm of deflection at the tip.
+        Change of this direction (rad) in the first and the second mode for each mm of deflection at the tip.
     rates : tuple of complex
-        Complex rates (1/s) of the first and the second mode.
+        Complex rates (1/s) of the first and the second mode: real part minus the decay, imaginary part the angular
+        frequency.
     """
 
     specimen: Specimen
@@ -92,7 +94,7 @@ class HiddenStrip:
 
 @dataclass(frozen=True)
 class PhoneFilm:
-    """One video of a strip that a phone records.
+    """A video that a phone records of a strip.
 
     Attributes
     ----------
@@ -111,23 +113,23 @@ class PhoneFilm:
     exposure_s : float
         Exposure of each frame.
     row_time_s : float
-        Time between the exposures of neighbouring rows.
+        Time between the exposures of neighbouring rows of pixels.
     shake_px : float
-        Standard deviation of the motion of a phone that is held by hand.
+        Standard deviation of the motion of the picture, because the phone is held by hand.
     drift_px : float
-        Motion of a phone that slides, from the beginning to the end.
+        Downward motion of the picture from the first to the last frame, because the phone slides.
     lost : float
         Share of the frames that the phone does not store.
     played_Hz : float or None
-        Rate at which the file is played, for slow motion.
+        Frame rate at which a viewer plays a video in slow motion; None without slow motion.
     is_stated : bool
-        Whether a file in slow motion gives the true rate.
+        Whether the file of a video in slow motion contains the true frame rate.
     turn_deg : int
-        Angle by which a viewer rotates the frames.
+        Clockwise angle by which a viewer rotates the frames: 0, 90, 180 or 270.
     finger : bool
         Whether the finger is drawn.
     quality : int
-        JPEG quality of the frames before the video is compressed.
+        JPEG quality (0 to 100) of the frames before the video is compressed.
     """
 
     scene: PhoneScene
@@ -150,7 +152,7 @@ class PhoneFilm:
 
     @cached_property
     def times_s(self) -> Array:
-        """Time (s) of the first row of each stored frame."""
+        """Time (s) at which the first row of each stored frame is exposed."""
         times = np.arange(round(self.seconds * self.rate_Hz)) / self.rate_Hz
         kept = np.random.default_rng([self.seed, 3]).random(len(times)) >= self.lost
         kept[0] = True
@@ -161,7 +163,7 @@ class PhoneFilm:
         return np.linspace(0.0, self.strip.specimen.length_mm, _STATIONS)
 
     def deflections_mm(self, time_s: float) -> tuple[float, float]:
-        """Return the deflections (mm) of the tip in the first and in the second mode at a time."""
+        """Return the deflections (mm) of the tip in the first and second mode at `time_s` (s), positive downward."""
         first = second = 0.0
         for size, released_s in zip(self.flicks_mm, self.released_s, strict=True):
             since = time_s - released_s
@@ -177,7 +179,7 @@ class PhoneFilm:
         return first, second
 
     def body(self, time_s: float) -> BentBody:
-        """Return the surface of the strip at a time, in the frame of the world."""
+        """Return the surface of the strip at `time_s` (s) in the world frame, whose axes point right, down and away."""
         first, second = self.deflections_mm(time_s)
         slope = self.strip.rest_rad + first * self.strip.first_rad + second * self.strip.second_rad
         step = self._along_mm[1]
@@ -191,13 +193,14 @@ class PhoneFilm:
 
     @property
     def at_rest(self) -> BentBody:
-        """The surface of the strip long after the last flick, in the frame of the world."""
+        """The surface of the strip in the world frame long after the last flick."""
         return self.body(1e6)
 
     def seen(self, first_row_s: float) -> list[Array]:
-        """Return polygons that show the strip in one frame; each has n corners as x and y in px, shape (n, 2).
+        """Return the polygons that show the strip in one frame; each has n corners as x and y in px, shape (n, 2).
 
-        Each corner has its position at the time at which its row of the picture is read.
+        first_row_s: time (s) of the first row. Each corner is shown at the time at which the camera reads the row of
+        this corner. The first polygon is the near face of the strip.
         """
         begin = self.scene.to_px(self.body(first_row_s).around)
         rows = np.array([begin[..., 1].min() - 80, begin[..., 1].max() + 80])
@@ -210,7 +213,10 @@ class PhoneFilm:
 
     @cached_property
     def _behind(self) -> tuple[NDArray[np.float32], Array, NDArray[np.float32]]:
-        """The picture without the strip, the colour of the strip, and the mask of the clamp's near face."""
+        """The picture without the strip, the colour of the strip, and the mask of the near face of the clamp.
+
+        The near face of the clamp hides a part of the strip.
+        """
         rng = np.random.default_rng([self.scene.seed, 7])
         behind, beam = colours(rng)
         picture = wall(self.scene, behind, rng)
@@ -257,7 +263,10 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the rows and the columns of the picture that show the strip; all of them if the finger is visible."""
+        """Return the rows and the columns of the picture that show the strip, or the whole picture with the finger.
+
+        drawn: the polygons of the strip at several times of one exposure.
+        """
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])
         faces = np.vstack([face for polygons in drawn for face in polygons[:2]])
@@ -270,7 +279,7 @@ class PhoneFilm:
         return self.finger and any(-_PUSH_S - 0.3 < time_s - released_s < _STAY_S for released_s in self.released_s)
 
     def _point(self, picture: NDArray[np.float32], time_s: float) -> None:
-        """Draw the finger that pushes the tip down and goes away, above the tip."""
+        """Draw the finger above the tip, which pushes the tip down and then goes away; change `picture` in place."""
         for released_s in self.released_s:
             since = time_s - released_s
             if not -_PUSH_S - 0.3 < since < _STAY_S:
@@ -284,7 +293,7 @@ class PhoneFilm:
             paint(picture, [self.scene.to_px(np.column_stack([end[:2] + finger, np.full(6, end[2])]))], _SKIN)
 
     def _shakes_px(self) -> Array:
-        """Motion of the phone in every frame: shifts along x and y in px, and a rotation in degrees."""
+        """Return the motion of n frames, shape (n, 3): shifts along x and y in px, and a rotation in degrees."""
         rng, time = np.random.default_rng([self.seed, 4]), self.times_s
         motion = np.zeros((len(time), 3))
         for axis in range(3):
@@ -297,7 +306,7 @@ class PhoneFilm:
         return motion
 
     def write(self, path: Path) -> Path:
-        """Write the video as MP4 (MPEG-4 part 2) with the times of the frames, and return its path."""
+        """Write the video as MP4 (MPEG-4 part 2) with the time of every frame; return `path`."""
         size = self.scene.size if self.turn_deg % 180 == 0 else self.scene.size[::-1]
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), self.rate_Hz, size)
         back = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
@@ -314,9 +323,9 @@ class PhoneFilm:
 
 
 def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axis_deg: float = 0.0) -> HiddenStrip:
-    """Return a strip of a known law, whose clamped axis points down from the level by `axis_deg`.
+    """Return a strip with a known law, whose clamped end points downward from the horizontal by `axis_deg` degrees.
 
-    The sag at rest has the modulus that the material reaches after a minute.
+    The sag at rest is computed with the modulus that the material reaches after one minute.
     """
     law, model = LAWS["neo-hookean"], SolidBeside(specimen, *MESH)
     at_rest_Pa = instantaneous_Pa * float(series.ratio(60.0))
@@ -348,9 +357,9 @@ def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axi
 
 
 def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
-    """Draw a video: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
+    """Draw a video at random: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
 
-    ``share`` scales the size of the frames.
+    share: factor by which the frames (1280 x 720 px) are scaled.
     """
     size = (round(SIZE[0] * share), round(SIZE[1] * share))
     rng = np.random.default_rng([seed, 31])
@@ -399,7 +408,7 @@ def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
 
 
 def typed_sizes(film: PhoneFilm, rng: np.random.Generator) -> dict[str, float]:
-    """Return the dimensions that a user types after measuring with a caliper and scales, by key."""
+    """Return the dimensions and the density that a user measures and types, with random errors, by key."""
     beam = film.strip.specimen
     sigma = SIGMAS
     return {
@@ -415,7 +424,7 @@ SIGMAS = {"length_mm": 0.15, "width_mm": 0.03, "depth_mm": 0.05, "density_kg_m3"
 
 
 def clicked_line(film: PhoneFilm, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
-    """Return three pixels (x, y) that a user clicks on the strip at rest: at the clamp, in the middle, at the tip."""
+    """Return three pixels (x, y) that a user clicks on the centre line at rest: at clamp, middle and tip."""
     near = film.at_rest.around[0]
     lower, upper = near[:_STATIONS], near[_STATIONS:][::-1]
     middle = film.scene.to_px(0.5 * (lower + upper))

@@ -1,9 +1,9 @@
-"""Simulated photographs that a phone takes of a level beam with weights. The modulus of the beam is known.
+"""Simulate photographs that a phone takes of a horizontal beam with weights; the modulus of the beam is known.
 
-The beam is a solid with a mesh that is finer than the mesh of a fit in all directions. The solid is projected point by
-point through a pinhole camera that is tilted about all three axes and has some distortion. The values that a person
-measures and types have usual errors: of the caliper, of the clicks, of a ruler that is not in the plane of the beam, of
-a clamp that is not quite level, and of a focal length in Exif that is rounded and wrong by some per cent.
+The beam is a solid with a mesh that is finer than the mesh of a fit in all directions. Each point of the solid is
+projected through a pinhole camera that is tilted about all three axes and has some distortion. The values that a person
+measures and types have usual errors: the caliper and the clicks are inexact, the ruler is not in the plane of the beam,
+the clamp is not quite horizontal, and the focal length in the Exif data is rounded and wrong by some per cent.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.laws import LAWS
 
 Array = NDArray[np.float64]
-MESH = (26, 3, 1)  # as that of the virtual rig
+MESH = (26, 3, 1)  # the mesh of the virtual rig
 GRAMS = (0.0, 0.5, 1.0, 2.0, 3.0)
 DIAGONAL_35MM = 43.2666
 FULL_SIZE = (4032, 3024)
-BEYOND_MM = 2.0  # the clamp is deeper than the beam by this length on either side
+BEYOND_MM = 2.0  # the clamp is deeper than the beam by this length on each side
 CLAMP_COLOUR = np.array([52.0, 50.0, 48.0])
 _FINER = 4  # supersampling of the outlines
 _DISTANT = 90.0  # smallest distance of the colours of beam and wall
@@ -37,7 +37,7 @@ _DISTANT = 90.0  # smallest distance of the colours of beam and wall
 
 @dataclass(frozen=True)
 class PhoneScene:
-    """The true properties of a set of photographs. The person who evaluates the photographs does not know them.
+    """The true properties of a set of photographs, which the person who evaluates the photographs does not know.
 
     Attributes
     ----------
@@ -46,23 +46,23 @@ class PhoneScene:
     specimen : Specimen
         The true dimensions.
     grams : tuple of float
-        The weights, exact.
+        The exact weights (g), one for each photograph.
     size : tuple of int
-        Width and height of the photographs, px.
+        Width and height of the photographs (px).
     focal_px : float
         The true focal length.
     stated_focal_mm : int
-        The focal length in Exif, as the equivalent for 35 mm film.
+        The focal length in the Exif data, converted to 35 mm film.
     camera_mm : ndarray, shape (3,)
-        Place of the pupil in mm from the clamp: right, down and away. The third number is negative.
+        Position of the pupil (mm) from the clamp: right, down and away. The third number is negative.
     turned : ndarray, shape (3, 3)
-        Rotation from the world to the camera.
+        Rotation from the world frame to the camera frame.
     distortion : float
         First radial coefficient of the lens distortion.
     clamp_deg : float
-        Angle by which the beam leaves its clamp downward.
+        Angle between the clamped end of the beam and the horizontal (degrees); down is positive.
     ruler_deg, ruler_z_mm : float
-        Angle between ruler and horizontal, and distance of the ruler from the middle plane.
+        Angle between the ruler and the horizontal, and distance of the ruler from the middle plane of the beam.
     seed : int
         Seed of the colours and of the noise.
     """
@@ -82,27 +82,33 @@ class PhoneScene:
     seed: int
 
     def to_px(self, places_mm: Array) -> Array:
-        """Project places (..., 3) of the world, mm (right, down, away), into the photograph: (..., 2) px."""
+        """Project points of the world frame in mm (right, down, away), shape (..., 3), to pixels, shape (..., 2)."""
         seen = (places_mm - self.camera_mm) @ self.turned.T
         plane = seen[..., :2] / seen[..., 2:]
         plane = plane * (1.0 + self.distortion * (plane**2).sum(axis=-1, keepdims=True))
         return np.asarray(self.focal_px * plane + (np.array(self.size) - 1.0) / 2.0)
 
     def in_world(self, places_mm: Array) -> Array:
-        """Convert places (..., 3), mm, from the beam frame with y down into the world: rotate by the clamp's angle."""
+        """Convert points in mm, shape (..., 3), from the beam frame (y down) to the world frame.
+
+        The two frames differ by the angle of the clamp.
+        """
         angle = np.radians(self.clamp_deg)
         c, s = np.cos(angle), np.sin(angle)
         return places_mm @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def ruler(self, at_mm: Array) -> Array:
-        """Return the places (n, 3) mm on the ruler's edge at given distances from its first tick."""
+        """Return n points on the edge of the ruler in the world frame in mm, shape (n, 3).
+
+        at_mm: distance of each point from the first tick (mm), shape (n,).
+        """
         angle, start = np.radians(self.ruler_deg), np.array([2.0, -0.55 * self.specimen.length_mm])
         line = start + np.asarray(at_mm)[:, None] * np.array([np.cos(angle), np.sin(angle)])
         return np.column_stack([line, np.full(len(line), self.ruler_z_mm)])
 
 
 def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
-    """Draw a scene; ``share`` scales the size of the photographs."""
+    """Draw a scene at random; `share` is the factor by which the photographs (4032 x 3024 px) are scaled."""
     rng = np.random.default_rng([seed, 32])
     length, width, depth = rng.uniform(30, 50), rng.uniform(3.0, 4.5), rng.uniform(4.0, 9.0)
     specimen = Specimen(length, width, depth, rng.uniform(1050.0, 1120.0), "solid")
@@ -136,19 +142,23 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
 
 @dataclass(frozen=True)
 class BentBody:
-    """The surface of a bent beam: lines from the clamp around the tip to the clamp, (layers, n, 3) mm, world."""
+    """The surface of a bent beam as lines around the beam at several depths.
+
+    around: shape (layers, n, 3), mm, in the world frame. Each of the `layers` lines has n points, and goes from the
+    clamp along one edge, around the tip, and back to the clamp.
+    """
 
     around: Array
 
     @property
     def tip(self) -> Array:
-        """The middle of the tip, (3,) in mm."""
+        """The midpoint of the tip in the world frame, mm, shape (3,)."""
         middle = self.around[len(self.around) // 2]
         return np.asarray(middle[len(middle) // 2])
 
 
 def bent_bodies(scene: PhoneScene) -> list[BentBody]:
-    """Return the shape of the solid under each weight."""
+    """Return the surface of the bent beam under each weight of the scene."""
     beam = scene.specimen
     model = SolidBeside(beam, *MESH)
     loads = Loads.along(
@@ -177,8 +187,11 @@ def bent_bodies(scene: PhoneScene) -> list[BentBody]:
 
 
 def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> bytes:
-    """Return one photograph as JPEG with Exif data."""
-    rng = np.random.default_rng([scene.seed, 7])  # the same wall, colours and clamp in all photographs
+    """Return one photograph as the bytes of a JPEG file with Exif data.
+
+    number: number of the photograph, which is the seed of its noise.
+    """
+    rng = np.random.default_rng([scene.seed, 7])  # all photographs have the same wall, colours and clamp
     behind, beam = colours(rng)
     picture = wall(scene, behind, rng)
     dense = 3.2 * scene.size[0] / FULL_SIZE[0]
@@ -210,7 +223,11 @@ def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> 
 
 
 def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Generator, sigma_px: float) -> dict[str, Any]:
-    """Return the points that a person clicks on the first photograph, with normal errors."""
+    """Return the points that a person clicks on the first photograph, with normally distributed errors, by key.
+
+    tip: true midpoint of the tip in the world frame (mm), shape (3,). ruler_mm: distance between the two points on the
+    ruler. sigma_px: standard deviation of a click.
+    """
     ends = scene.ruler(np.array([0.0, ruler_mm]))
     nearer = BEYOND_MM if scene.camera_mm[0] < 0.0 else 0.0  # from the left, the near face of the clamp hides the line
     at_clamp = np.array([[0.0, 0.0, -0.5 * scene.specimen.depth_mm - nearer]])
@@ -221,7 +238,7 @@ def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Genera
 
 
 def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, float]:
-    """Return the dimensions that a person types, measured with a caliper and, for the length, with a ruler.
+    """Return the dimensions and the density that a person measures and types, with random errors, by key.
 
     The errors of width and depth are the usual errors of a laboratory according to `eimi_fitting`.
     """
@@ -235,14 +252,14 @@ def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, flo
 
 
 def clamp(scene: PhoneScene) -> Array:
-    """Return the near and the far face of the clamp, (2, 5, 3) in mm in the world."""
+    """Return the outlines of the near and of the far face of the clamp in the world frame, mm, shape (2, 5, 3)."""
     half, z = 0.5 * scene.specimen.width_mm, 0.5 * scene.specimen.depth_mm + BEYOND_MM
     face = np.array([[0.0, -4 * half], [0.0, 4 * half], [-40.0, 4 * half], [-40.0, -4 * half], [0.0, -4 * half]])
     return scene.in_world(np.stack([np.column_stack([face, np.full(5, depth)]) for depth in (-z, z)]))
 
 
 def colours(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return the colours of the wall and of the beam: blue, green and red."""
+    """Return two clearly different random colours (blue, green, red), of the wall and of the beam."""
     while True:
         wall, beam = rng.uniform(60.0, 215.0, 3), rng.uniform(60.0, 230.0, 3)
         if np.linalg.norm(wall - beam) > _DISTANT:
@@ -250,7 +267,7 @@ def colours(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return the wall behind the beam: uneven light, and a grain that the lens does not resolve sharply."""
+    """Return a picture of the wall behind the beam, shape (height, width, 3), in uneven light with unsharp grain."""
     width, height = scene.size
     lumps = rng.uniform(-12.0, 12.0, (6, 8, 3)).astype(np.float32)
     picture = cv2.resize(lumps, scene.size, interpolation=cv2.INTER_CUBIC)
@@ -260,7 +277,10 @@ def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[
 
 
 def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
-    """Return polygons (n, 2) px whose union is the silhouette of the body: its layers and the faces between them."""
+    """Return polygons of n corners in px, shape (n, 2), whose union is the silhouette of the body.
+
+    The polygons are the lines around the body and the faces between neighbouring lines.
+    """
     layers = scene.to_px(body.around)
     polygons = list(layers)
     for one, other in pairwise(layers):
@@ -271,7 +291,10 @@ def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
 
 
 def cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tuple[slice, slice]:
-    """Write into the mask the share of each pixel that the polygons cover, and return the rectangle that changed."""
+    """Write into `mask` the share of each pixel that the polygons cover, multiplied by `share`.
+
+    Return the rows and the columns of the mask that have changed.
+    """
     every = np.vstack(polygons)
     limit = np.array(mask.shape[::-1])
     first = np.clip(np.floor(every.min(axis=0)).astype(int) - 2, 0, limit)
@@ -295,14 +318,17 @@ def paint(picture: NDArray[np.float32], polygons: list[Array], colour: Array) ->
 
 
 def _strip(scene: PhoneScene, start: Array, end: Array, half_mm: float) -> Array:
-    """Return a thin rectangle (4, 2) px between two places in the world."""
+    """Return the four corners in px, shape (4, 2), of a thin strip between two points of the world frame.
+
+    half_mm: half of the width of the strip.
+    """
     along = (end - start)[:2] / np.linalg.norm((end - start)[:2])
     aside = half_mm * np.array([-along[1], along[0], 0.0])
     return scene.to_px(np.array([start - aside, end - aside, end + aside, start + aside]))
 
 
 def _hang(scene: PhoneScene, picture: NDArray[np.float32], tip: Array, grams: float) -> None:
-    """Draw a thread from the tip and a weight at its end."""
+    """Draw a thread that hangs from the tip and a weight of `grams` at its end; change `picture` in place."""
     low = tip + np.array([0.0, 0.45 * scene.specimen.length_mm, 0.0])
     paint(picture, [_strip(scene, tip, low, 0.12)], np.array([30.0, 30.0, 30.0]))
     weight = 1.2 + grams
@@ -312,7 +338,7 @@ def _hang(scene: PhoneScene, picture: NDArray[np.float32], tip: Array, grams: fl
 
 
 def paint_ruler(scene: PhoneScene, picture: NDArray[np.float32]) -> None:
-    """Draw a ruler of 60 mm above the beam, with ticks at its lower edge."""
+    """Draw a ruler of 60 mm above the beam, with ticks at its lower edge; change `picture` in place."""
     ends = scene.ruler(np.array([-3.0, 63.0]))
     up = np.array([0.0, -1.0, 0.0])
     body = np.array([ends[0], ends[1], ends[1] + 9 * up, ends[0] + 9 * up])

@@ -1,7 +1,7 @@
-"""Rendered photographs of coloured beams whose outline is known, and the errors of the edges detected in them.
+"""Render photographs of coloured beams whose outline is known, and measure the errors of the detected edges.
 
-A beam of random colour and bend hangs in front of clutter. It is lit unevenly from the front, with its shadow beside or
-under it, and stored as a JPEG of quality 80.
+A beam of random colour and bend hangs in front of clutter. A lamp in front of the beam lights it unevenly, and the
+shadow of the beam falls beside or under the beam. Some photographs are stored as a JPEG of quality 80.
 """
 
 from __future__ import annotations
@@ -48,14 +48,15 @@ SPECIMEN = SpecimenFile(
 )
 KINDS = ("clutter", "uneven light", "JPEG 80", "shadow beside", "own shadow")
 WRONG_PX = 3.0
-"""Root mean square error beyond which points are of something else."""
+"""Root-mean-square error (px) beyond which the detected points belong to another object than the beam."""
 
 
 @dataclass(frozen=True)
 class Photograph:
     """A rendered photograph with the true outline of its beam.
 
-    image: (height, width, 3) uint8; beam: the true outline.
+    kind: the difficulty of the photograph, one of `KINDS`. image: shape (height, width, 3), uint8. beam: the true
+    outline.
     """
 
     kind: str
@@ -66,7 +67,11 @@ class Photograph:
 def photograph(
     kind: str, rng: np.random.Generator, angle_deg: float | None = None, colours: Array | None = None
 ) -> Photograph:
-    """Return a picture of a kind of `KINDS`; colours: (2, 3) of the beam and of the background, by default random."""
+    """Return a rendered photograph of a kind of `KINDS`.
+
+    angle_deg: tip angle of the beam. colours: colours of the beam and of the background (blue, green, red), shape (2,
+    3). Both are random if they are None.
+    """
     beam = bend(SPECIMEN, rng.uniform(-90.0, 90.0) if angle_deg is None else angle_deg)
     frame = BeamFrame(CALIBRATION)
     outline = frame.to_px(beam.outline)
@@ -92,7 +97,7 @@ def photograph(
 
 
 def _two_colours(rng: np.random.Generator) -> Array:
-    """Return colours of the beam and of the background that an eye distinguishes clearly."""
+    """Return two random colours, of the beam and of the background, shape (2, 3), that an eye distinguishes clearly."""
     while True:
         colours = rng.uniform(25.0, 235.0, (2, 3))
         if np.linalg.norm(colours[0] - colours[1]) > 70.0:
@@ -100,7 +105,10 @@ def _two_colours(rng: np.random.Generator) -> Array:
 
 
 def _background(colour: Array, other: Array, rng: np.random.Generator, things: int) -> Array:
-    """Return cloth of a colour with objects on it, none of which has the colour of the beam."""
+    """Return a picture of cloth of one colour with at most `things` rectangles on it, shape (height, width, 3).
+
+    other: the colour of the beam; no rectangle has this colour.
+    """
     knots = rng.uniform(-12.0, 12.0, (9, 12, 3)).astype(np.float32)
     picture = colour + cv2.resize(knots, SIZE, interpolation=cv2.INTER_CUBIC)
     picture += (
@@ -119,14 +127,14 @@ def _background(colour: Array, other: Array, rng: np.random.Generator, things: i
 
 
 def _shading(beam: BentBeam, frame: BeamFrame, rng: np.random.Generator) -> Array:
-    """Return the light (height, width) on a beam that is lit from one side, where it is up to a tenth brighter."""
+    """Return the relative light on the beam, shape (height, width), which changes evenly by up to 10 % to each side."""
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     direction = rng.uniform(-0.1, 0.1, 2)
     return 1.0 + direction[0] * (x / SIZE[0] - 0.5) * 2.0 + direction[1] * (y / SIZE[1] - 0.5) * 2.0
 
 
 def _light(rng: np.random.Generator) -> Array:
-    """Return the light (height, width) of a lamp in one corner, with random variations."""
+    """Return the relative light of a lamp at one side of the picture, shape (height, width), with random variations."""
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, SIZE[0]), np.linspace(-1.0, 1.0, SIZE[1]))
     turn = rng.uniform(0.0, 2.0 * np.pi)
     knots = rng.uniform(-0.12, 0.12, (5, 7)).astype(np.float32)
@@ -136,10 +144,11 @@ def _light(rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result for one photograph.
+    """The quality of the edges in one photograph.
 
-    kind: the kind of photograph; rms_px, pull (RMS of error over stated deviation) and coverage if edges were detected;
-    usable: whether a fit uses the edges; doubtful: whether a flag marks them as doubtful.
+    rms_px: root-mean-square error; pull: root mean square of error over standard uncertainty; coverage: share of the
+    length that the shorter edge covers. rms_px and pull are NaN for unusable edges. usable: whether a fit uses the
+    edges; doubtful: whether a flag marks the edges as doubtful.
     """
 
     kind: str
@@ -152,7 +161,10 @@ class Outcome:
 
 
 def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
-    """Return the outcome of one photograph, with the errors measured along the normal."""
+    """Return the quality of the detected edges of a photograph; errors are measured normal to the true edge.
+
+    seconds: processor time of the edge search.
+    """
     usable = len(edges.left.points_mm) > 0 and all(flag.severity is not Severity.UNUSABLE for flag in edges.flags)
     errors = np.concatenate(errors_px(edges, photo.beam, CALIBRATION)) if usable else np.array([np.nan])
     sigma = np.concatenate([edges.left.sigma_mm, edges.right.sigma_mm]) * CALIBRATION.pixels_per_mm
@@ -165,7 +177,10 @@ def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
 
 
 def run(pictures: int, seed: int, kinds: Sequence[str] = KINDS) -> list[Outcome]:
-    """Return the outcomes of this number of pictures; the kinds alternate."""
+    """Render this number of photographs, search their edges, and return the quality of each.
+
+    The photographs take the kinds in turn.
+    """
     outcomes = []
     for number in range(pictures):
         photo = photograph(kinds[number % len(kinds)], np.random.default_rng([seed, number]))

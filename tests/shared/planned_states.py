@@ -1,4 +1,7 @@
-"""Virtual experiments before and after a plan of their states, and the half-widths of the intervals of their fits."""
+"""Simulate experiments before and after a plan of their states (coil currents), and compare how exact their fits are.
+
+The half-width of the 95 % interval of the modulus measures how exact a fit is.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +32,13 @@ from tests.shared.virtual_measurements import with_noise
 Array = NDArray[np.float64]
 TRUTH_PA = 46e3
 FIELD_MT = np.linspace(0.0, 7.05, 31)
-ALONG = 13  # elements of the fits: half as many as in `eimi fit`
+ALONG = 13  # elements along the beam in the fits: half as many as in `eimi fit`
 POINTS = 3  # simulated points from one corner of an element to the next
 
 
 @dataclass(frozen=True)
 class Setting:
-    """The mounting of the beam: the angle of gravity in the beam frame, and the force at its tip."""
+    """The mounting of a beam: the angle of gravity in the beam frame (degrees), and the force at its tip (N)."""
 
     name: str
     specimen: Specimen
@@ -43,20 +46,23 @@ class Setting:
     tip_force_N: float = 0.0
 
     def loads(self, field_mT: Array = FIELD_MT) -> Loads:
-        """Return the loads of these fields."""
+        """Return the loads of the beam at these magnetic fields (mT), one state for each field."""
         return Loads.along(field_mT, gravity_angle_deg=self.gravity_angle_deg, tip_force_N=self.tip_force_N)
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The stated uncertainties of a bench, and the standard deviation of each of the two parts of the noise."""
+    """The uncertainties that the files of a bench give, and the noise of its edge points.
+
+    noise_mm: standard deviation of each of the two parts of the noise, the white part and the correlated part.
+    """
 
     stated: tuple[StatedSource, ...]
     noise_mm: float
 
 
 def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Generator) -> Experiment:
-    """Return an experiment with the stated values and simulated edges."""
+    """Return a simulated experiment: edges of a beam whose true values deviate at random from those in the files."""
     deviations = {
         s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in bench.stated
     }
@@ -74,19 +80,22 @@ def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Genera
 
 
 def fitted(experiment: Experiment) -> Estimate:
-    """Return the estimate as `eimi fit` computes it; the fit starts at the truth, without a search."""
+    """Return the estimate of `eimi fit` for an experiment; the fit starts at the true modulus and needs no search."""
     unknowns, unit = KnownLaw(LAWS["neo-hookean"], np.array([TRUTH_PA])).unknowns()
     return refine(Problem(LAWS["neo-hookean"], unknowns, (experiment,)), unit, 1).estimate
 
 
 def half_percent(estimate: Estimate) -> float:
-    """Return the half-width of the interval of the modulus in per cent."""
+    """Return the half-width of the 95 % interval of the modulus in per cent of the modulus."""
     modulus = estimate.initial_shear_modulus
     return 50 * (modulus.interval_95[1] - modulus.interval_95[0]) / modulus.value
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """Return the states that can be measured in a setting, planned from the fit of an earlier run."""
+    """Return the candidate states of a plan: all states that this mounting allows, with what each adds to the fit.
+
+    estimate: the fit of an earlier run, which gives the modulus and the noise. states: number of states of this run.
+    """
     noise = EdgeNoise.of(estimate.identifiability, states)
     law = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))
     return candidates(law, setting.specimen, setting.loads(), bench.stated, noise, along=ALONG)

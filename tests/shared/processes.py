@@ -1,4 +1,4 @@
-"""Wait for processes that a test started, and for their effects."""
+"""Wait for processes that a test has started, and for their effects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WAIT_AT_MOST_S = 600.0
 
 
 def wait_until(true: Callable[[], bool], otherwise: str) -> None:
-    """Wait until the condition is true; raise RuntimeError at the time limit."""
+    """Wait until the function `true` returns True; raise RuntimeError with the text `otherwise` after 600 s."""
     until = time.monotonic() + WAIT_AT_MOST_S
     while not true():
         if time.monotonic() > until:
@@ -19,7 +19,7 @@ def wait_until(true: Callable[[], bool], otherwise: str) -> None:
 
 
 def alive(process: int) -> bool:
-    """Return whether a process exists and is not a zombie."""
+    """Return whether the process with this number exists and is not a zombie, that is, has not ended."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

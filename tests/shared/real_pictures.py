@@ -1,7 +1,7 @@
-"""Photographs that other people made, with traced edges, and the score of edges against them.
+"""Read photographs that other people made, with edges traced by hand, and score detected edges against them.
 
-The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout; they may not be
-distributed.
+The pictures and the rules for the score are in ``../shared/data/pictures``, beside the checkout, because they may not
+be distributed.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ from eimi_lab.vision.edges.finding import find_edges
 
 PICTURES = Path(__file__).parents[3] / "shared" / "data" / "pictures"
 COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
-"""What a good result has at least and at most."""
+"""Smallest coverage, and largest median and 95 % quantile of the distance (px), of a good result."""
 
 
 @dataclass(frozen=True)
 class PictureScore:
-    """The score of edges against traced ones.
+    """The agreement of detected edges with the edges that a person has traced in the picture.
 
-    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points.
+    coverage: share of the traced edges that has detected points nearby. median, p95: median and 95 % quantile of the
+    distance of the points from the traced edges in px; both are NaN if there are no points.
     """
 
     coverage: float
@@ -47,13 +48,19 @@ class PictureScore:
 
     @property
     def wrong(self) -> bool:
-        """Whether the points that were found are far from the traced edges, however few they are."""
+        """Whether the detected points are far from the traced edges, or no points were detected.
+
+        The coverage does not count: a few exact points are not wrong.
+        """
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A photograph with the values that an optimistic user states, and the folder with the traced edges, if any."""
+    """A photograph with the calibration and the specimen of an optimistic user, and the folder of the picture.
+
+    beam: whether the picture shows a beam; the folder then contains its traced edges.
+    """
 
     name: str
     image: NDArray[Any]
@@ -67,7 +74,10 @@ class Picture:
         return find_edges(self.image, calibration, specimen)
 
     def wrongly_stated(self, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-        """Return clamp, axis, width and length with the errors of estimates by eye and ruler."""
+        """Return the calibration and the specimen file of a user who estimates by eye and with a ruler.
+
+        The midpoint of the clamp, the angle of the axis, the width and the length have random errors.
+        """
         clamp = np.array(self.calibration.clamp_midpoint_px) + rng.uniform(-4.0, 4.0, 2)
         turn = rng.uniform(-4.0, 4.0)
         beam = self.specimen.specimen
@@ -83,7 +93,7 @@ class Picture:
         return calibration, self.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
 
     def clicked(self, calibration: Calibration, rng: np.random.Generator) -> Calibration:
-        """Return a calibration with three clicks: at random places along the beam, up to 10 px from its centre line."""
+        """Return the calibration with three clicks of a user along the beam, up to 10 px from its centre line."""
         reference = json.loads((self.folder / "reference.json").read_text())
         left, right = (np.array(reference[side]) for side in ("side_a", "side_b"))
         middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
@@ -98,7 +108,7 @@ class Picture:
         return calibration.model_copy(update={"picture": help_given})
 
     def score(self, edges: EdgeSet, calibration: Calibration) -> PictureScore:
-        """Score edges by the rules that come with the pictures; either side may be the left one."""
+        """Score edges by the rules that come with the pictures; the left edge may match either traced edge."""
         reference = json.loads((self.folder / "reference.json").read_text())
         if not self.beam or not len(edges.left.points_mm):
             return PictureScore(0.0, math.nan, math.nan)
@@ -126,7 +136,7 @@ class Picture:
 
 
 def pictures(group: str) -> Iterator[Picture]:
-    """Yield the pictures of a group, ``development`` or ``refusal``; none if the folder is missing."""
+    """Yield the pictures of a group, ``development`` or ``refusal``; yield no picture if the folder is missing."""
     for folder in sorted((PICTURES / group).glob("*/")):
         image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
         if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:

@@ -1,4 +1,4 @@
-"""Rendered frames of beams of known shape, and the errors of the edges detected in them.
+"""Render frames of beams of known shape, and measure the errors of the edges that are detected in them.
 
 A beam is a circular arc with a straight magnet block at its end, so that its outline is known exactly.
 """
@@ -51,8 +51,8 @@ CONDITIONS = {
     "hard": replace(NOMINAL, blur_px=1.5, full_well_e=2500.0, gradient=0.25, lumps=0.08, silicone_transmission=0.15),
     "defocused": replace(NOMINAL, blur_px=3.0),
 }
-# Width in px of the silicone beside a magnet that is narrower than the beam, and displacement of the magnet from the
-# middle as a share of this width.
+# Optics, width (px) of the silicone beside a magnet that is narrower than the beam, and displacement of the magnet from
+# the middle as a share of this width.
 BESIDE = {
     "1 px beside the magnet": (NOMINAL, 1.0, 0.0),
     "3 px beside the magnet": (NOMINAL, 3.0, 0.0),
@@ -63,15 +63,16 @@ BESIDE = {
     "0.5 px, hard, 40 000 electrons": (replace(CONDITIONS["hard"], full_well_e=40_000.0), 0.5, 0.0),
 }
 POINTS_PER_MM = 50.0
-NEAR_MM = 0.12  # largest distance at which a point of another method counts as a point of the edge
-END_MM = 1.0  # excluded at both ends, where clamp and corners disturb the edge
+NEAR_MM = 0.12  # largest distance from an edge at which a point of another method counts
+END_MM = 1.0  # length that does not count at each end, where clamp and corners disturb the edge
 
 
 @dataclass(frozen=True)
 class BentBeam:
-    """A beam bent to a tip angle (positive toward +y): its outline in the beam frame in mm.
+    """The outline of a bent beam in the beam frame in mm.
 
-    left, right: (n, 2) dense points of the edges from the clamp to the tip; magnet: (4, 2) or None.
+    left, right: dense points of the edges from the clamp to the tip, shape (n, 2). magnet: the four corners of the
+    magnet, shape (4, 2), None without a magnet.
     """
 
     left: Array
@@ -84,7 +85,10 @@ class BentBeam:
 
 
 def bend(specimen_file: SpecimenFile, tip_angle_deg: float, points_per_mm: float = POINTS_PER_MM) -> BentBeam:
-    """Bend the flexible part to a circular arc of its own length, with the magnet block straight beyond it."""
+    """Return the outline of a beam whose flexible part is a circular arc, with the magnet block straight at its end.
+
+    tip_angle_deg: angle of the tip in degrees, positive toward +y. points_per_mm: density of the outline.
+    """
     mechanics = specimen_file.mechanics()
     flexible, half = mechanics.flexible_length_mm, 0.5 * mechanics.width_mm
     place = np.linspace(0.0, mechanics.length_mm, max(8, round(points_per_mm * mechanics.length_mm)))
@@ -111,9 +115,10 @@ def make_bent_scene(
     beam: BentBeam,
     size: tuple[int, int] = SIZE,
 ) -> Scene:
-    """Return a scene with the beam and a clamp four times as wide, whose lower edge is at x = 0.
+    """Return a scene to render: the beam, and a clamp four times as wide as the beam, whose lower edge is at x = 0.
 
-    The scene is oversampled, so that the error of the renderer does not count as an error of the search.
+    The scene has two samples for each pixel and direction, so that errors of the renderer do not count as errors of the
+    search.
     """
     frame = BeamFrame(calibration)
     wide, high = 2.0 * specimen_file.specimen.width_mm, 0.5 * specimen_file.specimen.length_mm
@@ -123,7 +128,10 @@ def make_bent_scene(
 
 
 def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array:
-    """Return signed distances (n,) of points from a dense edge; outward: +1 if outside is on the +y side."""
+    """Return the signed distances (mm), shape (n,), of n points from a dense edge; outward is positive.
+
+    outward: +1 for the edge on the +y side of the beam, -1 for the edge on the -y side.
+    """
     tangent = np.gradient(edge_mm, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     nearest = cKDTree(edge_mm).query(points_mm)[1]
@@ -132,21 +140,21 @@ def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array
 
 
 def errors_px(edges: EdgeSet, beam: BentBeam, calibration: Calibration) -> tuple[Array, Array]:
-    """Return signed errors of the left and right points along the normal in px, outward positive."""
+    """Return the signed errors (px) of the left and of the right points normal to the true edge, positive outward."""
     left = outward_errors_mm(edges.left.points_mm, beam.left, -1.0)
     right = outward_errors_mm(edges.right.points_mm, beam.right, 1.0)
     return left * calibration.pixels_per_mm, right * calibration.pixels_per_mm
 
 
 def with_silicone_beside(magnet_px: float) -> SpecimenFile:
-    """Return the specimen of the benchmark with a magnet narrower than the beam by this number of px on each side."""
+    """Return the specimen of the benchmark with a magnet that is narrower than the beam by `magnet_px` on each side."""
     assert SPECIMEN.magnet is not None
     width_mm = SPECIMEN.specimen.width_mm - 2.0 * magnet_px / CALIBRATION.pixels_per_mm
     return SpecimenFile(specimen=SPECIMEN.specimen, magnet=SPECIMEN.magnet.model_copy(update={"width_mm": width_mm}))
 
 
 def off_middle(beam: BentBeam, distance_mm: float) -> BentBeam:
-    """Return the beam with its magnet displaced toward the right edge."""
+    """Return the beam with its magnet displaced by this distance toward the right edge."""
     assert beam.magnet is not None
     across = beam.magnet[3] - beam.magnet[0]
     return replace(beam, magnet=beam.magnet + distance_mm * across / np.linalg.norm(across))
@@ -161,10 +169,10 @@ def measure(
     off_middle_mm: float = 0.0,
     from_tip_mm: float = math.inf,
 ) -> list[dict[str, Any]]:
-    """Return bias, RMS and time for each angle, over several frames.
+    """Render and search several frames at each tip angle; return bias, RMS error (px) and time (ms) for each angle.
 
-    off_middle_mm: displacement of the magnet; from_tip_mm: count only points at most this far from the end of their
-    edge.
+    off_middle_mm: displacement of the magnet toward the right edge. from_tip_mm: only points at most this far from the
+    end of their edge count.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -208,14 +216,15 @@ def measure(
 
 
 def _mean(values: Array) -> float:
-    """Return the mean; NaN if a side has no points."""
+    """Return the mean of the values; NaN if there are no values."""
     return float(values.mean()) if len(values) else math.nan
 
 
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Summarise the rows of `measure`.
+    """Summarise the rows of `measure` over all tip angles.
 
-    The summary has bias and RMS of each side, the largest error, the pull (also its extremes in a row) and the time.
+    The summary contains bias and RMS error of each side (px), the largest error, the pull (RMS of error over standard
+    uncertainty) over all rows and its extremes over the rows, and the time (ms).
     """
     summary = {name: float(np.nanmean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):
@@ -231,7 +240,11 @@ def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
 def measure_other(
     method: Callable[[NDArray[Any]], Array], optics: Optics, angles_deg: tuple[float, ...], seed: int
 ) -> dict[str, float]:
-    """Return bias, RMS and time of another method, from its points that are near an edge and away from the ends."""
+    """Return bias and RMS error (px) of each side, and the time (ms), of a published method of edge detection.
+
+    Only points near a true edge and away from the ends of the beam count, because the method also returns other
+    contours.
+    """
     rng = np.random.default_rng(seed)
     frame, ppm = BeamFrame(CALIBRATION), CALIBRATION.pixels_per_mm
     errors: dict[str, list[Array]] = {"left": [], "right": []}

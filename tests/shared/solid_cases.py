@@ -1,4 +1,7 @@
-"""Cases of the solid element and the solid model with exact solutions, or solutions of plane strain and FElupe."""
+"""Compute errors of the solid element and of the solid beam model against independent solutions.
+
+The independent solutions are exact ones, plane strain, and the finite-element program FElupe.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +25,16 @@ LAW_EXAMPLES = {
     "yeoh": [0.5, 0.1, -0.01],
     "ogden": [0.6, 1.7, 0.02, 8.0, -0.2, -2.5],
 }
-"""Parameters, in MPa where they are moduli."""
+"""Parameters of each law; moduli are in MPa."""
 CANTILEVER = Specimen(100.0, 30.0, 30.0, 1070.0, "plane-stress")
 MAGNETIC = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 5.0, 0.48, 7500.0))
 
 
 def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: int) -> Configuration:
-    """Return the equilibrium under dead nodal forces (N, 3), which are applied in equal steps."""
+    """Return the equilibrium of a solid under dead nodal forces of N nodes, shape (N, 3), applied in equal steps.
+
+    name: key of the law in `LAW_EXAMPLES`. bulk: bulk modulus in MPa.
+    """
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([bulk]))
     now = solid.rest(1)
     for part in np.linspace(0, 1, steps + 1)[1:]:
@@ -39,7 +45,11 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
 
 
 def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the nodal forces (N, 3) of a dead traction(x) (n, 3) on the face ``at`` (0 or -1) of a grid axis."""
+    """Return the nodal forces of N nodes, shape (N, 3), of a dead traction on one face of a mesh.
+
+    axis, at: the face at the begin (at = 0) or end (at = -1) of this axis of the grid. traction: function from n
+    points, shape (n, 3), to the traction at each point, shape (n, 3).
+    """
     numbers = np.take(mesh.numbers, at, axis=axis)
     corner = numbers[0:-1:2, 0:-1:2].ravel()
     faces = corner[:, None] + (numbers[:3, :3] - numbers[0, 0]).ravel()
@@ -57,19 +67,28 @@ def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray
 
 
 def principal_stress(name: str, stretches: np.ndarray) -> np.ndarray:
-    """Return the nominal stresses (3,) of an incompressible material whose third face is free."""
+    """Return the principal nominal stresses, shape (3,), of an incompressible body whose third pair of faces is free.
+
+    stretches: the three principal stretches.
+    """
     _, tau, _ = LAWS[name].principal(np.array(LAW_EXAMPLES[name]), stretches)
     return np.asarray((tau - tau[2]) / stretches)
 
 
 def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the unit cube of eight elements with its middle node displaced; the sides stay straight."""
+    """Map the points of a unit cube such that its centre moves and its faces stay plane.
+
+    The map distorts a mesh of eight elements for a patch test.
+    """
     inner = (1 - np.abs(2 * x - 1)) * (1 - np.abs(2 * y - 1)) * (1 - np.abs(2 * z - 1))
     return x + 0.11 * inner, y - 0.07 * inner, z + 0.09 * inner
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Return the largest error of the stretches of a distorted patch that dead tractions on two faces pull."""
+    """Return the largest error of the displacement in a patch test: a distorted mesh under even biaxial stretch.
+
+    along, across: the two stretches that the tractions on two faces impose.
+    """
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)
     mesh = brick_mesh(lines, lines, lines, distorted)
@@ -83,10 +102,12 @@ def even_stretch(name: str, along: float, across: float) -> float:
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """Turn the surface of a unit cube about z by ``twist`` z; return the inner error and the relative torque.
+    """Twist a cube with side 1 about z by rotating its surface; return the inner error and the relative torque.
 
-    Pure torsion of an isotropic, incompressible body is possible under tractions on its surface alone (Rivlin 1948,
-    Phil. Trans. R. Soc. A 241:379). Neo-Hookean: shear stress mu twist r, torque mu twist a^4 / 6 of a square.
+    The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque over
+    the exact torque of a neo-Hookean cube. twist: angle (rad) for each unit of z. Pure torsion of an isotropic,
+    incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R. Soc. A 241:379). For a
+    neo-Hookean square of side a, the shear stress is mu twist r and the torque is mu twist a^4 / 6.
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)
@@ -120,10 +141,12 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 
 
 def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
-    """Inflate a thick cylinder, one layer held in depth; return the errors of inner radius, displacement and pressure.
+    """Inflate a thick cylinder in plane strain; return the errors of inner radius, displacement and pressure.
 
-    The inner radius is 1, the outer one 2. p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic
-    Deformations, 5.3.3). The errors of displacement and pressure are L2 norms.
+    The cylinder has inner radius 1 and outer radius 2, and one layer of elements in depth. stretch: inner radius after
+    over inner radius before the inflation. With the stretches la at the inner and lb at the outer radius, the exact
+    load is p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic Deformations, 5.3.3). The error of the
+    inner radius is relative; the errors of displacement and pressure are L2 norms.
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))
@@ -163,7 +186,7 @@ def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
 
 
 def held(specimen: Specimen, along: int, across: int) -> SolidModel:
-    """Return a solid model whose displacement in depth is held everywhere, which is plane strain."""
+    """Return a solid model whose displacement in depth is zero at every node, which is plane strain."""
     model = SolidModel(specimen, along, across)
     fixed = np.zeros(model.mesh.nodes.shape, bool)
     fixed[model.mesh.numbers[0].ravel()] = True
@@ -173,7 +196,10 @@ def held(specimen: Specimen, along: int, across: int) -> SolidModel:
 
 
 def against_plane_strain(name: str) -> float:
-    """Return the largest distance in mm between plane strain and the solid held in depth, for a magnet at 7 mT."""
+    """Return the largest distance (mm) between points of the plane-strain model and of the solid held in plane strain.
+
+    The beam has a magnet and bends in a field of up to 7 mT. name: the law.
+    """
     law = LAWS[name]
     parameters = np.array(LAW_EXAMPLES[name]) * [1 if u == "1" else 4.6e4 for u in law.units]
     loads = Loads.along(np.linspace(0, 7, 6), 70.0, 10.0, 1e-4)
@@ -187,7 +213,10 @@ def against_plane_strain(name: str) -> float:
 
 
 def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) -> float:
-    """Return how far the middle of the tip of a horizontal beam sinks under its weight, in mm."""
+    """Return by how many mm the midpoint of the tip of a horizontal solid beam sinks under its weight.
+
+    mu: shear modulus in Pa. along, across: numbers of elements. more: additional elements in depth.
+    """
     model = SolidModel(specimen, along, across, more)
     loads = Loads.along(np.zeros(4), 90.0, -90.0)
     loads = replace(loads, gravity=loads.gravity * np.array([[0.25], [0.5], [0.75], [1.0]]))
@@ -197,9 +226,10 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
 
 
 def felupe_drop(specimen: Specimen, mu: float, cells: tuple[int, int, int]) -> float:
-    """Return how far the tip sinks as FElupe computes it with bilinear bricks with mean dilatation.
+    """Return by how many mm the tip of a horizontal beam sinks under its weight, as FElupe computes it.
 
-    The cells are counted along, across and over half the depth.
+    FElupe uses trilinear bricks with mean dilatation. cells: numbers of elements along, across, and over half of the
+    depth.
     """
     import felupe
 

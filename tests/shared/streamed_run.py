@@ -1,4 +1,7 @@
-"""A run that records a ring-down with a camera of another process, on an emulated supply in real time."""
+"""Record a run with a ring-down, whose camera is another process and whose emulated supply works in real time.
+
+A ring-down is the free vibration of the beam after a step of the current.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ settle = {{ noise_ratio = 3.0, pairs = 1, drift_window_s = 0.05, timeout_s = 2.0
 
 @dataclass(frozen=True)
 class Streamed:
-    """A recorded run: its file, the event of its ring-down, and whether every frame was read back as it was taken."""
+    """A recorded run: its file, the event that reports its ring-down, and whether all frames were stored unchanged."""
 
     path: Path
     stored: RingDownStored
@@ -50,13 +53,13 @@ class Streamed:
 
 @contextmanager
 def streaming(width: int, height: int, rate_Hz: float) -> Iterator[TimedCamera]:
-    """Yield the camera behind the deadline of every call, as a run uses a camera."""
+    """Yield the camera with a time limit for every call, as a run uses its camera; close the camera at the end."""
     with closing(TimedCamera("memory", lambda: StreamingCamera(width, height, rate_Hz))) as camera:
         yield camera
 
 
 def record(path: Path, width: int, height: int, rate_Hz: float, seconds: float) -> Streamed:
-    """Record a ring-down of frames from another process, and read every frame back."""
+    """Record a ring-down of `seconds` with frames from another process; compare each stored frame with its original."""
     clock = WallClock()
     coil = CoilSupply(clock, current_noise_A=0.0005)
     supply = KoradSupply(InProcessTransport(KoradDialect(coil), clock), Limits(1.0, 10.0), clock)

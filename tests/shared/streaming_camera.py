@@ -1,7 +1,7 @@
-"""A camera whose frames come from another process at a constant rate, through a ring of buffers in shared memory.
+"""Emulate a camera in another process, which writes frames at a constant rate into a ring of buffers in shared memory.
 
-The frames are rendered with noise before the test. If no buffer is free, a frame is lost and its number is missing, as
-for a real camera.
+The noisy frames are rendered before the test. If no buffer is free, a frame is lost and its number is missing, as with
+a real camera.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PRE_RENDERED = 24
 def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np.uint8]:
     """Return frames of a dark beam on a bright background, shape (PRE_RENDERED, height, width).
 
-    Each frame has different noise.
+    Each frame has different noise, with a standard deviation of `noise_grey` grey levels.
     """
     random = np.random.default_rng(0)
     across = np.abs(np.arange(width) - width / 2)
@@ -37,7 +37,11 @@ def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np
 
 
 def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
-    """Write frames into the ring until the parent process sets the last count. The other process runs this function."""
+    """Write frames into the ring of buffers until the parent process sets `counts[1]`; this is the camera's process.
+
+    counts[0] is the number of frames that the parent process has taken. `ready` counts the frames that wait in the
+    ring.
+    """
     width, height = size
     images = noisy_frames(width, height)
     memory = shared_memory.SharedMemory(name)
@@ -58,7 +62,7 @@ def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, read
 
 
 class StreamingCamera:
-    """Camera whose `grab` returns a copy of the oldest frame in the ring."""
+    """A camera whose `grab` returns a copy of the oldest frame in the ring of buffers, and then frees its buffer."""
 
     def __init__(self, width: int, height: int, rate_Hz: float, buffers: int = 32) -> None:
         context = multiprocessing.get_context("spawn")

@@ -1,24 +1,27 @@
-"""The exact messages of every supply driver, and replies that were written here independently of the emulators."""
+"""The exact messages that every supply driver sends, and the replies of the instruments.
+
+The replies follow the manuals and were written independently of the emulators.
+"""
 
 from __future__ import annotations
 
 NONE = '0,"No error"'
-"""The answer to SYST:ERR? if the error queue is empty."""
+"""The reply to SYST:ERR? if the error queue is empty."""
 
 
 class Transcript:
-    """List of expected messages with their replies, which takes the place of an instrument.
+    """Expected messages with their replies, which take the place of an instrument.
 
-    Any other message raises AssertionError.
+    A message that is not the next expected message raises AssertionError.
 
     Parameters
     ----------
     exchanges : list of (str, str)
-        The messages in their order, each with its reply; empty if the message has no reply.
+        Each expected message with its reply, in their order; the reply is empty if the instrument sends none.
     end : str
-        The end of every message.
+        The characters that end every message.
     reply_end : str
-        The end of every reply.
+        The characters that end every reply.
     """
 
     def __init__(self, exchanges: list[tuple[str, str]], end: str, reply_end: str) -> None:
@@ -46,18 +49,18 @@ def scpi(
     disarmed: tuple[tuple[str, str], ...] = (),
     **strings: str,
 ) -> list[tuple[str, str]]:
-    """Return the messages and replies of a run with a SCPI supply.
+    """Return the messages of a driver of a SCPI supply during a run, each with the reply of the supply.
 
     Parameters
     ----------
     select : str
-        The message that selects the channel; empty for a family without such a message.
+        The message that selects the channel; empty for a supply without this message.
     armed, disarmed : tuple of (str, str)
         The messages that start and stop the watchdog, each with its reply.
     **strings : str
-        The messages of the family that differ from those in `family`. "protected?" contains the queries that read the
-        protections back, each with its answer after an equals sign. "mode" contains, in the same form, the queries of
-        the settings on which a set-point depends. "remote" is the message for the remote mode, which comes first.
+        The messages of the supply that differ from the usual ones in `family`. "protected?" contains the queries of the
+        protections, each with its reply after an equals sign. "mode" contains, in the same form, the queries of the
+        settings on which a set-point depends. "remote" is the message for remote control, which comes first.
     """
     family = {
         "volt": "VOLT 12.00",

@@ -1,7 +1,8 @@
-"""Virtual measurements with every stated uncertainty drawn, and the coverage of the intervals of their fits.
+"""Simulate measurements whose uncertain values are drawn at random, and count how often intervals contain the truth.
 
-Every source that specimen, calibration and rig can state is drawn from its stated uncertainty. The beam that results is
-simulated on 26 x 3 elements, and each edge point gets noise. The fit knows the nominal numbers and their uncertainties.
+Every uncertain value that the files of specimen, calibration and rig can give is drawn with its standard uncertainty.
+The beam with these values is simulated on 26 x 3 elements, and each edge point gets noise. The fit knows only the
+nominal values and their uncertainties.
 """
 
 from __future__ import annotations
@@ -47,17 +48,18 @@ COORDINATES = {
     "ogden": (46e3, 0.6, 0.5, 2.0, 5.0, -2.0),
 }
 SPECIMENS = ("type1", "type2", "type3", "type4")
-ALONG, ACROSS = 26, 3  # of the hidden beam
-BEGUN_WITHIN = 0.2  # of the modulus
+ALONG, ACROSS = 26, 3  # elements of the true beam
+BEGUN_WITHIN = 0.2  # largest distance of the start from the true modulus, as a logarithm
 LARGEST_RATIO, LOWEST, HIGHEST = 1.15, 93.0, 97.0
 NORMAL = 1.96
 
 
 @dataclass(frozen=True)
 class Case:
-    """One experiment, counted from 0; law, noise, specimen and section change from one to the next.
+    """One simulated experiment; its number, from 0, selects law, noise, specimen and section (planar or solid).
 
-    is_usual: whether every source is drawn with its usual standard uncertainty, for a planar Neo-Hookean beam.
+    is_usual: whether the experiment is a planar neo-Hookean beam, and every source of uncertainty has its usual
+    standard uncertainty instead of the value in the files of the example bench.
     """
 
     number: int
@@ -66,37 +68,37 @@ class Case:
 
     @property
     def model(self) -> str:
-        """The law of the experiment, a key of LAWS."""
+        """The name of the law, a key of LAWS."""
         return "neo-hookean" if self.is_usual else list(COORDINATES)[self.number % 4]
 
     @property
     def stated(self) -> tuple[StatedSource, ...]:
-        """The standard uncertainties that the files of the experiment state."""
+        """Return the uncertainties that the files of the example bench give and that apply to a telecentric camera."""
         return usual() if self.is_usual else stated()
 
     @property
     def noise_mm(self) -> float:
-        """Standard deviation of each of the two parts of the noise."""
+        """Standard deviation (mm) of each of the two parts of the noise, the white part and the correlated part."""
         return NOISE_MM[self.number // 4 % 3]
 
     @property
     def is_solid(self) -> bool:
-        """Whether the beam is a solid: one round of laws and noise levels in four."""
+        """Whether the beam is simulated as a solid: in twelve of 48 experiments, one for each law and noise level."""
         return not self.is_usual and self.number // 12 % 4 == 3
 
     @property
     def specimen(self) -> Specimen:
-        """The specimen with its nominal values."""
+        """The nominal specimen of the experiment."""
         name = SPECIMENS[self.number // 48 % 4]
         return replace(load_specimen(name).mechanics(), section="solid" if self.is_solid else "plane-stress")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The identified modulus, its interval and the interval of the fit alone, all divided by the true modulus.
+    """The result of one fit: the modulus, its 95 % interval, and the interval of the fit without uncertain values.
 
-    drawn: sum of the drawn deviations times their effects in the budget, in standard deviations; seconds: processor
-    time.
+    All three are divided by the true modulus. drawn: effect of all drawn deviations on the modulus, in standard
+    deviations of this effect. seconds: processor time.
     """
 
     case: Case
@@ -121,7 +123,7 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def usual() -> tuple[StatedSource, ...]:
-    """Return the usual uncertainty of every source that a file can state, for a telecentric camera."""
+    """Return the usual uncertainty of every source that a file can give and that applies to a telecentric camera."""
     return tuple(
         StatedSource(name, source.usual, source.stated_in)
         for name, source in SOURCES.items()
@@ -131,7 +133,7 @@ def usual() -> tuple[StatedSource, ...]:
 
 @cache
 def true_parameters(model: str) -> Array:
-    """Return the parameters (1, n) of the law in Pa."""
+    """Return the true parameters of the law `model`, moduli in Pa, shape (1, n) for n parameters."""
     space = search_space(LAWS[model])
     lower, upper, true = np.array(space.lower), np.array(space.upper), np.array(COORDINATES[model])
     unit = (true - lower) / (upper - lower)
@@ -140,7 +142,10 @@ def true_parameters(model: str) -> Array:
 
 
 def begun_at(model: str, rng: np.random.Generator) -> Array:
-    """Return the unit coordinates (n,) at which the refinement of the fit starts."""
+    """Return the start of the fit in unit coordinates (0 to 1 over the search range), shape (n,) for n parameters.
+
+    The start is drawn at random; its modulus is within about 20 % of the true modulus.
+    """
     space = search_space(LAWS[model])
     modulus = COORDINATES[model][0] * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
     unit = rng.uniform(0.25, 0.75, len(space.names))
@@ -150,7 +155,10 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return the depth effect of the nominal beam as a function of the tip rotation; None for a planar section."""
+    """Return how the depth changes the shape of the nominal solid beam relative to the planar model.
+
+    The effect is a function of the rotation of the tip. Return None for a planar section.
+    """
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
@@ -158,12 +166,18 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
 
 
 def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) -> dict[str, Array]:
-    """Draw the deviations (parts,) of every source for one experiment."""
+    """Draw the deviation of every source of uncertainty for one experiment; each has shape (parts,), by source.
+
+    A source has several parts if it concerns several values, for example x and y of a point.
+    """
     return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in sources}
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """Return an experiment with the stated values and with the edges of the hidden beam."""
+    """Return an experiment with the nominal values of the files and with the edges of the true beam.
+
+    deviations: difference of the true values from the nominal values, by source of uncertainty.
+    """
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)
     beam = specimen_under(case.specimen, deviations)
@@ -190,7 +204,11 @@ def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generat
 
 
 def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:
-    """Add white and correlated noise across the edges (K, 2, m, 2)."""
+    """Return edges with white noise and noise that is correlated along the edge, both normal to the edge.
+
+    edges: points (x, y) in mm, shape (K, 2, m, 2) for K states, two edges and m points. noise_mm: standard deviation of
+    each of the two noises.
+    """
     along = np.gradient(edges, axis=2)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / np.linalg.norm(along, axis=-1, keepdims=True)
     length = np.cumsum(np.linalg.norm(np.diff(edges[0, 0], axis=0, prepend=edges[0, 0, :1]), axis=1))
@@ -203,7 +221,7 @@ def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeO
 
 
 def outcome(case: Case) -> Outcome:
-    """Return the outcome of one simulated measurement and its fit."""
+    """Simulate one experiment, fit it, and return the result."""
     start_s = time.process_time()
     rng = np.random.default_rng([case.seed, case.number])
     deviations, law = deviations_drawn(rng, case.stated), LAWS[case.model]
@@ -225,13 +243,16 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return `Outcome.drawn` from the effects of the sources in the draws of the estimate."""
+    """Return the effect of all drawn deviations on the modulus, in standard deviations of this effect.
+
+    The effect of each source is the slope of the modulus over this source in the posterior draws of the estimate.
+    """
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
-    moved = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
-    all_of_it = np.column_stack([np.ones(len(moved)), moved])
-    slopes = np.linalg.lstsq(all_of_it, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
+    deviations_of_draws = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
+    columns = np.column_stack([np.ones(len(deviations_of_draws)), deviations_of_draws])
+    slopes = np.linalg.lstsq(columns, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
     sizes = {s.source: s.standard_uncertainty for s in case.stated}
     spread = np.linalg.norm([slope * sizes[key] for slope, (key, _) in zip(slopes, numbers, strict=True)])
     off = sum(slope * deviations[key][part] for slope, (key, part) in zip(slopes, numbers, strict=True))
@@ -240,9 +261,12 @@ def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> fl
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """Statistics of a group of experiments in per cent; over_needed: half-width over that which 95 % coverage needs.
+    """Statistics of a group of experiments, in per cent except for the ratios `over_needed` and `over_needed_least`.
 
-    chance_percent: 95 % confidence interval of the coverage; drawn_percent: see `Outcome`.
+    held_percent: share of the intervals that contain the truth (coverage). chance_percent: its 95 % confidence
+    interval. drawn_percent: share of the experiments whose `Outcome.drawn` is within 1.96 standard deviations.
+    over_needed: half-width over the half-width that a coverage of 95 % needs; over_needed_least: lower bound of this
+    ratio.
     """
 
     name: str
@@ -258,13 +282,16 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coverage is within the limits, given the number of experiments."""
+        """Whether the coverage may be between 93 and 97 %, and the intervals at most 15 % too wide.
+
+        Both checks allow for the limited number of experiments.
+        """
         low, high = self.chance_percent
         return low <= HIGHEST and high >= LOWEST and self.over_needed_least <= LARGEST_RATIO
 
 
 def row(name: str, outcomes: Sequence[Outcome]) -> Row:
-    """Return the statistics of some outcomes; the half-width is that on the side of the truth."""
+    """Return the statistics of a group of results. The half-width of an interval is taken on the side of the truth."""
     logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
     value, low, high, fit_low, fit_high = logs.T
     contains_truth = (low <= 0) & (high >= 0)

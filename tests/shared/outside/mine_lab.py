@@ -1,6 +1,6 @@
-"""A package outside of this project with a supply driver and a camera driver.
+"""A supply driver and a camera driver in a package outside of this project, as a user may write them.
 
-The drivers have no base class. The package imports only values and errors of this project.
+The drivers have no base class. The package imports only data classes and exceptions from this project.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class Mine:
 
 
 class Eye:
-    """A driver of a camera that shows a dark beam at rest in front of a bright wall. The camera has no settings."""
+    """A driver of an emulated camera without settings; frames show a dark beam at rest in front of a bright wall."""
 
     def __init__(self, source, settings):
         if source == "nowhere":
