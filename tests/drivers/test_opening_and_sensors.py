@@ -1,4 +1,4 @@
-"""Errors at the opening of an instrument are clear and release its line; emulated sensors answer as their manuals say."""
+"""Errors at the opening of an instrument are clear and release its line; emulated sensors follow their manuals."""
 
 from __future__ import annotations
 

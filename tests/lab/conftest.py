@@ -1,4 +1,4 @@
-"""A small bench for the tests in this folder: TOML files as a user writes them, and drawn frames."""
+"""Fixtures: a small emulated bench, with TOML files as a user writes them and drawn frames of a beam."""
 
 from __future__ import annotations
 
@@ -83,7 +83,10 @@ timeout_s = 5.0
 
 
 def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
-    """Draw a picture (96, 128): a dark beam, 16 px wide, in front of a bright noisy background."""
+    """Draw a picture, shape (96, 128): a dark vertical beam, 16 px wide, in front of a bright noisy background.
+
+    seed: seed of the noise. shift_px: displacement of the beam to the right.
+    """
     rng = np.random.default_rng(seed)
     across = np.arange(128) - 64 - shift_px
     profile = 30 + 170 / (1 + np.exp(-(np.abs(across) - 8) / 0.7))
@@ -93,13 +96,13 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="session")
 def texts() -> dict[str, str]:
-    """The TOML files of the small bench: the text of each file, by the kind of the file."""
+    """The texts of the TOML files of the small bench, by kind of file: specimen, calibration and protocol."""
     return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
 
 
 @pytest.fixture
 def files(tmp_path: Path, texts: dict[str, str]) -> Path:
-    """Write specimen.toml, calibration.toml and protocol.toml of the small bench, and return their folder."""
+    """A folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
@@ -107,13 +110,13 @@ def files(tmp_path: Path, texts: dict[str, str]) -> Path:
 
 @pytest.fixture(scope="session")
 def frame() -> Callable[..., NDArray[np.uint8]]:
-    """Return a function that draws a frame from a seed and a shift in pixels."""
+    """The function `draw`, which draws a frame from a seed and a displacement in pixels."""
     return draw
 
 
 @pytest.fixture
 def pictures(files: Path) -> Path:
-    """Write four images to `frames/` and their states.csv, beside the TOML files; return the TOML files' folder."""
+    """A folder with four images in `frames/`, their currents in states.csv, and the TOML files of the small bench."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -126,7 +129,7 @@ def pictures(files: Path) -> Path:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Return a function that runs a command line in this process and returns its exit status and standard error."""
+    """Return a function that runs an `eimi` command in this process and returns its exit status and standard error."""
 
     def run(*arguments: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
@@ -144,7 +147,7 @@ BEGAN_S = 100_000.0
 
 
 class DrawnCamera:
-    """A camera of a drawn beam that swings when the coil's current changes. `event` is called before each frame."""
+    """A camera of a drawn beam, which swings when the coil's current changes; `event` is called before each frame."""
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
         self.coil, self.clock, self.draw = coil, clock, draw
@@ -192,9 +195,9 @@ class Setup:
     def run(
         self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = ignore_event, **options: Any
     ) -> list[str]:
-        """Run the protocol; return the printed line of each state.
+        """Run the protocol on this bench; return the lines that are printed, one for each state.
 
-        `remark` receives the other lines, `on_event` the events.
+        `remark` receives all other lines, and `on_event` the events of the run.
         """
         said: list[str] = []
         terminal = on_terminal(said.append, remark)
@@ -239,7 +242,7 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 
 @pytest.fixture
 def dataset(files: Path) -> Path:
-    """Write a dataset of two states of a beam at rest, drawn at 8 px/mm; the run has flagged one of the states."""
+    """A dataset with two states of a beam at rest, drawn at 8 px/mm; the second state has the flag NOT_SETTLED."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)
     image = np.full((96, 128), 210.0)

@@ -1,4 +1,4 @@
-"""A run on an emulated supply in simulated time: the stored data, and that the coil is off however the run ends."""
+"""A run on an emulated supply in simulated time stores its data, and ends with the coil off however it ends."""
 
 from __future__ import annotations
 
@@ -50,7 +50,11 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
 
 
 def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
-    """The camera's colours are equally bright on average. In each frame one of two colours is slightly brighter."""
+    """With a colour camera, the beam is recognised as settled, and the colours are in the dataset.
+
+    All colours are equally bright on average. In each frame one of two colours is slightly brighter, so that a choice
+    of the brightest colour in each frame would disturb the comparison of frames.
+    """
     grey = setup.camera.draw
 
     def coloured(seed: int, shift_px: float = 0.0) -> np.ndarray:
@@ -67,7 +71,7 @@ def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
         blue, green, red = dataset.images(0)[0].reshape(-1, 3).mean(axis=0)
     assert blue < 0.75 * red
     assert green == pytest.approx(red, rel=0.02)
-    assert setup.camera.number < 200  # 245 where the channel is chosen anew for each frame
+    assert setup.camera.number < 200  # 245 frames if the colour channel is chosen for each frame
 
 
 def test_frames_are_taken_of_a_beam_at_rest(setup: Any) -> None:
@@ -116,7 +120,7 @@ def test_the_ramp_down_ends_within_its_time_on_a_slow_supply(setup: Any, rate_A_
     setup.run()
     assert setup.is_off()
     down = [at for (_, before_A), (at, after_A) in pairwise(history) if after_A < before_A]
-    assert down[-1] - down[0] <= 1.5 + 2 * 0.5  # and the two set-points that are under way then
+    assert down[-1] - down[0] <= 1.5 + 2 * 0.5  # the limit includes the two set-points that are sent meanwhile
 
 
 def test_a_beam_that_never_comes_to_rest_is_flagged_and_stored(setup: Any) -> None:
@@ -156,7 +160,7 @@ def test_a_supply_that_is_on_is_refused(setup: Any) -> None:
     with pytest.raises(InstrumentError, match=r"the output is on \(-?0\.0.. A, -?0\.0. V\).*--take-over"):
         setup.run()
     assert not setup.path.exists()
-    assert setup.coil.state.output  # somebody else's, perhaps
+    assert setup.coil.state.output  # another program may use the supply
 
 
 def test_a_supply_that_is_on_can_be_taken_over(setup: Any) -> None:
@@ -167,13 +171,13 @@ def test_a_supply_that_is_on_can_be_taken_over(setup: Any) -> None:
     seen: list[float] = []
     setup.camera.event = lambda number: seen.append(setup.coil.coil_current_A())
     setup.run(take_over=True)
-    assert max(seen[:8]) < 0.001  # the beam is first seen without current
+    assert max(seen[:8]) < 0.001  # the beam is first recorded without a current
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
 
 
 def test_a_current_that_is_not_reached_stops_the_run(setup: Any) -> None:
-    setup.bench.supply.limits = Limits(1.0, 1.0)  # volts: too few for 0.3 A through 4 ohm
+    setup.bench.supply.limits = Limits(1.0, 1.0)  # voltage limit: too small for 0.3 A through 4 ohm
     with pytest.raises(InstrumentError, match=r"0\.2[45]. A measured at a set-point of 0\.3 A"):
         setup.run()
     assert setup.is_off()
@@ -224,7 +228,7 @@ def test_a_camera_that_fails_at_any_frame_leaves_the_coil_off(setup: Any, number
 def test_a_signal_leaves_the_coil_off_and_restores_the_signal_handlers(
     setup: Any, number: signal.Signals, frame_number: int, request: pytest.FixtureRequest
 ) -> None:
-    # Under nohup SIGHUP is ignored, and a run leaves it so.
+    # Under nohup SIGHUP is ignored, and a run keeps ignoring it.
     before = signal.SIG_DFL if number == signal.SIGHUP else signal.getsignal(number)
     found = signal.signal(number, before)
     request.addfinalizer(lambda: signal.signal(number, found))
@@ -232,7 +236,7 @@ def test_a_signal_leaves_the_coil_off_and_restores_the_signal_handlers(
     def ask(at: int) -> None:
         if at == frame_number:
             signal.raise_signal(number)
-            signal.raise_signal(number)  # a second one must not get in the way of the first
+            signal.raise_signal(number)  # a second signal must not interrupt the handling of the first
 
     setup.camera.event = ask
     with pytest.raises(Stopped) as caught:

@@ -1,4 +1,4 @@
-"""Identify the material of a steel rod, whose tip is pulled across gravity, from the tables of a bench."""
+"""The modulus of a steel rod is identified from a table of tip displacements under a force across gravity."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ YOUNG_PA, FORCES_N = 104e9, (1.0, 2.0, 4.0)
 
 @pytest.fixture
 def rod(tmp_path: Path) -> Path:
-    """Write points.csv and states.csv of a dial gauge at a steel rod's tip, relative to the rod under its weight."""
+    """A folder with points.csv, states.csv and rod.toml of a steel rod, measured by a dial gauge at the tip.
+
+    The displacements are relative to the rod under its weight.
+    """
     sag_mm = [force * 300.0**3 / (3 * 1e-6 * YOUNG_PA * 5.0**4 / 12) for force in FORCES_N]
     rows = [f"{k},tip,300,0,300,{sag:.4f},0.005" for k, sag in enumerate(sag_mm)]
     (tmp_path / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
@@ -43,7 +46,7 @@ def import_rod(folder: Path, run, *how: str) -> tuple[int, str]:
     return run("import", folder / "points.csv", *tables, *how, "-o", folder / "rod.h5")
 
 
-def test_a_steel_rod_without_its_weight(rod: Path, run) -> None:
+def test_the_modulus_of_a_steel_rod_is_identified_without_its_weight(rod: Path, run) -> None:
     assert import_rod(rod, run, "--no-gravity")[0] == 0
     with open_dataset(rod / "rod.h5") as dataset:
         assert [state.tip_force_angle_deg for state in dataset.states] == [90.0] * 3
@@ -56,14 +59,14 @@ def test_a_steel_rod_without_its_weight(rod: Path, run) -> None:
     assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=5e-3)  # incompressible
 
 
-def test_gravity_beside_a_tip_force_of_its_own_direction(rod: Path, run) -> None:
+def test_gravity_and_a_tip_force_may_have_different_directions(rod: Path, run) -> None:
     assert import_rod(rod, run, "--gravity-angle", "0")[0] == 0
     loads = load_evidence(rod / "rod.h5").experiment.loads
     assert loads.gravity[0].round(5).tolist() == [9.80665, 0.0]
     assert loads.tip_force_N[2].round(12).tolist() == [0.0, 4.0]
 
 
-def test_a_tip_force_without_any_direction_is_one_line(rod: Path, run) -> None:
+def test_a_tip_force_without_a_direction_is_refused_in_one_line(rod: Path, run) -> None:
     (rod / "states.csv").write_text("state,field_mT,tip_force_N\n0,0,1\n1,0,2\n2,0,4\n")
     status, told = import_rod(rod, run, "--no-gravity")
     assert (status, told.count("\n")) == (2, 1)

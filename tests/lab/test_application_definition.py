@@ -20,9 +20,9 @@ EDGES = EdgeSet(EdgePoints(POINTS, POINTS[:, 0] + 0.01), EdgePoints(POINTS, POIN
 
 
 def dates(path: Path) -> dict[str, Any]:
-    """Return the dates of a dataset by their paths, read as a validator reads them.
+    """Return the dates of a dataset by their paths, with the types that a validator gets.
 
-    Text of variable length becomes str in Python.
+    Text of variable length is str.
     """
     with h5py.File(path) as file:
         return {
@@ -32,7 +32,7 @@ def dates(path: Path) -> dict[str, Any]:
         }
 
 
-def test_a_run_states_its_definition_and_its_start(setup: Any) -> None:
+def test_a_dataset_contains_the_name_of_its_definition_and_its_start_time(setup: Any) -> None:
     setup.run()
     with h5py.File(setup.path) as file:
         assert file["entry/definition"][()] == b"NXsensor_scan"
@@ -47,7 +47,9 @@ def test_a_run_states_its_definition_and_its_start(setup: Any) -> None:
     assert ends[0].decode() >= start.isoformat()
 
 
-def test_the_stored_edges_state_program_and_date_and_the_end_of_the_run(setup: Any) -> None:
+def test_after_edges_are_stored_the_dataset_contains_their_program_their_date_and_the_end_of_the_run(
+    setup: Any,
+) -> None:
     setup.run()
     write_edges(setup.path, [EDGES] * 4)
     write_edges(setup.path, [EDGES] * 4)

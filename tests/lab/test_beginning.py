@@ -20,7 +20,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
-    """The values of the template files are refused as measurements. An import accepts the completed files."""
+    """Template files are refused until a user fills in their values; an import accepts the completed files."""
     for name in ("shot_10.png", "shot_9.png"):
         cv2.imwrite(str(tmp_path / name), frame(9))
     assert run("init", tmp_path) == (0, "")
@@ -54,7 +54,7 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
     assert (tmp_path / "specimen.toml").read_text() == before
 
 
-def test_every_key_that_is_to_be_uncommented_is_one(tmp_path: Path, run: Run) -> None:
+def test_every_commented_key_of_a_template_file_is_valid(tmp_path: Path, run: Run) -> None:
     """Each commented key in the template files is an optional key, and is valid with the value in the comment."""
     assert run("init", tmp_path)[0] == 0
     for name, load in (("specimen.toml", load_specimen), ("calibration.toml", load_calibration)):
@@ -73,13 +73,13 @@ def test_every_key_that_is_to_be_uncommented_is_one(tmp_path: Path, run: Run) ->
         load(tmp_path / name)  # type: ignore[operator]
 
 
-def test_a_board_without_more_options(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_is_printed_without_further_options(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run("calibrate", "--print-board") == (0, "")
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_file_in_another_files_place_is_named(run: Run, pictures: Path) -> None:
+def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) -> None:
     def told(specimen: str, calibration: str) -> str:
         arguments = ["--states", pictures / "states.csv", "--specimen", pictures / specimen]
         arguments += ["--calibration", pictures / calibration, "-o", pictures / "out.h5"]
@@ -108,7 +108,9 @@ def test_a_file_in_another_files_place_is_named(run: Run, pictures: Path) -> Non
         ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset from a table"),
     ],
 )
-def test_what_is_no_dataset_is_named(run: Run, tmp_path: Path, name: str, content: bytes, told: str) -> None:
+def test_the_error_for_a_file_that_is_no_dataset_names_its_kind(
+    run: Run, tmp_path: Path, name: str, content: bytes, told: str
+) -> None:
     (tmp_path / name).write_bytes(content)
     status, said = run("fit", tmp_path / name, "--model", "yeoh", "-o", tmp_path / "out.json")
     assert (status, said.count("\n"), told in said) == (2, 1, True), said

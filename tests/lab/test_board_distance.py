@@ -1,4 +1,4 @@
-"""The stand-off of a lens is measured along its optical axis, wherever the board is in the picture."""
+"""The distance from a lens to a board is measured along the optical axis, wherever the board is in the picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BOARD = np.array([[4.0 * column, 4.0 * row] for row in range(5) for column in ra
 
 @pytest.mark.parametrize("aside_mm", [(0.0, 0.0), (30.0, 0.0), (-25.0, 18.0)])
 @pytest.mark.parametrize("tilt_deg", [0.0, 25.0])
-def test_the_distance_of_a_board_is_that_of_its_middle_along_the_axis(
+def test_the_distance_of_a_board_is_the_distance_of_its_midpoint_along_the_optical_axis(
     aside_mm: tuple[float, float], tilt_deg: float
 ) -> None:
     stand_off_mm = 150.0

@@ -1,4 +1,4 @@
-"""Calibration on the command line, with rendered pictures of known boards, beams, rulers and threads."""
+"""`eimi calibrate` on the command line, with rendered pictures of known boards, beams, rulers and threads."""
 
 import os
 import re
@@ -25,7 +25,7 @@ MATRIX = np.array([[FOCAL, 0.0, 247.0], [0.0, FOCAL, 188.0], [0.0, 0.0, 1.0]])
 DISTORTION = np.array([-0.15, 0.05, 0.001, -0.001, 0.0])
 STAND_OFF = 120.0
 CHARUCO = Board("charuco", 9, 7, 4.0)
-FINE = 3  # rays in each direction of a pixel
+FINE = 3  # number of rays along each side of a pixel
 TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20, 10)]
 
 
@@ -47,7 +47,7 @@ def board_texture(board):
 def camera_rays(dx, dy, bent):
     """Return the directions (right, down, away) of the rays through n pixels, shape (n, 3).
 
-    The rays are shifted by dx, dy from the centres of the pixels.
+    dx, dy: displacement of the rays from the centres of the pixels in px. bent: whether the lens has distortion.
     """
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]
@@ -55,7 +55,11 @@ def camera_rays(dx, dy, bent):
 
 
 def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
-    """Render a board as the camera sees it, rotated about x, y and z, with its middle on the optical axis."""
+    """Return the picture that the camera takes of a board, whose midpoint is on the optical axis.
+
+    turn_deg: rotations of the board about x, y and z in degrees. stand_off: distance of the board from the camera.
+    bent: whether the lens has distortion.
+    """
     turn = np.eye(3)
     for axis, angle in zip(np.eye(3), np.radians(turn_deg), strict=True):
         turn = cv2.Rodrigues(axis * angle)[0] @ turn
@@ -65,7 +69,7 @@ def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
     middle = 0.5 * board.square_mm * np.array([board.columns, board.rows])
     for dx in offsets:
         for dy in offsets:
-            rays = camera_rays(dx, dy, bent) @ turn  # in the axes of the board
+            rays = camera_rays(dx, dy, bent) @ turn  # in the frame of the board
             camera = np.array([0.0, 0.0, -stand_off]) @ turn
             hit = camera[:2] - camera[2] / rays[:, 2:] * rays[:, :2]
             where = np.floor((hit + middle + board.square_mm) * per_mm).astype(int)
@@ -89,7 +93,7 @@ COMMON = ("--coil-constant", "4.7", "--clamp-midpoint-px", "320", "40")
 BOARD = ("--board", "charuco", "--columns", "9", "--rows", "7", "--square-mm", "4")
 
 
-def test_lens_scale_and_orientation_from_charuco(run, charuco_views, tmp_path):
+def test_pictures_of_a_charuco_board_give_lens_scale_and_orientation(run, charuco_views, tmp_path):
     output = tmp_path / "calibration.toml"
     views = sorted(charuco_views.glob("*.png"))
     assert run("calibrate", *views, *BOARD, *COMMON, "-o", output) == (0, "")
@@ -104,7 +108,7 @@ def test_lens_scale_and_orientation_from_charuco(run, charuco_views, tmp_path):
     assert calibration.axis_angle_deg == pytest.approx(91.2, abs=0.03)
     assert calibration.field_angle_deg == pytest.approx(1.2, abs=0.03)
     assert calibration.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertainty["stand_off_mm"])
-    # The map that all other code uses gives the right lengths on the board everywhere in the image.
+    # The map from pixels to mm gives the right lengths on the board everywhere in the image.
     on_board, image = CHARUCO.find(cv2.imread(str(views[0]), cv2.IMREAD_GRAYSCALE))
     places = BeamFrame(calibration).to_mm(image)
     gaps = np.linalg.norm(places[:, None] - places, axis=-1) - np.linalg.norm(on_board[:, None] - on_board, axis=-1)
@@ -147,13 +151,13 @@ def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
     assert calibration.pixels_per_mm == pytest.approx(25.0, rel=5e-4)
     assert calibration.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
     assert calibration.axis_angle_deg == pytest.approx(90.0, abs=0.02)
-    # The uncertainty of the scale is that of the caliper, 0.05 mm of 3 mm; that of the pixels is much smaller.
+    # The uncertainty of the scale comes from the caliper, 0.05 mm of 3 mm; the pixels contribute much less.
     assert calibration.uncertainty["pixels_per_mm"] == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
     assert run("segment", tmp_path / "nowhere.h5")[0] == 2
 
 
 def thread(angle_deg, width_px=6.0, bob=True):
-    """Render a dark vertical thread with a weight at its end, across the picture of the benchmark."""
+    """Render a dark plumb line across the picture of the benchmark, with a weight at its end if `bob` is True."""
     angle = np.radians(angle_deg)
     along, aside = np.array([np.cos(angle), np.sin(angle)]), 0.5 * np.array([-np.sin(angle), np.cos(angle)])
     middle = np.array([600.0, 480.0])
@@ -192,7 +196,7 @@ def test_a_picture_without_a_straight_thread_is_refused():
             measure_plumb_line(image, CALIBRATION, 90.0)
 
 
-def test_clamp_and_gravity_from_separate_pictures(run, tmp_path):
+def test_clamp_and_gravity_may_come_from_separate_pictures(run, tmp_path):
     cv2.imwrite(str(tmp_path / "rest.png"), photograph(NOMINAL, bend(SPECIMEN, 5.0)))
     cv2.imwrite(str(tmp_path / "thread.png"), thread(91.3))
     lines = [f"{key} = {value!r}" for key, value in SPECIMEN.specimen.model_dump(exclude_defaults=True).items()]
@@ -284,7 +288,7 @@ def test_a_board_is_printed_to_scale(run, tmp_path, kind):
         assert [inside.min(), inside.max()] == pytest.approx([12.0, 48.0], abs=0.01)
 
 
-def test_the_printed_board_is_the_one_that_is_found(tmp_path):
+def test_the_printed_board_is_detected_in_a_picture(tmp_path):
     print_board(CHARUCO, tmp_path / "board.pdf")
     assert (tmp_path / "board.pdf").stat().st_size > 1000
     shown = np.kron(np.pad(~CHARUCO.cells(), 10, constant_values=True), np.ones((6, 6))) * 255
@@ -293,6 +297,6 @@ def test_the_printed_board_is_the_one_that_is_found(tmp_path):
     np.testing.assert_allclose(image, on_board / 4.0 * 60 + 60 - 0.5, atol=0.05)
 
 
-def test_the_digest_depends_on_the_numbers_alone():
+def test_the_digest_of_a_calibration_depends_on_its_numbers_alone():
     assert CALIBRATION.digest == Calibration.model_validate(CALIBRATION.model_dump()).digest
     assert CALIBRATION.digest != CALIBRATION.model_copy(update={"pixels_per_mm": 25.1}).digest

@@ -1,4 +1,4 @@
-"""If a camera returns a frame with another size or type than the first frame, the run ends with the coil off.
+"""If a camera returns a frame of another size or type than the first frame, the run ends with the coil off.
 
 The error is one line of text.
 """

@@ -68,13 +68,13 @@ def test_settings_are_read_from_the_rig(files: Path) -> None:
         ("bit_depth = 12.0", "camera.bit_depth = 12.0 should be a valid integer"),
     ],
 )
-def test_a_bad_setting_is_told_in_one_line(files: Path, line: str, told: str) -> None:
+def test_a_wrong_setting_is_refused_in_one_line(files: Path, line: str, told: str) -> None:
     with pytest.raises(InputError) as caught:
         rig_with(files, f'driver = "opencv"\nsource = 0\n{line}')
     assert str(caught.value).removeprefix(f"{files / 'rig.toml'}: ").startswith(told)
 
 
-def test_the_virtual_camera_has_nothing_to_set(files: Path) -> None:
+def test_the_virtual_camera_has_no_settings(files: Path) -> None:
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     (files / "virtual_calibration.toml").write_text(shipped.calibration.text)
@@ -95,7 +95,7 @@ def recording(files: Path, frame: Callable[..., np.ndarray]) -> Path:
     return folder
 
 
-def test_a_region_reaches_the_dataset(setup: Any, recording: Path) -> None:
+def test_the_region_of_the_camera_is_stored_in_the_dataset(setup: Any, recording: Path) -> None:
     coil = CoilSupply(WallClock(), time_constant_s=0.01)
     with serve_tcp(emulate("scpi", coil)) as address:
         camera = f'driver = "opencv"\nsource = "{recording}"\nregion = [32, 0, 64, 96]'
@@ -111,7 +111,7 @@ def test_a_region_reaches_the_dataset(setup: Any, recording: Path) -> None:
         }
 
 
-def test_what_the_camera_read_back_is_kept(setup: Any) -> None:
+def test_the_settings_that_the_camera_reads_back_are_stored(setup: Any) -> None:
     read_back = CameraSettings(exposure_s=0.00799, gain=6.02, gamma=1.0, bit_depth=8)
     setup.bench = replace(setup.bench, camera_settings=read_back)
     setup.run()

@@ -1,4 +1,4 @@
-"""The command line: one line for every mistake, an exit status for its kind, and commands that need no run."""
+"""The command line gives one line for every mistake and an exit status for its kind, and has commands without a run."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_misspelt_key_gives_one_line_that_names_the_right_one(files: Path) -> 
     assert eimi("--frobnicate", cwd=files).returncode == 2
 
 
-def test_an_instrument_that_is_not_there_gives_one_line_and_status_1(files: Path) -> None:
+def test_an_instrument_that_does_not_answer_gives_one_line_and_status_1(files: Path) -> None:
     (files / "rig.toml").write_text("""
 name = "none"
 calibration = "calibration.toml"
@@ -124,7 +124,7 @@ def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> Non
     assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"
     assert "state 3: 0.3 A, 1.41 mT, 2 frames" in lines
     assert re.fullmatch(r" +[0-9.]+ s  > ISET1:0\.300", next(line for line in lines if "ISET1:0.300" in line))
-    assert lines[-2].endswith("> VOUT1?")  # at the end the run measures the output that is off
+    assert lines[-2].endswith("> VOUT1?")  # at its end the run measures the current of the output that is off
     assert lines[-1].startswith("duration: ")
     assert sorted(path.suffix for path in files.iterdir()) == [".toml"] * 3
 
@@ -147,7 +147,7 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert server.wait(PATIENCE_S) == 130
 
 
-def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary() -> None:
+def test_the_help_shows_every_command_once_in_its_group_with_a_complete_summary() -> None:
     def shown(*arguments: str) -> str:
         return CliRunner().invoke(app, [*arguments, "--help"]).output
 
@@ -164,7 +164,7 @@ def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary() -
 
 def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -> None:
     pressed = "import signal\nsignal.signal(2, signal.default_int_handler)\nsignal.raise_signal(2)\n"
-    (tmp_path / "typer.py").write_text(pressed)  # is imported instead of the library
+    (tmp_path / "typer.py").write_text(pressed)  # this file is imported instead of the library
     done = eimi("--help", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "eimi: stopped by SIGINT\n")
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -178,7 +178,7 @@ def test_the_versions_of_the_project_and_of_the_packages_behind_results_are_prin
     changes = (Path(__file__).parents[2] / "CHANGELOG.md").read_text()
     newest, *before = re.findall(r"^## \[(\d+\.\d+\.\d+)\]", changes, re.MULTILINE)
     assert release["fallback_version"] == newest
-    assert Version(eimi_lab.__version__) >= Version(before[0])  # until the newest version has its tag
+    assert Version(eimi_lab.__version__) >= Version(before[0])  # the newest version may not have a tag yet
     for package in (f"python {platform.python_version()}", f"numpy {np.__version__}", f"h5py {h5py.__version__}"):
         assert package in second.split(", ")
     assert [words.split()[0] for words in second.split(", ")][3:] == ["cma", "h5py", "opencv-python-headless"]
@@ -213,7 +213,7 @@ def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Pa
     folder = dataset.parent
     arguments = ("segment", dataset, "--csv", folder / "csv", "--overlay", folder / "overlay")
     status, said = run(*arguments)
-    assert (status, said.count("\n")) == (0, 2)  # one line per state
+    assert (status, said.count("\n")) == (0, 2)  # one line for each state
     table = np.loadtxt(folder / "csv" / "step_00_left.csv", delimiter=",", skiprows=1)
     assert (folder / "csv" / "step_01_right.csv").read_text().startswith("x_mm,y_mm,sigma_mm\n")
     assert np.all(np.diff(table[:, 0]) > 0)
@@ -221,7 +221,7 @@ def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Pa
     quality = (folder / "csv" / "quality.json").read_text()
     assert '"NOT_SETTLED"' in quality
     picture = cv2.imread(str(folder / "overlay" / "step_01.png"))
-    assert picture.shape[0] > 96  # the frame, with text below it
+    assert picture.shape[0] > 96  # the picture of the frame, with a text below
     assert picture.shape[1] >= 128
     with open_dataset(dataset) as stored:
         edges = stored.edges()

@@ -1,4 +1,4 @@
-"""The rig file that `eimi emulate bench` writes for the program that measures."""
+"""The rig file that `eimi emulate bench` writes, with which another program measures on the emulated bench."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ maximum = 20.0
 
 @pytest.fixture
 def real(tmp_path: Path) -> Path:
-    """Write the rig file of a bench with real instruments, and return its path."""
+    """The path of the rig file of a bench with real instruments."""
     (tmp_path / "virtual_calibration.toml").write_text(load_rig("virtual").calibration.text)
     (tmp_path / "real.toml").write_text(REAL)
     return tmp_path / "real.toml"
 
 
-def test_the_rig_of_the_client_has_the_served_addresses_and_all_other_keys(real: Path) -> None:
+def test_the_written_rig_file_has_the_served_addresses_and_all_other_keys(real: Path) -> None:
     client = real.with_name("client.toml")
     supply = "TCPIP::127.0.0.1::1234::SOCKET#2"
     write_client_rig(load_rig(real), client, supply, "127.0.0.1", {"hall": "/dev/pts/7"}, False)
@@ -57,7 +57,7 @@ def test_the_rig_of_the_client_has_the_served_addresses_and_all_other_keys(real:
         write_client_rig(before, client, "COM1", "127.0.0.1", {}, False)
 
 
-def test_the_rig_of_the_client_holds_no_truth(tmp_path: Path) -> None:
+def test_the_written_rig_file_does_not_contain_the_true_materials(tmp_path: Path) -> None:
     write_client_rig(load_rig("emulated_bench"), tmp_path / "client.toml", "/dev/pts/1", "127.0.0.1", {}, False)
     text = "".join(path.read_text() for path in tmp_path.iterdir())
     assert "46390" not in text
@@ -76,7 +76,7 @@ def test_a_rig_without_a_virtual_table_shows_the_beam_in_the_region_of_its_camer
     shown = with_virtual_table(whole, specimen).virtual
     assert shown is not None
     width, height = shown.frame_size_px
-    assert width >= 640 + 0.6 * 25 * 30  # clamp at (640, 80), 25 px/mm, 30 mm long, hanging down
+    assert width >= 640 + 0.6 * 25 * 30  # the beam: clamp at (640, 80), 25 px/mm, 30 mm long, hanging down
     assert height >= 80 + 25 * 30
 
 

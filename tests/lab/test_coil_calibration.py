@@ -1,4 +1,4 @@
-"""`eimi calibrate-coil` measures the field against the current and writes a calibration."""
+"""`eimi calibrate-coil` measures the field at several currents of the coil and writes a calibration of the coil."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_current_beyond_the_rating_of_the_coil_is_refused() -> None:
         calibration_currents(rig, 1.7, 3)
 
 
-def test_the_record_of_a_calibrated_coil_leaves_the_field_uniform(files: Path) -> None:
+def test_the_field_of_a_calibrated_coil_is_uniform(files: Path) -> None:
     text = (files / "calibration.toml").read_text()
     (files / "calibration.toml").write_text(text + "\n[field]\nagainst_current = [[0.0, 0.0], [1.0, 4.7]]\n")
     calibration = load_calibration(files / "calibration.toml")

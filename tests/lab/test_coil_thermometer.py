@@ -1,4 +1,4 @@
-"""The coil is used as a thermometer: the dataset contains its temperature, and an interlock can watch it."""
+"""The coil is its own thermometer: its resistance gives its temperature, which is stored and can end the run."""
 
 from __future__ import annotations
 
@@ -51,7 +51,10 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
 
 
 def with_coil(setup: Any, more: str = "") -> None:
-    """Change a bench: the coil warms up quickly, and is used as a thermometer."""
+    """Change a bench: the coil warms up quickly, and its resistance gives its temperature.
+
+    more: further lines of the rig file.
+    """
     path = setup.path.with_name("rig.toml")
     path.write_text(f"{setup.rig.text}\n{COIL}\n{more}\n")
     setup.rig = load_rig(path)

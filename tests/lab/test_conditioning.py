@@ -1,4 +1,4 @@
-"""Conditioning cycles before a run: currents of the coil, stored frames, and messages."""
+"""Conditioning cycles, in which a beam is bent before a run: their currents, stored frames and messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def asked(setup: Any, line: str) -> None:
 
 
 def reached(setup: Any) -> list[float]:
-    """Return a list that collects the set-points (A) of the supply, without repetitions."""
+    """Return a list that collects the set-points (A) of the supply from now on, without repetitions."""
     history: list[float] = []
     take = setup.coil.set_current
 
@@ -41,7 +41,10 @@ def reached(setup: Any) -> list[float]:
 
 
 def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable[..., np.ndarray]:
-    """Return a function that draws a beam; after the first cycle its tip moves 2 px further at 0.3 A."""
+    """Return a function that draws a beam that softens: after the first cycle its tip moves 2 px farther at 0.3 A.
+
+    history: the set-points (A) so far.
+    """
 
     def drawn(seed: int, shift_px: float = 0.0) -> np.ndarray:
         softened = 0.0 in history[history.index(0.3) :] if 0.3 in history else False

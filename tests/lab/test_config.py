@@ -1,4 +1,4 @@
-"""TOML files are read: currents exactly, the shipped files without error, and each fault is named in one line."""
+"""TOML files are read: currents exactly, the shipped files without an error, and each mistake gives one line."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_shipped_rigs_load_by_name_with_their_calibration() -> None:
     assert set(virtual.virtual.materials.silicone) == {"Dragon Skin 10", "Dragon Skin 10, relaxing", "Ecoflex 00-50"}
 
 
-def test_a_rig_finds_its_calibration_beside_it(files: Path) -> None:
+def test_the_calibration_of_a_rig_is_read_from_the_folder_of_the_rig_file(files: Path) -> None:
     text = load_rig("bench_example").text.replace("bench_example_calibration.toml", "calibration.toml")
     (files / "rig.toml").write_text(text)
     assert load_rig(files / "rig.toml").calibration.pixels_per_mm == 8.0
@@ -114,12 +114,12 @@ def test_the_specimen_of_the_real_beam_loads(measured: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "point"), [("", (30.0, 0.0)), ("y_mm = 1.0", (30.0, 1.0)), ("x_mm = 28", (28.0, 0.0))]
 )
-def test_without_its_place_along_the_beam_a_tip_load_is_at_the_tip(table: str, point: tuple[float, float]) -> None:
+def test_a_tip_load_without_a_position_along_the_beam_is_at_the_tip(table: str, point: tuple[float, float]) -> None:
     text = load_specimen("type1").text.replace("[magnet]", f"[tip_load]\n{table}\n[magnet]")
     assert parse(SpecimenFile, text, "a.toml").mechanics().tip_load_mm == point
 
 
-def test_a_model_keeps_its_text(files: Path) -> None:
+def test_the_object_of_a_file_keeps_the_text_of_the_file(files: Path) -> None:
     path = files / "specimen.toml"
     assert load_specimen(path).text == path.read_text()
 
@@ -288,7 +288,7 @@ def test_an_unknown_name_is_refused_with_the_list_of_shipped_files() -> None:
 
 
 @given(text=st.text(max_size=200))
-def test_any_text_gives_a_model_or_one_line(text: str) -> None:
+def test_any_text_is_read_or_refused_in_one_line(text: str) -> None:
     for model in (Protocol, SpecimenFile, Calibration):
         with pytest.raises(InputError) as caught:
             parse(model, text, "some.toml")

@@ -35,7 +35,7 @@ def restless(setup: Any) -> None:
     setup.camera.sway_px = 0.5
 
 
-def test_a_supply_that_goes_off_while_the_beam_settles_is_noticed_then(setup: Any) -> None:
+def test_a_supply_that_goes_off_while_the_beam_settles_is_noticed_at_once(setup: Any) -> None:
     restless(setup)
     tripped_s: list[float] = []
 
@@ -117,7 +117,7 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The coil is switched off first. Then the state is stored completely."""
+    """After two signals while a state is stored, the coil is switched off first, and the state is stored completely."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:

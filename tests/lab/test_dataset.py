@@ -1,4 +1,4 @@
-"""The dataset file: states are read back as they were written, also from a file that was never closed."""
+"""Datasets: states are read back as they were written, also from a file that was never closed."""
 
 from __future__ import annotations
 
@@ -92,7 +92,9 @@ def test_every_column_of_a_frame_is_in_the_file(files: Path, frame: Callable[...
         assert "KORADKA3005P" in file["entry/instrument/identity_0/data"][()].decode()
 
 
-def test_colour_and_sixteen_bits(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_frames_in_colour_and_with_sixteen_bits_are_stored_unchanged(
+    files: Path, frame: Callable[..., np.ndarray]
+) -> None:
     deep = frame(0).astype(np.uint16) * 200
     with DatasetWriter(files / "deep.h5", header(files), Frame(deep, 0, 0.0)) as writer:
         writer.append_state([Frame(deep, 0, 0.0)], current_A=0.0, field_mT=0.0)
@@ -100,7 +102,7 @@ def test_colour_and_sixteen_bits(files: Path, frame: Callable[..., np.ndarray]) 
             writer.append_state([Frame(frame(0), 1, 0.0)], current_A=0.1, field_mT=0.47)
     with open_dataset(files / "deep.h5") as dataset:
         assert np.array_equal(dataset.images(0)[0], deep)
-    colour = np.dstack([frame(0), frame(1), frame(2)])  # blue, green, red
+    colour = np.dstack([frame(0), frame(1), frame(2)])  # the colours are in the order blue, green, red
     with DatasetWriter(files / "colour.h5", header(files), Frame(colour, 0, 0.0)) as writer:
         writer.append_state([Frame(colour, 0, 0.0)], current_A=0.0, field_mT=0.0)
     with open_dataset(files / "colour.h5") as dataset:
@@ -157,7 +159,7 @@ def test_stored_edges_are_read_back_and_replace_earlier_ones(files: Path, frame:
     with DatasetWriter.resume(path) as writer:
         writer.append_state([Frame(frame(30), 130, 3.0)], current_A=0.3, field_mT=1.41)
     with open_dataset(path) as dataset:
-        assert dataset.edges() is None  # the stored edges are those of three states, and now there are four
+        assert dataset.edges() is None  # edges of three states are stored, and the dataset now has four states
 
 
 def test_a_damaged_frame_is_reported_and_recovery_leaves_it_out(files: Path, frame: Callable[..., np.ndarray]) -> None:
@@ -273,7 +275,7 @@ def test_a_killed_writer_loses_no_stored_state(files: Path, states: int) -> None
         recover(crashed, files / "whole.h5")
 
 
-def test_a_live_file_can_be_read(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_file_can_be_read_while_it_is_written(files: Path, frame: Callable[..., np.ndarray]) -> None:
     reader = f"""
 from eimi_lab.dataset.reading import open_dataset
 with open_dataset({str(files / "run.h5")!r}) as dataset:

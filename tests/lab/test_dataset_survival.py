@@ -1,4 +1,4 @@
-"""Writing a dataset when the disk is full, the folder cannot be written to, or another program has the file open."""
+"""Stored states survive when the disk is full, the folder refuses files, or another program has the file open."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ except StorageFailed as error:
 
 
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
-    """Write states until the file has the largest allowed size; return the number of stored states and the messages.
+    """Write states until the file has `size` bytes, its largest allowed size; return the number of states and stderr.
 
-    ``settling`` is the number of frames that are stored while the beam settles in each state.
+    states: number of states without this limit. settling: number of frames in each state while the beam settles.
     """
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
@@ -90,7 +90,7 @@ def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int
 
 
 def crashed(files: Path) -> Path:
-    """Return the path of a dataset that its writer never closed."""
+    """Return the path of a dataset that its writer never closed, with at least two states."""
     assert write_until_full(files, 70_000)[0] > 1
     return files / "run.h5"
 

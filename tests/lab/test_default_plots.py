@@ -1,4 +1,4 @@
-"""The plot that a viewer of NeXus files shows first. The `default` attributes of a dataset lead to this plot."""
+"""The `default` attributes of a dataset lead a viewer of NeXus files to the right first plot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 
 def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
-    """Return the name of the NXdata group to which the `default` attributes lead, and its contents."""
+    """Return the name and the contents of the NXdata group to which the `default` attributes lead."""
     with h5py.File(path, "r") as file:
         group = file
         while "default" in group.attrs:
@@ -24,9 +24,9 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """Store the edges of a hanging beam of 10 mm in a dataset.
+    """Store edges of a hanging beam of 10 mm in a dataset, whose tip is 1 mm further right in each state.
 
-    In each state the tip is 1 mm further right. The last state has no edges.
+    The last state gets no edges.
     """
     along = np.linspace(0.5, 10, 20)
     with open_dataset(path) as dataset:
@@ -40,7 +40,7 @@ def put_edges(path: Path) -> None:
     write_edges(path, [*sets, EdgeSet(nothing, nothing, (), np.full((4, 2), np.nan))])
 
 
-def test_frames_are_shown_until_there_are_edges_and_then_the_tip(setup: Any) -> None:
+def test_the_first_plot_shows_frames_or_if_there_are_edges_the_tip(setup: Any) -> None:
     setup.run()
     assert default_plot(setup.path)[0] == "/entry/data"
     put_edges(setup.path)
@@ -50,7 +50,7 @@ def test_frames_are_shown_until_there_are_edges_and_then_the_tip(setup: Any) -> 
     assert np.allclose(shown["tip_deflection"], [0.0, 1.0, 2.0, np.nan], atol=0.1, equal_nan=True)
 
 
-def test_the_beam_hangs_down_and_bends_to_the_right_as_before_the_camera(setup: Any) -> None:
+def test_the_plotted_beam_hangs_down_and_bends_to_the_right_as_in_the_picture(setup: Any) -> None:
     setup.run()
     put_edges(setup.path)
     with h5py.File(setup.path, "r") as file:
@@ -63,7 +63,7 @@ def test_the_beam_hangs_down_and_bends_to_the_right_as_before_the_camera(setup: 
         assert outline["up"].attrs["units"] == outline["right"].attrs["units"] == "mm"
     drawn = np.split(np.column_stack([right, up]), np.flatnonzero(np.isnan(up)))
     edges = [edge[1:] for edge in drawn if len(edge) > 1]
-    assert len(edges) == 6  # two a state that has any, each a line of its own
+    assert len(edges) == 6  # each state with edges has two edges, each as a line of its own
     assert np.allclose(edges[4][[0, -1]], [[0.1 - 1, -0.5], [2 - 1, -10]])
     with open_dataset(setup.path) as dataset:
         assert np.allclose(dataset.upright([10.0, 2.0]), [2.0, -10.0])

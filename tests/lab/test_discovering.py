@@ -1,4 +1,4 @@
-"""`eimi discover` on real files: it finds the terms of a law, writes them, and refuses wrong options in one line."""
+"""`eimi discover` on real files finds the terms of a law, writes them, and refuses wrong options in one line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ section = "plane-stress"
 
 @pytest.fixture
 def strip(tmp_path: Path, run) -> Path:
-    """Write strip.h5 and curve.csv: tracked points on a strip of 46 kPa under two forces, and its tensile test."""
+    """A folder with strip.h5 (tracked points on a strip of 46 kPa under two forces) and curve.csv, its tensile test."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
     forces = [0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 2, 90.0, 90.0, forces))
@@ -45,7 +45,7 @@ def strip(tmp_path: Path, run) -> Path:
     return tmp_path
 
 
-def test_terms_are_found_with_a_curve_and_not_without(strip: Path, run) -> None:
+def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run) -> None:
     both, alone = strip / "both.json", strip / "alone.json"
     assert run("discover", strip / "strip.h5", "--tensile", strip / "curve.csv", "-o", both)[0] == 0
     found = json.loads(both.read_text())

@@ -1,4 +1,4 @@
-"""Figures are drawn and returned as the bytes of image files."""
+"""Figures are drawn as the bytes of image files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from eimi_lab.showing.drawing import Drawing, saved
 
 
-def test_each_file_of_a_figure_is_drawn_once_and_its_places_are_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_file_of_a_figure_is_drawn_once_and_the_layout_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, draw = list[str](), Figure.draw
 
     def counted(figure: Figure, renderer: object) -> None:

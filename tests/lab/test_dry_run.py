@@ -1,4 +1,4 @@
-"""The dry run: the steps and messages of a run, printed without touching an instrument."""
+"""A dry run prints the steps and messages of a run, and touches no instrument."""
 
 from __future__ import annotations
 
@@ -32,7 +32,12 @@ def test_a_dry_run_prints_exactly_the_messages_of_a_run(setup: Any) -> None:
     setup.camera.swing_s = 1e-9
     setup.run()
     sent = [message.decode() for message in setup.bench.supply._link.sent]
-    commands = ("OUT", "ISET1:", "OCP", "OVP")  # not VSET1: the rig's stricter limits come in with `open_bench`
+    commands = (
+        "OUT",
+        "ISET1:",
+        "OCP",
+        "OVP",
+    )  # VSET1 is left out: its value depends on the stricter limits of the rig, which `open_bench` applies
     assert [message for message in messages(told) if message.startswith(commands)] == [
         message for message in sent if message.startswith(commands)
     ]
@@ -59,7 +64,7 @@ def test_the_messages_name_the_channel_of_the_rig(setup: Any, address: str, driv
 
 
 @pytest.mark.parametrize("driver", DIALECTS)
-def test_every_driver_can_be_run_dry(setup: Any, driver: str) -> None:
+def test_a_dry_run_works_with_every_driver(setup: Any, driver: str) -> None:
     told = tell(setup, driver, "somewhere")
     assert [line.split(": ")[0].split("  ")[-1] for line in told if " stored: " in line] == [
         f"state {index} stored" for index in range(4)
@@ -72,14 +77,14 @@ def test_a_channel_that_the_supply_does_not_have_is_reported(setup: Any) -> None
         tell(setup, "rigol-dp800", "somewhere#4")
 
 
-def test_currents_both_ways_are_run_dry_on_a_bipolar_supply(setup: Any) -> None:
+def test_a_dry_run_on_a_bipolar_supply_sends_currents_of_both_signs(setup: Any) -> None:
     text = setup.protocol.text.replace("start_A = 0.0", "start_A = -0.3")
     setup.protocol = parse(Protocol, text, "p")
     assert "CURR -0.30" in messages(tell(setup, "kepco-bop", "somewhere"))
 
 
 @pytest.mark.parametrize("bipolar", [False, True])
-def test_a_driver_of_another_package_is_run_dry_without_its_messages(
+def test_a_dry_run_with_a_driver_of_another_package_prints_no_messages(
     setup: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bipolar: bool
 ) -> None:
     information = tmp_path / "some_lab-1.0.dist-info"

@@ -1,4 +1,4 @@
-"""Events of a run: their JSON, their senders, and readers that are slow, have ended, or are of an earlier release."""
+"""Events of a run: their JSON lines, their senders, and readers that are slow, have ended, or are older."""
 
 from __future__ import annotations
 
@@ -113,12 +113,12 @@ ONE_OF_EACH = (
 )
 
 
-def test_there_is_one_row_for_every_event() -> None:
+def test_the_table_of_events_has_one_row_for_every_event() -> None:
     assert [type(event) for event in ONE_OF_EACH] == list(EVENTS.values())
 
 
 @pytest.mark.parametrize("event", ONE_OF_EACH, ids=lambda event: event.event)
-def test_an_event_comes_back_from_its_line(event: Event) -> None:
+def test_an_event_is_read_back_from_its_line(event: Event) -> None:
     line = to_line(event)
     assert "\n" not in line
     written = json.loads(line)
@@ -131,14 +131,14 @@ def test_an_event_comes_back_from_its_line(event: Event) -> None:
 
 
 @pytest.mark.parametrize("event", ONE_OF_EACH, ids=lambda event: event.event)
-def test_an_event_has_words_in_one_line(event: Event) -> None:
+def test_the_text_of_an_event_is_one_line(event: Event) -> None:
     words = in_words(event)
     assert words
     assert "\n" not in words
     assert not words.endswith(".")
 
 
-def test_the_words_of_an_off_state_say_how_it_was_determined() -> None:
+def test_the_text_about_a_coil_that_is_off_says_how_this_was_determined() -> None:
     off = OffConfirmed(by="run", determined_by="measured", current_A=0.001, limit_A=0.01)
     assert in_words(off) == "the coil is off, the measured current is below 0.01 A"
     off = OffConfirmed(by="run", determined_by="commanded")
@@ -258,7 +258,7 @@ PICTURES, NAMES = 24, 3000
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):
@@ -270,7 +270,7 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 @contextmanager
 def emulated(bench: Path, driver: str = "scpi") -> Iterator[CoilSupply]:
-    """Serve a supply in this process, and write a rig.toml that names it."""
+    """Serve an emulated supply in this process, and write rig.toml with its address; yield the supply with its coil."""
     coil = CoilSupply(WallClock())
     serving = serve_pty if driver == "korad" else serve_tcp
     with serving(emulate(driver, coil)) as address:
@@ -307,7 +307,7 @@ def test_events_of_an_emulated_supply_are_lines_of_json(bench: Path) -> None:
         done = subprocess.run(command("rig.toml"), cwd=bench, capture_output=True, text=True, timeout=120, check=True)
         assert not coil.state.output
     assert_whole(read(done.stdout.splitlines()))
-    assert done.stderr.count("acquire ") == 4  # a person reads what is always said
+    assert done.stderr.count("acquire ") == 4  # a person at the terminal reads the usual messages
 
 
 @pytest.mark.parametrize("quiet", [False, True])
@@ -327,7 +327,7 @@ def test_events_of_a_virtual_run_are_lines_of_json_and_the_result_comes_after_th
 
 
 @pytest.mark.parametrize("reader", ["gone", "full"])
-def test_a_reader_that_is_gone_or_does_not_read_never_holds_up_the_run(bench: Path, reader: str) -> None:
+def test_a_reader_that_has_ended_or_does_not_read_never_delays_the_run(bench: Path, reader: str) -> None:
     reads, writes = os.pipe()
     if reader == "full":
         os.set_blocking(writes, False)
@@ -370,7 +370,7 @@ def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
     assert f"eimi guardian: {in_words(off)}" in messages
 
 
-def test_lines_for_a_reader_that_is_gone_are_dropped_without_a_message() -> None:
+def test_lines_for_a_reader_that_has_ended_are_dropped_without_a_message() -> None:
     reads, writes = os.pipe()
     os.close(reads)
     lines = EventLines(writes)

@@ -1,4 +1,7 @@
-"""`eimi fit` with tensile curves, with freed inputs and with wrong data, on real dataset files."""
+"""`eimi fit` on real dataset files, with tensile curves, with freed inputs, and with wrong data.
+
+A freed input is an uncertain value of the bench that the fit estimates together with the law.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +39,9 @@ section = "plane-strain"
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces.
+    """Write states.csv, points.csv and strip.toml of a horizontal strip of 46 kPa under three tip forces.
 
-    The function `change` alters the coordinates of the points.
+    change: function that alters the coordinates of the points, shape (3, 9, 2): states, points, x and y in mm.
     """
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     forces = [0.0, 0.001, 0.002]
@@ -57,14 +60,14 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """Import the files of `write_points` as the dataset `name`."""
+    """Write the files of `write_points`, and import them as the dataset `name`."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, told = run("import", folder / "points.csv", *tables, "-o", folder / name)
     assert status == 0, told
 
 
-def test_fits_json_holds_a_tensile_curve_and_a_freed_roll(tmp_path: Path, run) -> None:
+def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Path, run) -> None:
     import_points(tmp_path, run)
     strain = np.linspace(0.02, 0.8, 40)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([[16e3, 7e3]]), strain)[0]
@@ -100,7 +103,7 @@ def test_fits_json_holds_a_tensile_curve_and_a_freed_roll(tmp_path: Path, run) -
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """Return a tensile curve (CSV text, stress in kPa) of a material of 46 kPa; `unit` is the unit in its header."""
+    """Return a tensile curve as CSV text: stresses in kPa of a material of 46 kPa, with `unit` in the header."""
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 
@@ -123,7 +126,7 @@ def test_a_curve_that_contradicts_the_edges_raises_a_doubt(tmp_path: Path, run) 
     assert validation["fit"]["kind"] == "bending and tensile"
 
 
-def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> None:
+def test_a_curve_from_a_notebook_is_recorded_and_used_in_the_fit(tmp_path: Path, run) -> None:
     import_points(tmp_path, run)
     evidence = load_evidence(tmp_path / "strip.h5")
     strain = np.linspace(0.02, 0.5, 30)
@@ -145,7 +148,7 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
     assert plain.aicc > 10
     shorter = TensileCurve(strain[:-1], curve.stress_Pa[:-1])
     other = FitRecord.of(identify("neo-hookean", seen, tensile=[shorter]), [evidence])
-    assert Fits.of([other, fits[1]]).comparison == ()  # another curve: no common data
+    assert Fits.of([other, fits[1]]).comparison == ()  # fitted with another curve: the fits have no common data
     write_report(tmp_path / "report.html", [tmp_path / "strip.h5"], [tmp_path / "fits.json"])
     assert "(from no file)" in (tmp_path / "report.html").read_text()
 
@@ -161,7 +164,10 @@ def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
 
 
 def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path, run) -> None:
-    """The parameter is marked on all cards, on stderr, in the notebook's table, in pandas and in the report."""
+    """A parameter that the data do not determine is marked on every material card and wherever the fit is printed.
+
+    These places are stderr, the notebook's table, pandas and the report.
+    """
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     fits = tmp_path / "fits.json"
     assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
@@ -240,7 +246,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Return coordinates of tracked points, in which the last state has the coordinates of the first state."""
+    """Return tracked points in which the last state has the coordinates of the first state; places: shape (3, n, 2)."""
     return np.concatenate([places[:2], places[:1]])
 
 

@@ -1,4 +1,4 @@
-"""A grid of fits gives the same result with any number of workers, and after workers or the program were killed."""
+"""A grid of fits gives the same result with any number of worker processes, and after processes were killed."""
 
 from __future__ import annotations
 
@@ -47,9 +47,11 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 @pytest.fixture(scope="module")
 def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write two datasets of one beam of known modulus, with noisy tracked points; return their folder."""
+    """A folder with two datasets of one beam of known modulus, with tracked points and different noise."""
     folder = tmp_path_factory.mktemp("beams")
-    text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')  # for speed
+    text = load_specimen("type1").text.replace(
+        'section = "solid"', 'section = "plane-stress"'
+    )  # plane stress is faster than a solid
     specimen = parse(SpecimenFile, text, "type1")
     model, loads = BeamModel(specimen.mechanics(), 20, 2), Loads.along(FIELD_MT)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads)
@@ -100,12 +102,12 @@ def test_a_grid_is_the_same_with_one_and_with_two_workers(beams: Path, tmp_path:
         assert fit.bootstrap is not None
         (replicate,) = fit.bootstrap.replicates
         assert replicate.replicate == 1
-        assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is None  # of one replicate there is none
+        assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is None  # one replicate gives no bootstrap interval
         assert replicate.initial_shear_modulus_Pa == pytest.approx(MODULUS_PA, rel=0.02)
         assert replicate.initial_shear_modulus_Pa != fit.initial_shear_modulus.value
 
 
-def test_a_grid_goes_dataset_by_dataset_seed_by_seed_and_replicate_by_replicate(beams: Path) -> None:
+def test_a_grid_is_ordered_by_dataset_then_seed_then_replicate(beams: Path) -> None:
     evidence = [load_evidence(beams / name) for name in ("first.h5", "second.h5")]
     tasks = grid(["yeoh", "ogden"], evidence, [1, 2], each=True, bootstrap=1)
     assert [(task.evidence, task.model, task.seed, task.replicate) for task in tasks] == [
@@ -119,7 +121,7 @@ def test_a_grid_goes_dataset_by_dataset_seed_by_seed_and_replicate_by_replicate(
 
 
 @pytest.mark.slow
-def test_bootstrap_interval_holds_the_modulus(beams: Path) -> None:
+def test_the_bootstrap_interval_contains_the_modulus(beams: Path) -> None:
     tasks = grid(["neo-hookean"], [load_evidence(beams / "first.h5")], [1], bootstrap=40)
     (fit,) = fit_grid(tasks, {}, executor=partial(processes, 2))
     assert fit.bootstrap is not None
@@ -150,7 +152,7 @@ def test_a_killed_worker_changes_nothing(beams: Path) -> None:
 def test_a_refusal_is_the_same_with_workers_and_without(beams: Path, tmp_path: Path, run: Run) -> None:
     (tmp_path / "odd.h5").write_bytes((beams / "first.h5").read_bytes())
     with h5py.File(tmp_path / "odd.h5", "r+", libver="latest") as file:
-        file["entry/data/y"][...] = -file["entry/data/y"][()]  # bent to the wrong side
+        file["entry/data/y"][...] = -file["entry/data/y"][()]  # the beam bends to the wrong side
     fit = ["fit", tmp_path / "odd.h5", "--model", "neo-hookean", "--model", "yeoh", "-o", tmp_path / "fits.json"]
     said = [run(*fit, "--workers", workers) for workers in (1, 2)]
     assert said[0][0] == said[1][0] == 2
@@ -229,12 +231,14 @@ def test_a_stopped_fit_prints_one_line_and_ends_its_workers(
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a test run in the background ignores it
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a test that runs in the background ignores this signal
     )
     while process.poll() is None and generations(tmp_path / "log.jsonl") < 1:
         time.sleep(0.002)
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=PATIENCE_S)[1]  # to the end: as long as any of its processes is there
+    said = process.communicate(timeout=PATIENCE_S)[1]  # reads until the last process of the fit has ended
     go_on = "log.jsonl contains all generations so far; the same command with --resume continues the fit"
     assert (process.returncode, said.decode()) == (128 + number, f"eimi: stopped by {number.name}: {go_on}\n")
     assert not (tmp_path / "fits.json").exists()
@@ -250,7 +254,9 @@ def test_a_full_disk_is_reported_in_one_line_with_the_file(
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024)),  # of every file, as a full disk
+        preexec_fn=lambda: resource.setrlimit(
+            resource.RLIMIT_FSIZE, (1024, 1024)
+        ),  # largest size of every file, to imitate a full disk
     )
     assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"eimi: [Errno 27] File too large: '{told}'")
     assert "Traceback" not in done.stderr
@@ -272,14 +278,14 @@ def test_a_fit_that_is_killed_repeatedly_ends_with_the_same_result(beams: Path, 
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
         kills += process.wait(PATIENCE_S) == -signal.SIGKILL
-        if kills == 2:  # the third is to find a line that was cut short
+        if kills == 2:  # the third attempt has to find a line that was cut off
             log.write_bytes(log.read_bytes()[:-40])
     assert kills >= 3
     assert not (tmp_path / "fits.json").exists()
     last = eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path)
     assert last.wait(PATIENCE_S) == 0, last.stderr
     assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
-    # Except for the order of the lines, both logs hold the same generations with the same objectives.
+    # Except for the order of the lines, both logs contain the same generations with the same objectives.
     logged = [
         {line for line in path.read_text().split("\n") if '"objective_mm":' in line and line.endswith("}}")}
         for path in (log, tmp_path / "whole.jsonl")
@@ -330,7 +336,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
-    """The checkpoint differs in the last digits, as if another kind of processor had rounded differently."""
+    """A fit continues from a checkpoint whose last digits differ, because another processor rounds differently."""
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0

@@ -1,4 +1,4 @@
-"""One field adds an option of `eimi fit` to the command line, to the checkpoint and to the fit."""
+"""One additional field of the options adds an option of `eimi fit` to the command line, the checkpoint and the fit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_each_field_is_an_option_of_the_command_and_a_key_of_the_checkpoint() ->
     assert names == set(FitOptions().head())
 
 
-def test_another_option_is_another_field() -> None:
+def test_options_of_the_command_line_set_the_fields_and_wrong_values_are_refused() -> None:
     received.clear()
     app = typer.Typer()
     app.command()(command)

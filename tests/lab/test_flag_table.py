@@ -1,7 +1,7 @@
 """Every row of the table of flags: its limits, the severity below and above each limit, and the added deviation.
 
-This file repeats the rows. A new check fails until its row is added here. `docs/why/edges.md` gives the sources of the
-limits.
+This file repeats the rows, so that a new check fails until its row is added here. `docs/why/edges.md` gives the sources
+of the limits.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from eimi_lab.vision.flags import CHECKS, judge
 class Row(NamedTuple):
     """A row of the table: name of the flag, limit, severity, and the limit beyond which a state is unusable.
 
-    below: whether values below the limit are flagged, and not values above it. adds: a doubtful value, the deviation
-    that it adds, and the unit of this deviation.
+    below: whether values below the limit are flagged, instead of values above the limit. adds: a value that gives a
+    doubtful state, the standard deviation that this value adds to the points, and the unit of this deviation.
     """
 
     name: str
@@ -73,14 +73,14 @@ ROWS = {
     "damaged_frames": Row("DROPPED", 0.0, "note"),
     "repeated_frames": Row("DUPLICATE", 0.0, "note"),
     "repeated_images": Row("DUPLICATE", 0.0, "unusable"),
-    # A ratio of 2.2 is a motion of a fifth of a pixel, see `settling_statistic`.
+    # A ratio of 2.2 corresponds to a motion of a fifth of a pixel, see `settling_statistic`.
     "settling_ratio": Row("NOT_SETTLED", 1.2, "doubtful", 30.0, adds=(2.2, 0.2, "px")),
     "motion_ratio": Row("NOT_SETTLED", 1.2, "doubtful", 30.0, adds=(2.2, 0.2, "px")),
 }
 WORDS = {"even_turn": "", "narrow_px": "5", "clicks_off": "none", "twist_effect": "1", "image": "a.png"}
 
 
-def test_every_check_stands_in_the_table() -> None:
+def test_every_check_is_in_the_table() -> None:
     assert [check.finding for check in CHECKS] == list(ROWS)
 
 
@@ -121,7 +121,7 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """A worse value of a flagged quantity never adds a smaller deviation."""
+    """A worse value of a flagged quantity never adds a smaller deviation to the points."""
     for check in CHECKS:
         if check.widens is None:
             continue

@@ -1,4 +1,4 @@
-"""A recording of a strip is divided into ring-downs where the strip was flicked again, and nowhere else."""
+"""A recording of a strip is divided into ring-downs at each new flick, and nowhere else."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def swinging(time_s: NDArray[np.float64], begins_s: float, damping: float = 0.01
 
 
 @pytest.mark.parametrize("other_Hz", [7.1, 7.5, 8.9])
-def test_a_beat_of_two_vibrations_is_one_ring_down(other_Hz: float) -> None:
+def test_two_vibrations_whose_amplitude_beats_are_one_ring_down(other_Hz: float) -> None:
     time_s = np.arange(0.0, 6.0, 1.0 / RATE_HZ)
     decay = np.exp(-np.pi * 8.0 * 0.01 * time_s)
     moved = 10.0 * decay * (np.cos(2 * np.pi * 8.0 * time_s) + 0.8 * np.cos(2 * np.pi * other_Hz * time_s))

@@ -1,4 +1,4 @@
-"""If a fit freed a quantity of the specimen, its validation uses the estimated value."""
+"""If a fit has estimated a quantity of the specimen, the validation of the fit uses the estimated value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_lab.fits.states_used import StatesUsed
 NOISE_MM = 2e-3
 
 
-def test_the_error_of_a_validation_is_that_of_the_fit_with_its_freed_direction_of_magnetisation() -> None:
+def test_a_validation_uses_the_direction_of_magnetisation_that_the_fit_has_estimated() -> None:
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet)
     tilted = BeamModel(replace(beam, magnet=replace(magnet, magnetisation_angle_deg=3.0)), 26, 2)

@@ -33,7 +33,7 @@ from tests.patience import PATIENCE_S
 
 
 class Bench:
-    """A coil that carries current, and its emulated supply: a Korad on a pseudo-terminal, or another one over TCP."""
+    """A coil with a current, and its emulated supply: a Korad on a pseudo-terminal, or another supply over TCP."""
 
     def __init__(self, driver: str) -> None:
         self.coil = CoilSupply(WallClock())
@@ -72,7 +72,7 @@ def test_the_end_of_the_run_switches_off_and_no_other_set_point_than_zero_is_sen
     with bench.ward() as ward:
         with guarding(ward) as guardian:
             guardian.arm()
-            assert bench.heard == []  # while the run lives, the port is the run's alone
+            assert bench.heard == []  # while the run lives, only the run may use the port
         assert wait_for(guardian) == 0
     assert bench.is_off()
     assert set(bench.current_A) <= {0.5, 0.0}
@@ -106,7 +106,9 @@ def test_signals_do_not_end_the_guardian() -> None:
             guardian.arm()
             for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
                 os.kill(guardian._process.pid, number)
-            assert os.getsid(guardian._process.pid) != os.getsid(0)  # the terminal's signals go to its own session
+            assert os.getsid(guardian._process.pid) != os.getsid(
+                0
+            )  # signals of the terminal do not reach the guardian, which has its own session
             WallClock().sleep(0.2)
             guardian.check()
         assert wait_for(guardian) == 0
@@ -139,8 +141,10 @@ def test_a_supply_that_answers_again_is_switched_off() -> None:
     assert bench.is_off()
 
 
-def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureFixture[str]) -> None:
-    # Its name goes to the next emulator, whose port a guardian of an earlier run must not take.
+def test_the_guardian_does_not_wait_for_a_pseudo_terminal_that_no_longer_exists(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    # The next emulator gets the same name, and a guardian of an earlier run must not use its port.
     bench = Bench("korad")
     with bench.ward() as ward:
         guardian = Guardian(ward)
@@ -150,7 +154,7 @@ def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureF
     assert f"the emulated supply at {ward.address} does not exist any more" in capfd.readouterr().err
 
 
-def test_a_run_whose_guardian_is_gone_raises_an_error() -> None:
+def test_a_run_whose_guardian_has_ended_raises_an_error() -> None:
     bench = Bench("korad")
     with bench.ward() as ward, guarding(ward) as guardian:
         guardian.arm()
@@ -166,12 +170,12 @@ def test_the_guardian_takes_over_a_run_that_stands_still_and_reports_it(capfd: p
     with bench.ward() as ward, guarding(ward) as guardian:
         busy = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
         guardian.arm()
-        for _ in range(60):  # longer than one may stand still, but it moves on
+        for _ in range(60):  # longer than the permitted standstill, but in shorter steps
             guardian.beat()
             guardian.check()
             WallClock().sleep(0.1)
         assert bench.heard == []
-        os.kill(guardian._process.pid, signal.SIGSTOP)  # and now both stand still, with the port locked
+        os.kill(guardian._process.pid, signal.SIGSTOP)  # now run and guardian stand still, and the port is locked
         time.sleep(STILL_FOR_S + 0.5)
         os.kill(guardian._process.pid, signal.SIGCONT)
         assert wait_for(guardian) == 0
@@ -214,7 +218,7 @@ def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
             guardian.check()
         guardian.disarm()
         guardian.check()
-        slept_s[0] = 3600.0  # a pause of the run, however long, is no standstill
+        slept_s[0] = 3600.0  # a pause of the run does not count as a standstill, however long it is
         guardian.arm()
         guardian.refuse_a_gap()
         guardian.check()
@@ -237,7 +241,7 @@ def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without
 
 
 def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
-    """Stop a run and its guardian for 1.5 s, as a computer that sleeps does."""
+    """Stop a run and its guardian for 1.5 s, as the sleep of a computer does."""
     with switching_off(coil, guardian) as stop_if_asked:
         stop_if_asked()
         os.kill(guardian._process.pid, signal.SIGSTOP)
@@ -250,7 +254,7 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 def check_for(guardian: Guardian, seconds: float) -> None:
     """Check a guardian repeatedly for some seconds, as a run does.
 
-    One check is not enough: the run may still have to read reports that a stopped guardian sent before it was stopped.
+    One check is not enough, because the run may first have to read earlier reports of a guardian that is now stopped.
     """
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
@@ -285,7 +289,7 @@ def test_the_guardian_reports_the_outcome(capfd: pytest.CaptureFixture[str]) -> 
     bench = Bench("korad")
     with bench.ward() as ward:
         with guarding(ward) as guardian:
-            guardian.arm()  # a run that goes on to its own end, and leaves the coil on
+            guardian.arm()  # a run that continues to its end and leaves the coil on
         wait_for(guardian)
     assert f"the run could not switch the coil off; {ward.address}: the coil was switched off" in capfd.readouterr().err
 
@@ -297,7 +301,7 @@ def test_a_run_killed_before_its_guardian_is_ready_leaves_no_message() -> None:
         assert guardian.stdin is not None
         assert guardian.stdout is not None
         assert guardian.stderr is not None
-        guardian.stdout.close()  # long before it has imported what it needs
+        guardian.stdout.close()  # long before the guardian has imported its modules
         guardian.stdin.close()
         assert guardian.stderr.read() == b""
         assert guardian.wait(PATIENCE_S) == 0
@@ -337,7 +341,7 @@ def test_a_supply_that_the_run_switched_off_while_a_current_flowed_may_be_found_
 IDENTIFIED = ("EIMI,EMULATED SUPPLY,7,1.0", "7")
 
 
-def test_a_supply_that_does_not_answer_with_its_identity_is_switched_off_and_not_believed() -> None:
+def test_a_supply_without_its_identity_is_switched_off_but_not_reported_as_off() -> None:
     bench = Bench("scpi")
     bench.dialect.identification = IDENTIFIED[0]
     with bench.ward() as ward:
@@ -352,7 +356,7 @@ def test_a_supply_that_does_not_answer_with_its_identity_is_switched_off_and_not
         assert off.found_off
 
 
-def test_another_supply_on_a_line_that_was_reopened_while_switching_off_is_not_believed() -> None:
+def test_another_supply_on_a_line_that_was_reopened_while_switching_off_is_not_reported_as_off() -> None:
     bench = Bench("scpi")
     bench.dialect.identification = IDENTIFIED[0]
     with bench.ward() as ward:
@@ -382,7 +386,7 @@ def test_a_coil_that_cannot_be_reached_is_reported_before_the_attempts_have_ende
     assert last.time_s - first.time_s > 1.0  # the supply has 1 s for each answer
 
 
-def test_the_end_of_the_doubt_is_printed_after_the_doubt() -> None:
+def test_the_report_that_the_coil_is_off_is_printed_after_the_report_of_the_doubt() -> None:
     printed: list[str] = []
     listen = on_terminal(printed.append, printed.append)
     off = OffConfirmed(by="run", determined_by="measured", current_A=0.0, limit_A=0.02)

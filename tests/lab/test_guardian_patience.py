@@ -1,4 +1,4 @@
-"""Tests of the time at which the guardian takes over, and of the duration of its attempts to switch the coil off.
+"""The guardian takes over from a run at the right time, and attempts to switch the coil off for the right duration.
 
 The clock of these tests advances only while the guardian waits.
 """
@@ -49,7 +49,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock that replaces the module `time`, and that advances only while the guardian sleeps or waits."""
+    """A clock that replaces the module `time`; it advances only while the guardian sleeps or waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -96,10 +96,10 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Send `messages`, each with its time (s) from the beginning, and return what the guardian decides.
+        """Send the messages, each with its time (s) from the beginning, and return the decision of the guardian.
 
-        The empty message ends the run. The result is the reason for which the guardian takes over, the supply to
-        switch off, and the time (s) of the decision. The reason is None if the run ended with the coil off.
+        The empty message ends the run. The result is the reason for which the guardian takes over, the supply to switch
+        off, and the time (s) of the decision. The reason is None if the run ended with the coil off.
         """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
@@ -168,9 +168,9 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """Attempts to switch the coil off. Each of the first attempts raises one of `errors`, in the given order.
+    """A replacement for the attempts to switch the coil off, of which the first raise `errors` in the given order.
 
-    All later attempts succeed if `succeed` is true. Otherwise they raise the last error again.
+    All later attempts succeed if `succeed` is True; otherwise they raise the last error again.
     """
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
@@ -189,7 +189,7 @@ class Attempts:
 
 
 class Process:
-    """The process of the run."""
+    """The process of the run, which records whether the guardian kills it."""
 
     def __init__(self) -> None:
         self.killed = 0
@@ -204,7 +204,7 @@ class Process:
 def switched_off(
     monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
 ) -> tuple[list[tuple[float, Event]], Process]:
-    """Return the events of the guardian with their times, and the process of the run."""
+    """Let the guardian switch the coil off; return its events with their times (s), and the process of the run."""
     monkeypatch.setattr(guardian_process, "_try_once", attempts)
     events: list[tuple[float, Event]] = []
     process = Process()
@@ -280,7 +280,7 @@ def test_a_measured_current_is_in_the_report(monkeypatch: pytest.MonkeyPatch, cl
 
 
 class Supply:
-    """A supply whose output is on although no current flows. If `stays_on`, the output cannot be switched off."""
+    """A supply whose output is on although no current flows; if `stays_on`, the output cannot be switched off."""
 
     def __init__(self, stays_on: bool) -> None:
         self.limits = WARD.limits
@@ -324,7 +324,7 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
 
 
 class Recorder:
-    """A guardian that records the calls of the run."""
+    """A replacement for the guardian, which records the calls of the run."""
 
     def __init__(self) -> None:
         self.told: list[str] = []

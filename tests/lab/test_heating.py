@@ -1,4 +1,4 @@
-"""The computed heating of the coil, compared with the solution of its differential equation."""
+"""The computed heating of the coil agrees with the solution of its differential equation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def protocol(currents_A: list[float], timeout_s: float = 30.0) -> Protocol:
     )
 
 
-def test_one_current_warms_exponentially() -> None:
+def test_a_constant_current_warms_the_coil_exponentially() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=100.0)
     held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S
     found = hottest(protocol([0.0, 2.0]), rating)
@@ -36,8 +36,8 @@ def test_one_current_warms_exponentially() -> None:
 
 
 @pytest.mark.parametrize("cycles", [1, 2, 4])
-def test_frames_are_taken_in_the_first_and_in_the_last_conditioning_cycle(cycles: int) -> None:
-    # With a time constant far above the run nothing cools, and the heat is the integral of the squared current.
+def test_the_heat_includes_the_frames_in_the_first_and_in_the_last_conditioning_cycle(cycles: int) -> None:
+    # With a time constant much longer than the run, the heat is the integral of the squared current.
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
     rule = Conditioning(cycles=cycles, current_A=2.0)
     found = hottest(protocol([0.0, 0.0], timeout_s=30.0).model_copy(update={"conditioning": rule}), rating)
@@ -62,7 +62,7 @@ def test_the_current_before_each_ring_down_warms_the_coil() -> None:
 def test_the_heat_of_a_ramp_is_the_integral_of_the_squared_current() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
     slow = protocol([1.0, 3.0]).model_copy(update={"ramp": Ramp(rate_A_per_s=0.01, step_A=0.1, tolerance_A=0.02)})
-    ramp_A2s = sum((0.01 * second) ** 2 for second in range(300))  # 0 to 3 A at 10 mA/s
+    ramp_A2s = sum((0.01 * second) ** 2 for second in range(300))  # a sweep from 0 to 3 A at 10 mA/s
     held_A2s = (1.0 + 9.0) * (30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S)
     assert hottest(slow, rating).share == pytest.approx((ramp_A2s + held_A2s) / 1e7, rel=0.005)
 

@@ -1,4 +1,4 @@
-"""Small files that ask for too much of a computer are refused: nesting, digits, memory, processor time."""
+"""Small files that demand too much of a computer are refused: depth of nesting, digits, memory, processor time."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_absurd_tensile_rows_are_refused_in_one_line(run: Run, tmp_path: Path, r
 
 
 def test_frames_that_unpack_to_more_than_a_quarter_of_the_free_memory_are_not_unpacked(dataset: Path) -> None:
-    with h5py.File(dataset, "r+") as file:  # chunks that were never written take no room in the file
+    with h5py.File(dataset, "r+") as file:  # chunks that were never written occupy no space in the file
         data = file["entry/data"]
         rows = limits.free_memory_bytes() // data["frames"][0].nbytes
         for name in data:
@@ -102,7 +102,9 @@ def test_frames_that_unpack_to_more_than_a_quarter_of_the_free_memory_are_not_un
         opened.images(0)
 
 
-def test_an_image_is_measured_against_the_free_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_that_needs_too_much_of_the_free_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import cv2
 
     cv2.imwrite(str(tmp_path / "flat.png"), np.zeros((4000, 4000), np.uint8))
@@ -112,7 +114,7 @@ def test_an_image_is_measured_against_the_free_memory(tmp_path: Path, monkeypatc
         read_image(tmp_path / "flat.png")
 
 
-def test_the_free_memory_is_stated_by_the_system_or_assumed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_free_memory_comes_from_the_system_or_is_assumed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 1 << 20 < limits.free_memory_bytes() < 1 << 50
     for source in ("_linux", "_windows", "_macos"):
         monkeypatch.setattr(limits, source, lambda: 0)
@@ -120,12 +122,12 @@ def test_the_free_memory_is_stated_by_the_system_or_assumed(monkeypatch: pytest.
     assert limits.free_memory_bytes() <= limits.ASSUMED_FREE_BYTES
 
 
-def test_a_recovery_that_takes_long_does_not_call_the_file_damaged(
+def test_a_slow_recovery_does_not_report_the_file_as_damaged(
     dataset: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     pytest.importorskip("resource")
     (tmp_path / "site").mkdir()
-    # `-m` runs the module anew under the name __main__: what it imports is replaced, not the module itself.
+    # `-m` runs the module under the name __main__, so that the test replaces a function that it imports.
     endless = (
         "import eimi_lab.dataset.repair.superblock as at\nat.close_superblock = lambda file: exec('while 1: pass')\n"
     )
@@ -138,7 +140,7 @@ def test_a_recovery_that_takes_long_does_not_call_the_file_damaged(
 
 
 def test_a_sound_file_is_recovered_where_memory_is_limited_already(dataset: Path, tmp_path: Path) -> None:
-    """A batch system sets a hard limit of memory, which no process can raise."""
+    """A good file is recovered also under a hard limit of the memory, as a batch system sets it."""
     resource = pytest.importorskip("resource")
     most = 3 << 30
     command = [sys.executable, "-m", "eimi_lab", "recover", str(dataset), "-o", str(tmp_path / "out.h5")]

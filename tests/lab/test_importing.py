@@ -1,4 +1,4 @@
-"""Import on the command line: a good folder becomes a dataset; a bad folder gives one line and no file."""
+"""`eimi import` makes a dataset from a correct folder; for an incorrect folder it gives one line and no file."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def import_points(run: Run, files: Path) -> tuple[int, str]:
 def test_images_are_imported_in_natural_order(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
     states = pictures / "states.csv"
     header, *rows = states.read_text().splitlines()
-    states.write_text("\n".join([header, *sorted(rows)]))  # in alphabetical order: 1, 10, 2, 20
+    states.write_text("\n".join([header, *sorted(rows)]))  # the alphabetical order would be 1, 10, 2, 20
     assert import_frames(run, pictures) == (0, "")
     with open_dataset(pictures / "out.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.1, 0.2, 1.0, 2.0]
@@ -84,7 +84,10 @@ def test_images_that_no_row_lists_are_left_out_with_a_note(run: Run, pictures: P
 
 
 def test_paths_are_relative_to_the_table(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
-    """Paths may have backslashes. If a name exists in the folder and beside the table, the folder's file is used."""
+    """Paths in states.csv are relative to the folder of the images or to the table, and may have backslashes.
+
+    If a file name exists at both places, the file in the folder of the images is used.
+    """
     (pictures / "elsewhere").mkdir()
     cv2.imwrite(str(pictures / "elsewhere" / "other.png"), frame(7))
     cv2.imwrite(str(pictures / "frame_1.png"), frame(8))
@@ -109,7 +112,7 @@ def test_a_dataset_can_be_made_from_one_picture(run: Run, pictures: Path) -> Non
 
 
 def test_a_table_written_by_a_spreadsheet_is_read(run: Run, pictures: Path) -> None:
-    """The table has semicolons, decimal commas and a byte-order mark."""
+    """A table with semicolons, decimal commas and a byte-order mark is read; an Excel file is refused."""
     (pictures / "states.csv").write_text("frame;current_A\nframe_1.png;0,25\nframe_2.png;1.5\n", encoding="utf-8-sig")
     assert import_frames(run, pictures)[0] == 0
     with open_dataset(pictures / "out.h5") as dataset:
@@ -410,7 +413,7 @@ def without_coil(files: Path) -> None:
     (files / "calibration.toml").write_text("".join(line for line in lines if not line.startswith(coil)))
 
 
-def test_weights_need_neither_a_current_nor_a_coil(run: Run, pictures: Path) -> None:
+def test_images_with_weights_need_neither_a_current_nor_a_coil(run: Run, pictures: Path) -> None:
     without_coil(pictures)
     (pictures / "states.csv").write_text("frame,tip_force_N\nframe_1.png,0\nframe_2.png,0.01\n")
     assert import_frames(run, pictures)[0] == 0

@@ -1,4 +1,4 @@
-"""Import of videos, averages and flags, and of damaged or misleading images, which give one line or flags."""
+"""`eimi import` handles videos, averages and flags, and gives one line or flags for damaged or misleading images."""
 
 from __future__ import annotations
 
@@ -96,7 +96,10 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
-    """The video has twelve frames at 10 Hz. Two loads are given by time, and the second ends before the video does."""
+    """Every n-th frame of a video gets the load that acts at its time, or from its frame number on.
+
+    The video has twelve frames at 10 Hz; the second of the two loads ends before the video.
+    """
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):
         writer.write(cv2.cvtColor(frame(number), cv2.COLOR_GRAY2BGR))
@@ -125,7 +128,7 @@ def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files
 
 
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
-    """Colours are kept if only the second image is in colour, and if the dark frame is grey."""
+    """Colours are stored also if only the second image is in colour, or if the dark frame is grey."""
     red = np.dstack([frame(1) // 3, frame(1) // 2, frame(2)])
     fill(files, {"f_0.png": frame(0), "f_1.png": red}, [0, 1])
     cv2.imwrite(str(files / "dark.png"), np.full((96, 128), 4, np.uint8))
@@ -145,10 +148,10 @@ def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
         assert correction is not None
         even = correction.apply(flat)
         assert [float(np.ptp(even[..., k])) < 1e-3 for k in range(3)] == [True] * 3
-        assert even[0, 0].argmax() == 2  # the lamp keeps its colour
+        assert even[0, 0].argmax() == 2  # the correction keeps the colour of the lamp
 
 
-def test_a_fit_uses_doubtful_states_with_wider_points_and_leaves_unusable_ones_out(
+def test_a_fit_uses_doubtful_states_with_larger_uncertainties_and_leaves_out_unusable_states(
     run: Run, files: Path, frame: Draw
 ) -> None:
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
@@ -202,11 +205,11 @@ def test_frames_of_a_state_are_averaged_on_request(run: Run, files: Path, frame:
 
 
 def test_imported_frames_get_flags(run: Run, files: Path, frame: Draw) -> None:
-    images = {f"f_{k}.png": frame(k) for k in (0, 5, 10, 20)}  # every fifth, and 15 is missing
-    images |= {f"f_{30 + k}.png": frame(min(k, 1)) for k in range(3)}  # the last one twice
+    images = {f"f_{k}.png": frame(k) for k in (0, 5, 10, 20)}  # the numbers count by 5, and 15 is missing
+    images |= {f"f_{30 + k}.png": frame(min(k, 1)) for k in range(3)}  # the last frame occurs twice
     images |= {f"f_{40 + k}.png": frame(40 + k, shift_px=0.5 * k) for k in range(3)}
     images |= {f"f_{50 + k}.png": frame(50 + k) for k in range(3)}
-    images["f_60.png"] = frame(52)  # the one before, under another load
+    images["f_60.png"] = frame(52)  # the previous frame, with another load
     fill(files, images, [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4])
     assert imported(run, files) == (0, "")
     with open_dataset(files / "out.h5") as dataset:
@@ -221,7 +224,7 @@ def test_progress_is_shown_for_many_frames(run: Run, files: Path, frame: Draw) -
     assert [line.split(":")[0] for line in said.splitlines()] == ["import 1/2", "import 2/2"]
 
 
-def test_edges_carry_age_and_digest_of_the_calibration(run: Run, files: Path, frame: Draw) -> None:
+def test_edges_are_stored_with_the_age_and_the_digest_of_the_calibration(run: Run, files: Path, frame: Draw) -> None:
     with (files / "calibration.toml").open("a") as file:
         file.write("calibrated_on = 2020-01-01\n")
     fill(files, {"f_0.png": frame(0), "f_1.png": frame(1)}, [0, 1])
@@ -243,7 +246,7 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
     before = {file.name: file.read_bytes() for file in (files / "there").iterdir()}
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, ((files / "out.h5").stat().st_size + (1 << 14) + 44600, hard))
-    try:  # the frames' own pictures are smaller than the dataset, all of them on one sheet are larger
+    try:  # the overlay of one frame is smaller than the dataset, and the sheet with all overlays is larger
         said = [run("segment", files / "out.h5", "--overlay", files / name, "--force") for name in ("there", "a/b")]
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -256,7 +259,7 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run a command that may write files of at most `room` bytes.
+    """Run an `eimi` command that may write files of at most `room` bytes.
 
     The command runs in another process, because HDF5 may crash at the limit.
     """
@@ -272,7 +275,7 @@ def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str
 
 @pytest.mark.parametrize("share", [0.5, 1.01])
 def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Draw, share: float) -> None:
-    """The disk becomes full while the dataset is copied, or while edges are added to the copy."""
+    """A dataset stays unchanged if the disk becomes full while the dataset is copied or gets edges."""
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
     assert imported(run, files) == (0, "")
     before = (files / "out.h5").read_bytes()
@@ -284,7 +287,7 @@ def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Dr
     assert not list(files.glob(".*"))
 
 
-def test_a_dataset_that_does_not_fit_on_the_disk_is_named(files: Path, frame: Draw) -> None:
+def test_the_error_for_a_dataset_that_does_not_fit_on_the_disk_names_the_dataset(files: Path, frame: Draw) -> None:
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
     options = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
     options += [f"--states={files / 'states.csv'}", f"--output={files / 'out.h5'}"]
@@ -294,7 +297,10 @@ def test_a_dataset_that_does_not_fit_on_the_disk_is_named(files: Path, frame: Dr
 
 
 def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
-    """The test starts another process, because it also reads the messages of the video decoder."""
+    """A damaged video gives one line of error, without messages of the video decoder.
+
+    The command runs in another process, because only there the test reads the messages of the decoder.
+    """
     (files / "run.mp4").write_bytes(b"no video")
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     tables = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
@@ -332,7 +338,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
-    """Uneven pixels disturb the edges. A stored flat field corrects the frames in every later segmentation."""
+    """A flat field that is stored with the frames corrects uneven pixels in every later segmentation."""
     gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
     images = {}
@@ -345,7 +351,10 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """Return the edges that a fit uses. If the dataset has no edges, it is segmented first."""
+        """Return the edge points that a fit uses, (x, y) in mm, shape (n, 2).
+
+        A dataset without edges is segmented first.
+        """
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:
             return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])
@@ -389,7 +398,7 @@ def test_any_header_is_read_or_ignored(start: bytes, rest: bytes) -> None:
     assert size is None or all(isinstance(side, int) for side in size)
 
 
-def test_a_claim_of_two_hundred_megapixels_is_refused(tmp_path: Path) -> None:
+def test_an_image_whose_header_claims_two_hundred_megapixels_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "huge.png"
     path.write_bytes(png_that_claims(20_000, 10_000))
     with pytest.raises(InputError, match=r"huge\.png: has a size of 20000 x 10000 px"):

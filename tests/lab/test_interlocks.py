@@ -1,4 +1,4 @@
-"""Interlocks: if a measured value of the supply leaves its bounds, the run ends with the coil off."""
+"""Interlocks: if a reading of the supply leaves its bounds, the run ends with the coil off."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.lab.test_watched_current import WITHIN_S, restless, spoil_at
 
 
 def with_interlocks(setup: Any, *tables: str) -> None:
-    """Add tables [[interlocks]] to the rig file of a bench, and read the file."""
+    """Add tables [[interlocks]] with these lines to the rig file of a bench, and read the file."""
     path = setup.path.with_name("rig.toml")
     path.write_text(setup.rig.text + "".join(f"\n[[interlocks]]\n{table}\n" for table in tables))
     setup.rig = load_rig(path)
@@ -71,7 +71,7 @@ def test_a_run_does_not_begin_outside_the_bounds_of_an_interlock(setup: Any) -> 
     assert setup.is_off()
 
 
-def test_a_reading_that_does_not_come_opens_the_interlock() -> None:
+def test_a_missing_reading_ends_the_run_as_a_reading_out_of_bounds_does() -> None:
     events: list[Event] = []
     interlocks = Interlocks([Interlock(reading="coil_voltage_V", maximum=9.0, longest_silence_s=4.0)], events.append)
     interlocks.check_silence(100.0)

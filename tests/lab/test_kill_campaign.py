@@ -1,4 +1,7 @@
-"""A short kill campaign. `python -m benchmarks.kill_campaign --runs 500` is the long campaign."""
+"""A short kill campaign, in which runs are killed at random times.
+
+`python -m benchmarks.kill_campaign --runs 500` is the long campaign.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,13 @@ import pytest
 
 from tests.patience import PATIENCE_S
 
-SEED = 18  # its first run is killed by SIGKILL with the output on
+SEED = 18  # the first run of this seed is killed by SIGKILL with the output on
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("runs", "seed"), [(1, SEED), pytest.param(40, 5, marks=pytest.mark.slow)])
 def test_killed_runs_leave_the_coil_off_and_their_states_stored(runs: int, seed: int) -> None:
-    # How soon the coil is off is the script's to tell, not a test's: a busy machine is no defect.
+    # The benchmark reports how soon the coil is off; a test does not, because a busy computer is not a defect.
     command = [
         sys.executable,
         "-m",

@@ -1,7 +1,7 @@
-"""Whole runs on the command line, on a supply with a real transport, interrupted by every signal and by a kill.
+"""Whole runs on the command line are interrupted by each signal and by a kill, on a supply with a real transport.
 
-The supply is emulated in the process of the test. It outlives the run, and the test can observe the current in the
-coil.
+The supply is emulated in the process of the test, so that the supply outlives the run and the test can observe the
+current in the coil.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ PICTURES, NAMES = 24, 3000
 
 @dataclass
 class RunEnd:
-    """The end of a run: exit status, lines on standard error, and the states that these lines report as stored."""
+    """The end of a run: its exit status, and the lines on standard error.
+
+    `acknowledged` is the number of states that these lines report as stored.
+    """
 
     status: int
     said: list[str]
@@ -42,7 +45,7 @@ class RunEnd:
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):
@@ -53,7 +56,7 @@ def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:
-    """Run `eimi acquire`. When `after` states are reported as stored, call `act` with the process of the run."""
+    """Run `eimi acquire` in another process; call `act` with this process when `after` states have been stored."""
     (bench / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"
@@ -76,7 +79,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
 def assert_off(coil: CoilSupply) -> None:
     assert not coil.state.output
     assert coil.state.set_current_A == 0.0
-    WallClock().sleep(0.5)  # ten time constants of the coil
+    WallClock().sleep(0.5)  # wait ten time constants of the coil
     assert abs(coil.coil_current_A()) < 1e-3
 
 
@@ -109,7 +112,7 @@ def test_a_run_to_its_end_on_a_serial_port(bench: Path) -> None:
         ),
     ],
 )
-def test_a_signal_ends_with_the_coil_off_and_every_acknowledged_state(
+def test_a_run_that_a_signal_ends_leaves_the_coil_off_and_every_acknowledged_state_stored(
     bench: Path, number: signal.Signals, after: int, driver: str
 ) -> None:
     coil = CoilSupply(WallClock())
@@ -125,7 +128,7 @@ def test_a_signal_ends_with_the_coil_off_and_every_acknowledged_state(
     assert_off(coil)
     assert ended.acknowledged >= after
     assert states(bench / "run.h5") == FOUR_STATES[: ended.acknowledged]
-    # The second signal may find the interpreter leaving already, with the system's own handlers back in place.
+    # The second signal may arrive while the interpreter ends and the default handlers of the system are active again.
     assert ended.status in (128 + number, -number)
     stored = f"{ended.acknowledged} of" if ended.acknowledged < 4 else "all"
     assert ended.said[-1].startswith(
@@ -134,7 +137,7 @@ def test_a_signal_ends_with_the_coil_off_and_every_acknowledged_state(
     )
 
 
-def test_a_camera_that_runs_dry_ends_with_the_coil_off(bench: Path) -> None:
+def test_a_run_whose_camera_has_no_more_images_ends_with_the_coil_off(bench: Path) -> None:
     coil = CoilSupply(WallClock())
 
     def unplug(process: subprocess.Popen[str]) -> None:

@@ -1,4 +1,4 @@
-"""A second Ctrl-C while the first is being reported, and a Ctrl-C in a destructor, whose exceptions Python ignores."""
+"""A Ctrl-C is reported also if a second one follows, or in a destructor, where Python ignores exceptions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imports go in one direction only, between the layers in [tool.importlinter], and never form a circle of modules."""
+"""Imports between the layers in [tool.importlinter] go in one direction only, and never form a circle of modules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FITTING_NEEDS = {"numpy", "scipy", "cma"}
 
 
 def modules() -> dict[str, Path]:
-    """Return the file of every module of the three packages, by the module's name; a package has its folder's name."""
+    """Return the file of every module of the three packages, by module name; a package has the name of its folder."""
     found = {}
     for package, folder in PACKAGES.items():
         for path in folder.rglob("*.py"):
@@ -35,7 +35,7 @@ MODULES = modules()
 
 
 def imported(path: Path) -> Iterator[str]:
-    """Yield the names of the modules that a module imports, anywhere in its code, also for types only."""
+    """Yield the names of the modules that a module imports anywhere in its code, also for type checking only."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -48,7 +48,7 @@ def imported(path: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def imports() -> dict[str, set[str]]:
-    """Return the names of the modules that each module imports, by the name of the importing module."""
+    """The names of the modules that each module imports, by the name of the importing module."""
     return {name: set(imported(path)) for name, path in MODULES.items()}
 
 
@@ -57,7 +57,7 @@ def test_nothing_imports_a_layer_above_its_own(capsys: pytest.CaptureFixture[str
     assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
 
 
-def test_there_is_no_circle(imports):
+def test_no_modules_import_each_other_in_a_circle(imports):
     graph = {module: others & MODULES.keys() for module, others in imports.items()}
     try:
         TopologicalSorter(graph).prepare()
@@ -65,14 +65,14 @@ def test_there_is_no_circle(imports):
         pytest.fail(" imports ".join(reversed(circle.args[1])), pytrace=False)
 
 
-def test_fitting_needs_three_packages_alone(imports):
+def test_eimi_fitting_imports_only_three_other_packages(imports):
     roots = {
         other.split(".")[0] for module in MODULES if module.startswith("eimi_fitting") for other in imports[module]
     }
     assert roots - sys.stdlib_module_names - {"eimi_fitting"} == FITTING_NEEDS
 
 
-def test_the_suite_knows_neither_its_tests_nor_its_benchmarks(imports):
+def test_the_suite_imports_neither_tests_nor_benchmarks(imports):
     roots = {other.split(".")[0] for others in imports.values() for other in others}
     assert roots & {"tests", "benchmarks"} == set()
 

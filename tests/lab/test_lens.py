@@ -20,9 +20,9 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """Return the edges of the middle plane of a silicone beam in seven fields.
+    """The edges of the middle plane of a silicone beam in seven fields, points (x, y) in mm, shape (7, 2, n, 2).
 
-    The shape is (7, 2, n, 2): seven fields, left and right edge, n points, and x and y in mm.
+    The axes are: seven fields, left and right edge, n points, x and y.
     """
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
@@ -30,9 +30,10 @@ def sides() -> np.ndarray:
 
 
 def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the outline of a beam with depth in a lens image: at each point the outer one of near and far face.
+    """Return noisy edges that a lens shows of a beam with depth: at each point, the outer one of near and far face.
 
-    `sides` are the edges of the middle plane, as the function `sides` returns them.
+    sides: edges of the middle plane as in the fixture `sides`. stand_off_mm: distance of the lens; None for a
+    telecentric lens.
     """
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]

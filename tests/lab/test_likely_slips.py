@@ -1,4 +1,4 @@
-"""Mistakes that people make in files and arguments: the error names the mistake and what would be right."""
+"""The error about a likely mistake in a file or an argument names the mistake and what would be right."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eimi_lab.process.stopping import Stopped
 Run = Callable[..., tuple[int, str]]
 
 
-def test_a_dataset_and_a_fit_in_each_other_s_place_are_named(dataset: Path, tmp_path: Path, run: Run) -> None:
+def test_exchanged_arguments_for_a_dataset_and_a_fit_are_named(dataset: Path, tmp_path: Path, run: Run) -> None:
     fits = tmp_path / "fits.json"
     fits.write_text('{"fits": []}')
     status, told = run("report", fits, "--fit", dataset, "-o", tmp_path / "report.html")
@@ -48,7 +48,9 @@ def test_a_decimal_comma_in_toml_is_named_with_its_line(files: Path, key: str) -
         ("length_mm", "0.06", "if the number is in metres, write 60"),
     ],
 )
-def test_a_value_in_another_unit_is_asked_about(files: Path, key: str, value: str, right: str) -> None:
+def test_the_error_for_a_value_in_another_unit_gives_the_right_value(
+    files: Path, key: str, value: str, right: str
+) -> None:
     file = files / "specimen.toml"
     file.write_text(re.sub(rf"(?m)^{key} = \S+", f"{key} = {value}", file.read_text()))
     with pytest.raises(InputError, match=rf"specimen\.{key} = {value} should be .*{right}"):
@@ -75,7 +77,7 @@ def test_a_strain_in_per_cent_is_recognised(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [(), ("--checkpoint", "fit.log")])
-def test_ctrl_c_in_a_fit_says_what_is_left(
+def test_ctrl_c_in_a_fit_prints_how_the_fit_can_be_continued(
     options: tuple[str, ...], dataset: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*arguments: Any, **options: Any) -> None:
@@ -89,7 +91,7 @@ def test_ctrl_c_in_a_fit_says_what_is_left(
     assert ("--resume continues the fit" if options else "a fit with --checkpoint FILE can be continued") in told
 
 
-def test_a_dry_run_fits_a_screen_and_ends_with_the_duration(files: Path) -> None:
+def test_the_output_of_a_dry_run_fits_on_a_screen_and_ends_with_the_duration(files: Path) -> None:
     protocol = files / "protocol.toml"
     protocol.write_text(protocol.read_text().replace("step_A = 0.1", "step_A = 0.01"))
     summary, whole = (printed(files, *options) for options in ((), ("-v",)))

@@ -1,4 +1,4 @@
-"""Runs with a GigE camera that loses packets, disappears, is replaced by another camera, or changes its region."""
+"""A run with a GigE camera that loses packets, disappears, is replaced, or changes its region stores only good frames."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Wait until no other test uses a GigE camera, and keep other tests from using one until the end of this module."""
+    """Keep the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
     with only_gige_camera():
         yield
 
@@ -48,7 +48,7 @@ def coil() -> CoilSupply:
 
 @pytest.fixture
 def measure(setup: Any, files: Path, coil: CoilSupply) -> Iterator[Callable[..., None]]:
-    """Return a function that runs the short protocol with the camera at 127.0.0.1."""
+    """Return a function that runs the short protocol with the camera at 127.0.0.1 and an emulated supply."""
     with serve_tcp(emulate("scpi", coil)) as address:
 
         def run(on_event: Callable[[Event], None] = ignore_event, camera: str = "", **options: Any) -> None:
@@ -73,7 +73,7 @@ def served(**camera: Any) -> Any:
 
 
 def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
-    """Check that every stored frame is the picture that the camera exposed; return the number of frames."""
+    """Assert that every stored frame is the picture that the camera exposed; return the number of frames."""
     count = 0
     with h5py.File(path) as file:
         for group in ("data", "transients"):
@@ -85,7 +85,7 @@ def every_stored_frame_is_a_picture_of_the_camera(path: Path) -> int:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.02])
-def test_a_run_with_lost_packets_stores_whole_frames_alone_and_counts_the_lost_ones(
+def test_a_run_with_lost_packets_stores_only_complete_frames_and_counts_the_lost_frames(
     setup: Any, measure: Callable[..., None], coil: CoilSupply, share: float
 ) -> None:
     events: list[Event] = []
@@ -120,7 +120,7 @@ def test_a_run_without_complete_frames_ends_with_the_coil_off(
 
 
 @pytest.mark.parametrize("serial_number", ["EIMI01", "EIMI02"], ids=["the camera comes back", "another camera comes"])
-def test_a_run_ends_when_its_camera_vanishes_and_resumes_with_the_same_camera_only(
+def test_a_run_ends_when_its_camera_disappears_and_resumes_with_the_same_camera_only(
     setup: Any, measure: Callable[..., None], coil: CoilSupply, serial_number: str
 ) -> None:
     def vanish(camera: CameraProcess) -> Callable[[Event], None]:

@@ -1,4 +1,4 @@
-"""Fits of the measured field against the current, and measured fields and temperatures of imported data."""
+"""A line is fitted to the measured field over the current; measured fields and temperatures are imported and used."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_lab.fits.measured_conditions import stated_by_measurement
 HALL = LoggedSensor("hall", "LSCI,MODEL425,1,1.0", "field", "mT")
 
 
-def test_the_line_of_the_field_is_that_of_a_linear_regression():
+def test_the_line_of_field_over_current_agrees_with_a_linear_regression():
     rng = np.random.default_rng(3)
     current_A = np.repeat([0.0, 0.4, 0.8, 1.2], 3)
     field_mT = 4.6 * current_A + 0.04 + rng.normal(0.0, 0.02, len(current_A))
@@ -29,13 +29,13 @@ def test_the_line_of_the_field_is_that_of_a_linear_regression():
     assert not line.shared_is_stated
 
 
-def test_stated_uncertainties_of_the_gaussmeter_widen_those_of_the_line():
+def test_given_uncertainties_of_the_gaussmeter_increase_the_uncertainties_of_the_line():
     current_A = np.array([0.0, 0.5, 1.0])
     sensor = LoggedSensor("hall", "x", "field", "mT", at_magnet=-2.0, uncertainty=0.01, uncertainty_share=0.01)
     line = field_line(sensor, current_A, -2.35 * current_A)
     assert line is not None
     assert line.mT_per_A == pytest.approx(4.7)
-    # One reading at the magnet has 0.02 mT, and the sum of squares of the currents about their mean is 0.5 A².
+    # The standard uncertainty of one reading is 0.02 mT; the sum of squares of the currents about their mean is 0.5 A².
     assert line.mT_per_A_sigma == pytest.approx(np.hypot(0.02 / np.sqrt(0.5), 0.047))
     assert line.offset_mT_sigma == pytest.approx(np.hypot(0.02 * np.sqrt(1 / 3 + 0.25 / 0.5), 0.02))
 

@@ -1,4 +1,4 @@
-"""Sensor readings are in the result file and in the report, and are compared between datasets of one fit."""
+"""Sensor readings are in the results file and in the report, and are compared between the datasets of one fit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def reference(path: str, **measured: object) -> DatasetReference:
     return DatasetReference(path=path, sha256="0", section="solid", states=USED, **measured)  # type: ignore[arg-type]
 
 
-def test_a_dataset_without_sensors_has_no_new_keys() -> None:
+def test_the_results_of_a_dataset_without_sensors_have_no_keys_of_sensors() -> None:
     assert set(reference("a.h5").model_dump()) == {"path", "sha256", "section", "states", "stated"}
 
 
@@ -69,7 +69,11 @@ def test_datasets_that_are_fitted_together_are_compared() -> None:
 
 
 def warmed(time_constant_s: float, rise_K_per_W: float = 8.0) -> tuple[SensorLog, list[float]]:
-    """Return the values of a thermometer at an emulated coil, 20 in each state, and the current (A) of each state."""
+    """Return the log of a thermometer at an emulated coil, with 20 readings in each state, and the current (A) of each
+    state.
+
+    time_constant_s, rise_K_per_W: thermal time constant of the coil, and its heating for each watt.
+    """
     clock = SimulatedClock()
     coil = CoilSupply(
         clock, resistance_ohm=4.0, thermal_resistance_K_per_W=rise_K_per_W, thermal_time_constant_s=time_constant_s
@@ -88,7 +92,7 @@ def warmed(time_constant_s: float, rise_K_per_W: float = 8.0) -> tuple[SensorLog
     return SensorLog(sensor, state_of, time_s, degC, np.full(len(degC), np.nan)), currents
 
 
-def test_the_model_of_the_heat_follows_the_coil_that_it_describes() -> None:
+def test_the_model_of_the_heat_agrees_with_the_coil_that_it_describes() -> None:
     log, currents = warmed(300.0)
     heating = measured_heating(log, currents, continuous_current_A=2.0, time_constant_s=300.0)
     assert heating is not None
@@ -108,12 +112,12 @@ def test_a_wrong_time_constant_is_named(true_s: float, word: str) -> None:
     assert f"the coil warms {word} than stated" in heating.in_words
 
 
-def test_a_temperature_that_hardly_changes_tests_no_model() -> None:
+def test_a_temperature_that_hardly_changes_gives_no_verdict_on_the_model_of_the_heat() -> None:
     log, currents = warmed(300.0, rise_K_per_W=0.05)
     assert measured_heating(log, currents, 2.0, 300.0) is None
 
 
-def test_the_report_states_what_the_sensors_measured() -> None:
+def test_the_report_contains_the_readings_of_the_sensors() -> None:
     log, currents = warmed(300.0)
     line = FieldLine("hall (x)", 4.4, 0.01, 0.05, 0.004, 0.003, 5, True)
     evidence = SimpleNamespace(

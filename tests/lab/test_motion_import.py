@@ -1,4 +1,4 @@
-"""Ring-downs and creep as tracked points, imported on the command line."""
+"""Ring-downs and creep are imported on the command line as tracked points."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ REST_MM = np.array([[5.0, 0.5], [10.0, 0.0]])
 
 
 def swing(frames: int = 120) -> np.ndarray:
-    """Return the coordinates (x, y) of two points in each frame, shape (frames, 2, 2).
+    """Return the coordinates (x, y) of two points in mm in each frame, shape (frames, 2, 2).
 
-    The points are held for 20 frames, and then vibrate about a sagged position.
+    The points are held for `HELD` frames, and then vibrate about a sagged position.
     """
     time = np.maximum(np.arange(frames) - HELD, 0) / RATE_HZ
     swinging = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
@@ -55,7 +55,7 @@ def ring_down(files: Path) -> Motion:
     return motion
 
 
-def test_a_ring_down_of_a_table_begins_at_its_release(run: Run, files: Path) -> None:
+def test_an_imported_ring_down_begins_at_the_release_of_the_beam(run: Run, files: Path) -> None:
     code, said = imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--hanging", "0.5")
     assert code == 0, said
     motion = ring_down(files)
@@ -71,7 +71,7 @@ def test_a_ring_down_of_a_table_begins_at_its_release(run: Run, files: Path) -> 
         assert dataset.gravity_angle_deg == -90.0
 
 
-def test_a_stated_release_and_rate_replace_the_times_of_the_table(run: Run, files: Path) -> None:
+def test_a_release_and_a_rate_on_the_command_line_replace_the_times_of_the_table(run: Run, files: Path) -> None:
     table = write_table(files / "flick.csv", swing(), clock="frame")
     code, said = imported(run, files, table, "--creep", "--rate", "50", "--released", "0.5", "--removed", "0.2")
     assert code == 0, said
@@ -87,8 +87,8 @@ def test_a_stated_release_and_rate_replace_the_times_of_the_table(run: Run, file
 
 def test_missing_points_and_frames_are_kept_as_missing(run: Run, files: Path) -> None:
     places = swing()
-    places[60, 0] = np.nan  # not seen
-    places[80:83] = np.nan  # frames without any row
+    places[60, 0] = np.nan  # this point is not visible
+    places[80:83] = np.nan  # these frames have no row
     assert imported(run, files, write_table(files / "flick.csv", places), "--ring-down", "--released", "0.3")[0] == 0
     motion = ring_down(files)
     assert motion.lost_frames == 3
@@ -141,7 +141,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
     assert "1 of 3 points were left out" in said
     motion = ring_down(files)
     np.testing.assert_allclose(np.diff(motion.time_s[:, 0]), 1 / RATE_HZ, rtol=1e-4)
-    # Frame 1, in which the beam is straight, is that of the held beam.
+    # In frame 1 the beam is held straight.
     np.testing.assert_allclose(
         motion.points_mm[:, 1, 1] - motion.points_mm[0, 1, 1],
         swing()[-len(motion.time_s) :, 1, 1] - swing()[-len(motion.time_s), 1, 1],
@@ -165,7 +165,7 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
         ((), "--states is missing; give states.csv or, for a motion, --ring-down or --creep"),
     ],
 )
-def test_what_is_wrong_with_an_imported_motion_is_said_in_one_line(
+def test_a_mistake_in_an_imported_motion_is_refused_in_one_line(
     run: Run, files: Path, options: tuple[str, ...], message: str
 ) -> None:
     code, said = imported(run, files, write_table(files / "flick.csv", swing()), *options)
@@ -174,7 +174,7 @@ def test_what_is_wrong_with_an_imported_motion_is_said_in_one_line(
     assert not (files / "out.h5").exists()
 
 
-def test_a_motion_survives_recovery(run: Run, files: Path) -> None:
+def test_a_recovered_dataset_contains_its_motion(run: Run, files: Path) -> None:
     imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down")
     before = ring_down(files)
     code, said = run("recover", files / "out.h5", "-o", files / "whole.h5")

@@ -1,4 +1,4 @@
-"""Ring-downs from rendered videos of a level strip that was flicked."""
+"""Ring-downs are imported from rendered videos of a horizontal strip that was flicked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """Return a folder with the specimen and the calibration of the strip."""
+    """A folder with the specimen and the calibration of the strip."""
     (tmp_path / "strip.toml").write_text(to_toml(STRIP))
     (tmp_path / "level.toml").write_text(to_toml(LEVEL))
     return tmp_path
@@ -40,7 +40,10 @@ def ring_down(bench: Path) -> Motion:
 
 
 def damped(time: Array, place: Array, frequency_Hz: float) -> Array:
-    """Fit a damped oscillation to `place`; return its mean, amplitude, decay (1/s), frequency (Hz) and phase."""
+    """Fit a damped oscillation to the positions `place` at the times `time` (s).
+
+    Return mean, amplitude, decay (1/s), frequency (Hz) and phase (rad), shape (5,). The fit starts at `frequency_Hz`.
+    """
 
     def model(t: Array, mean: float, size: float, decay: float, frequency: float, phase: float) -> Array:
         return np.asarray(mean + size * np.exp(-decay * t) * np.cos(2 * np.pi * frequency * t + phase))
@@ -74,14 +77,14 @@ def test_a_phones_shutter_and_exposure_do_not_change_the_phase_along_the_strip(r
     assert imported(run, bench, film, *shutter)[0] == 0
     motion = ring_down(bench)
     assert motion.exposure_s == 0.003
-    assert np.ptp(motion.time_s[0]) > 1e-4  # the rows of the sagged strip have their own times
+    assert np.ptp(motion.time_s[0]) > 1e-4  # the rows of pixels that show the sagged strip have different times
     fits = [damped(motion.time_s[:, p], motion.points_mm[:, p, 1], 6.0) for p in range(8, motion.rest_mm.shape[0])]
     phases = np.array([fit[4] for fit in fits])
     assert np.ptp(phases) < 0.02
     assert np.median([fit[3] for fit in fits]) == pytest.approx(film.frequency_Hz, rel=3e-3)
 
 
-def test_slow_motion_takes_its_rate_from_the_user(run: Run, bench: Path) -> None:
+def test_the_frame_rate_of_slow_motion_comes_from_the_user(run: Run, bench: Path) -> None:
     film = Flick(seconds=0.3, rate_Hz=120.0)
     assert imported(run, bench, film, "--released", "0", "--rate", "240")[0] == 0
     np.testing.assert_allclose(ring_down(bench).time_s[:, 0], np.arange(36) / 240.0, atol=1e-9)
@@ -97,7 +100,7 @@ def test_a_video_gives_states_and_a_motion_to_one_dataset(run: Run, bench: Path)
         assert len(dataset.ring_downs()) == 1
 
 
-def test_a_video_with_the_format_of_a_tracking_program_is_refused(run: Run, bench: Path) -> None:
+def test_the_format_of_a_tracking_program_is_refused_for_a_video(run: Run, bench: Path) -> None:
     code, said = imported(run, bench, Flick(seconds=0.1), "--format", "deeplabcut")
     assert code == 2
     assert "--format: is for the file of a tracking program, not for a video" in said

@@ -1,4 +1,4 @@
-"""A dataset that no material could explain is refused in one line with the cause and the key to change."""
+"""A dataset that no material can explain is refused in one line with the likely cause and the key to change."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
     """Return the coordinates (x, y) in mm of six points on a beam of 46 kPa in three fields, shape (3, 6, 2).
 
-    Gravity acts to one side of the beam.
+    gravity_deg: direction of gravity in the beam frame, None without gravity.
     """
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
@@ -59,7 +59,10 @@ def bent() -> Experiment:
 
 
 def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam") -> tuple[int, str]:
-    """Import points on a beam with the given loads, and fit a law; return the exit status and the last line."""
+    """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
+
+    seen: the points, shape (3, 6, 2), by default those that `places` returns.
+    """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
         for k, state in enumerate(places() if seen is None else seen)
@@ -106,7 +109,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 
 
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
-    """For a hanging beam, a weight in the wrong direction changes the bending by only a tenth."""
+    """Gravity in the wrong direction is named also for a hanging beam, whose bending it changes by only a tenth."""
     status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits
@@ -133,7 +136,7 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
         ),
     ],
 )
-def test_a_beam_of_another_width_than_stated_is_named(pictures: Path, run, key: str, stated: str, told: str) -> None:
+def test_a_wrong_width_of_the_beam_is_named(pictures: Path, run, key: str, stated: str, told: str) -> None:
     text = (pictures / "specimen.toml").read_text()
     assert key in text
     (pictures / "specimen.toml").write_text(text.replace(key, stated))
@@ -145,7 +148,7 @@ def test_a_beam_of_another_width_than_stated_is_named(pictures: Path, run, key: 
     assert told in said.splitlines()[-1]
 
 
-def test_milliampere_for_ampere_are_named() -> None:
+def test_currents_in_milliamperes_instead_of_amperes_are_named() -> None:
     states = [State(k, 500.0 * k, None, 2350.0 * k, 0.0, ()) for k in range(4)]
     with pytest.raises(InputError, match=r"d\.h5: current_A of up to 1500 A .* current_A should be in ampere"):
         check_states(Path("d.h5"), bent(), states)

@@ -1,4 +1,7 @@
-"""A few faults of the off campaign. `python -m benchmarks.off_campaign --trials 5` is the whole campaign."""
+"""A few faults of the off campaign, in which faults occur while the coil carries current.
+
+`python -m benchmarks.off_campaign --trials 5` is the whole campaign.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ LONG = (
 
 @pytest.mark.parametrize("fault", [*QUICK, *(pytest.param(fault, marks=pytest.mark.slow) for fault in LONG)])
 def test_a_run_at_full_current_ends_with_the_coil_off(fault: str) -> None:
-    # How soon the coil is off is the script's to tell, not a test's: a busy machine is no defect.
+    # The benchmark reports how soon the coil is off; a test does not, because a busy computer is not a defect.
     command = [sys.executable, "-m", "benchmarks.off_campaign", "--trials", "1", "--patience", "10", "--fault", fault]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

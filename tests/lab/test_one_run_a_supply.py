@@ -35,15 +35,15 @@ def test_a_second_run_on_a_supply_is_refused_in_one_line(tmp_path: Path, monkeyp
         with pytest.raises(InstrumentError, match="another run uses this supply") as caught, only_run_on(ADDRESS):
             pass
         assert "\n" not in str(caught.value)
-        with only_run_on("TCPIP::192.0.2.8::5025::SOCKET"):  # another supply is free
+        with only_run_on("TCPIP::192.0.2.8::5025::SOCKET"):  # a run on another supply is allowed
             pass
         first.kill()
         first.wait(PATIENCE_S)
-    with only_run_on(ADDRESS):  # the run died, and its lock with it
+    with only_run_on(ADDRESS):  # the run has died, and its lock has ended
         pass
 
 
-def test_of_two_runs_that_begin_at_once_one_is_refused_in_one_line(
+def test_one_of_two_runs_that_begin_at_the_same_time_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))

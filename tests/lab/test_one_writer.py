@@ -1,4 +1,4 @@
-"""Only one program at a time writes to a file; files may be moved or deleted while they are written."""
+"""Only one program at a time writes to a file; a file may be moved or deleted while it is written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from eimi_lab.process.outputs import whole_file, whole_folder
 from eimi_lab.process.writer_lock import WriterLock, is_being_written, lock_file, only_writer
 from tests.patience import PATIENCE_S
 
-# A run that stores a state for each line that it reads and prints its number; the test kills or ends it.
+# A run that stores a state for each line that it reads, and prints the number of the state; the test ends this run.
 WRITER = """
 import sys
 from pathlib import Path
@@ -99,7 +99,7 @@ def test_a_file_in_use_cannot_be_replaced_recovered_or_segmented(
             assert (status, said.count("\n")) == (2, 1), said
             assert f"{path}: is being written to by process {process.pid} on " in said
         assert store(process) == 3
-        assert run("recover", path, "-o", files / "so_far.h5")[0] == 0  # reading is allowed
+        assert run("recover", path, "-o", files / "so_far.h5")[0] == 0  # reading a file in use is allowed
     assert_whole(path, 4)
     assert_whole(files / "so_far.h5", 4)
     assert not lock_file(path).exists()
@@ -178,7 +178,7 @@ FATES: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("fate", FATES)
-def test_a_run_whose_file_is_taken_away_continues_in_a_new_one(
+def test_a_run_whose_file_is_deleted_continues_in_a_new_file(
     files: Path, fate: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
@@ -210,7 +210,7 @@ def test_a_run_whose_file_is_taken_away_continues_in_a_new_one(
 
 
 def subprocess_lock(path: Path) -> None:
-    """Hold the lock of a dataset in another process while the context lasts."""
+    """Take the lock of a dataset in another process, which then ends; raise InputError if the lock is refused."""
     take = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
     take += "from eimi_lab.process.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
     take += "except InputError as error:\n    sys.exit(str(error))"
@@ -266,7 +266,7 @@ def test_a_run_through_a_link_writes_the_file_to_which_the_link_leads(files: Pat
         assert len(dataset.states) == 2
 
 
-def test_outputs_follow_links(tmp_path: Path) -> None:
+def test_an_output_is_written_to_the_file_to_which_a_link_leads(tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     link = tmp_path / "out.txt"
     link.symlink_to(Path("disk") / "real.txt")
@@ -287,7 +287,7 @@ def test_outputs_follow_links(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["a.csv", "real.txt"]
 
 
-def test_links_that_lead_nowhere_are_refused_in_one_line(tmp_path: Path) -> None:
+def test_broken_links_are_refused_in_one_line(tmp_path: Path) -> None:
     loop, lost = tmp_path / "loop.h5", tmp_path / "lost.h5"
     loop.symlink_to(loop)
     lost.symlink_to(tmp_path / "gone" / "run.h5")
@@ -298,7 +298,7 @@ def test_links_that_lead_nowhere_are_refused_in_one_line(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("plant", [Path.symlink_to, Path.hardlink_to])
-def test_a_planted_lock_file_harms_no_other_file(tmp_path: Path, plant: Callable[[Path, Path], None]) -> None:
+def test_a_lock_file_of_an_attacker_harms_no_other_file(tmp_path: Path, plant: Callable[[Path, Path], None]) -> None:
     path, diary = tmp_path / "run.h5", tmp_path / "diary.txt"
     diary.write_text("Dear diary")
     plant(lock_file(path), diary)

@@ -1,4 +1,4 @@
-"""The rasteriser, compared with areas that are known exactly."""
+"""The rasteriser covers each pixel by areas that agree with exact values."""
 
 import numpy as np
 import pytest
@@ -17,18 +17,20 @@ def shoelace(polygon):
 
 def test_coverage_of_a_rectangle_is_exact_in_every_pixel():
     got = coverage([[0.25, 0.5], [2.5, 0.5], [2.5, 1.75], [0.25, 1.75]], (5, 4))
-    across = np.array([0.25, 1.0, 1.0, 0.0, 0.0])  # 0.25..2.5 over pixels -0.5..0.5, 0.5..1.5, 1.5..2.5
+    across = np.array(
+        [0.25, 1.0, 1.0, 0.0, 0.0]
+    )  # the interval 0.25 to 2.5 over the pixels -0.5 to 0.5, 0.5 to 1.5 and 1.5 to 2.5
     down = np.array([0.0, 1.0, 0.25, 0.0])
     np.testing.assert_allclose(got, np.outer(down, across), atol=1e-12)
 
 
-def test_a_pixel_cut_along_its_diagonal_is_half_covered():
+def test_a_pixel_that_is_cut_along_its_diagonal_is_half_covered():
     got = coverage([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]], (2, 2))
     np.testing.assert_allclose(got, [[0.5, 0.0], [0.0, 0.0]], atol=1e-12)
 
 
 @given(st.lists(st.tuples(place, place), min_size=3, max_size=3), st.booleans())
-def test_area_of_any_triangle_inside_the_frame(corners, turned):
+def test_the_area_of_any_triangle_inside_the_frame_is_exact(corners, turned):
     triangle = np.clip(np.array(corners), -0.5, 39.5)
     got = coverage(triangle[::-1] if turned else triangle, (40, 40))
     assert got.sum() == pytest.approx(shoelace(triangle), abs=1e-8)

@@ -1,4 +1,4 @@
-"""Rendered frames, compared with the parameters of the optics."""
+"""Rendered frames agree with the parameters of the optics: transmission, blur, noise, full scale and uneven light."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def test_values_above_full_scale_are_clipped_and_never_wrap(bits, dtype):
     assert frame[20, 100] == 0
 
 
-def test_uneven_light_keeps_the_stated_brightness_at_its_brightest_point():
+def test_uneven_light_has_the_given_brightness_at_its_brightest_point():
     uneven = make_scene(Optics(vignette=0.15, gradient=0.25, lumps=0.08), SIZE, BEAM).mean / 255
     assert uneven.max() == pytest.approx(0.85, rel=1e-3)
     assert uneven[-1, -1] < 0.75 * 0.85

@@ -1,4 +1,4 @@
-"""Every option of the command line reaches the function that does the work, and no input is ever overwritten."""
+"""Every option of the command line reaches the function that does the work, and no input file is ever overwritten."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 
-# A value that differs from the default, for every option of `eimi fit` on which its numbers depend.
+# A value that differs from the default, for every option of `eimi fit` that changes the result.
 OTHERS: dict[str, Any] = {
     "section": "plane-stress",
     "include_flagged": True,
@@ -41,7 +41,7 @@ OTHERS: dict[str, Any] = {
 
 @pytest.fixture
 def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Write a tensile curve to the working directory of the test, and return its path."""
+    """The file of a tensile curve in the working directory of the test."""
     rows = [f"{e:.2f},{60 * (1 + e - (1 + e) ** -2):.4f}" for e in np.linspace(0.02, 0.8, 40)]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
     monkeypatch.chdir(tmp_path)
@@ -49,19 +49,21 @@ def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def options(**changes: Any) -> FitOptions:
-    """Return the options of a fit with `changes`. A tensile curve is added if an option requires one."""
+    """Return the options of a fit with `changes`; a tensile curve is added if an option requires one."""
     if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
         changes["tensile"] = [Path("curve.csv")]
     return FitOptions(**changes)
 
 
-def test_every_option_of_a_fit_has_another_value_here() -> None:
+def test_this_file_contains_another_value_for_every_option_of_a_fit() -> None:
     assert OTHERS.keys() == {field.name for field in dataclasses.fields(FitOptions)}
 
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """The header of a checkpoint contains every option, because any other value changes the search."""
+    """A fit does not continue from a checkpoint if any option has another value, because every option changes the
+    search.
+    """
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()
@@ -105,7 +107,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached(Exception):
-    """An exception that a function raises instead of its work. It contains the arguments of the call."""
+    """An exception that a replaced function raises instead of its work, with the arguments of the call."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]
@@ -245,9 +247,12 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
         assert (tmp_path / name).read_text() == f"what {name} holds"
 
 
-def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path) -> None:
-    """The second state was flagged by its run. In this test it gets the good edges of the first state."""
-    load_evidence(dataset, flagged=True)  # finds the edges
+def test_states_that_their_run_has_flagged_are_left_out_unless_an_option_includes_them(dataset: Path) -> None:
+    """A fit leaves out a state that its run has flagged, unless the option for flagged states is set.
+
+    The second state was flagged by its run, and gets the good edges of the first state in this test.
+    """
+    load_evidence(dataset, flagged=True)  # detects and stores the edges
     with open_dataset(dataset) as found:
         first = (found.edges() or ())[0]
     write_edges(dataset, [dataclasses.replace(first, flags=())] * 2)
@@ -258,7 +263,7 @@ def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path
 
 
 def test_the_uncertainty_of_the_current_that_a_rig_states_reaches_the_fit(dataset: Path) -> None:
-    load_evidence(dataset, flagged=True)  # finds the edges
+    load_evidence(dataset, flagged=True)  # detects and stores the edges
     rig = load_rig("bench_example")
     with h5py.File(dataset, "r+", libver="latest") as file:
         note(file["entry"], "rig", rig.text, "application/toml")

@@ -1,4 +1,4 @@
-"""Drivers of another package without a base class of this project: checks, whole runs, errors for missing methods."""
+"""Drivers of another package need no base class: they pass the checks, run whole protocols, and give clear errors."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ eye = mine_lab:Eye
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Make a folder on Python's path with the package `mine_lab`. The package does not announce its drivers."""
+    """A folder on Python's path with the package `mine_lab`, which does not announce its drivers by entry points."""
     folder = tmp_path / "site-packages"
     folder.mkdir()
     shutil.copy(PACKAGE, folder)
@@ -55,7 +55,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def lab(outside: Path) -> Any:
-    """Return the module `mine_lab`, whose supply driver and camera driver are not part of this project."""
+    """The module `mine_lab`, whose supply driver and camera driver are not part of this project."""
     import mine_lab
 
     return mine_lab
@@ -63,7 +63,7 @@ def lab(outside: Path) -> Any:
 
 @pytest.fixture
 def added(lab: Any) -> Iterator[None]:
-    """Add the drivers of `mine_lab` to the known drivers, as a user's program does."""
+    """Register the drivers of `mine_lab` under the names "mine" and "eye" for one test, as a user's program does."""
     SUPPLIES["mine"], CAMERAS["eye"] = lab.Mine, lab.Eye
     yield
     del SUPPLIES["mine"], CAMERAS["eye"]
@@ -71,7 +71,7 @@ def added(lab: Any) -> Iterator[None]:
 
 @pytest.fixture
 def rig(files: Path) -> Callable[..., Path]:
-    """Return a function that writes a rig file with the supply driver and the camera driver of `mine_lab`."""
+    """Return a function that writes rig.toml with the drivers of `mine_lab`, and returns its path."""
 
     def write(address: str, supply: str = "mine", camera: str = "eye") -> Path:
         (files / "rig.toml").write_text(f"""
@@ -109,7 +109,7 @@ def test_a_camera_that_inherits_nothing_conforms(lab: Any) -> None:
     check_camera(lab.Eye, "wall", absent="nowhere")
 
 
-def test_a_whole_run_with_announced_drivers(outside: Path, files: Path, rig: Callable[..., Path]) -> None:
+def test_a_whole_run_works_with_announced_drivers(outside: Path, files: Path, rig: Callable[..., Path]) -> None:
     announce(outside)
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
@@ -122,7 +122,7 @@ def test_a_whole_run_with_announced_drivers(outside: Path, files: Path, rig: Cal
 
 
 @pytest.mark.usefixtures("added")
-def test_a_whole_run_with_added_drivers(files: Path, rig: Callable[..., Path]) -> None:
+def test_a_whole_run_works_with_added_drivers(files: Path, rig: Callable[..., Path]) -> None:
     coil = CoilSupply(WallClock())
     protocol, specimen = load_protocol(files / "protocol.toml"), load_specimen(files / "specimen.toml")
     with serve_pty(emulate("scpi", coil)) as port:
@@ -137,7 +137,7 @@ def test_a_whole_run_with_added_drivers(files: Path, rig: Callable[..., Path]) -
 @pytest.mark.usefixtures("added")
 @pytest.mark.parametrize("where", ["module", "script"])
 def test_the_guardian_switches_off_with_an_added_driver(lab: Any, monkeypatch: pytest.MonkeyPatch, where: str) -> None:
-    if where == "script":  # as in a notebook, where no other process can import it
+    if where == "script":  # a class in a notebook cannot be imported by another process
 
         class Local(lab.Mine):
             pass
@@ -296,7 +296,7 @@ def test_a_driver_without_a_transport_has_no_transcript(lab: Any, tmp_path: Path
 
 
 @pytest.mark.parametrize(("drivers", "own"), [(SUPPLIES, "korad"), (CAMERAS, "opencv")])
-def test_drivers_are_added_and_removed_as_laws_are(drivers: Any, own: str) -> None:
+def test_drivers_are_added_and_removed_in_the_same_way_as_laws(drivers: Any, own: str) -> None:
     before = list(drivers)
     drivers["mine"] = first = lambda *anything: None
     assert drivers["mine"] is first
@@ -319,7 +319,7 @@ def test_drivers_are_added_and_removed_as_laws_are(drivers: Any, own: str) -> No
 
 
 @pytest.mark.parametrize("act", [SUPPLIES.__getitem__, partial(open_supply, address="a", limits=LIMITS)])
-def test_a_wrong_name_is_answered_with_the_nearest(act: Callable[[str], object]) -> None:
+def test_the_error_for_a_wrong_name_suggests_the_most_similar_name(act: Callable[[str], object]) -> None:
     with pytest.raises(
         UnknownDriver, match=r"^there is no supply driver 'korat'; the names are: .*did you mean 'korad'\?$"
     ):
@@ -329,7 +329,7 @@ def test_a_wrong_name_is_answered_with_the_nearest(act: Callable[[str], object])
 
 
 @pytest.mark.usefixtures("added")
-def test_a_rig_may_name_an_added_driver_and_a_wrong_name_is_answered(
+def test_a_rig_may_name_an_added_driver_and_a_wrong_name_gives_a_suggestion(
     rig: Callable[..., Path], files: Path, run: Any
 ) -> None:
     assert load_rig(rig("here")).supply.driver == "mine"
@@ -345,7 +345,7 @@ def test_a_rig_may_name_an_added_driver_and_a_wrong_name_is_answered(
 
 
 @pytest.mark.usefixtures("added")
-def test_added_drivers_are_listed_and_run_dry(
+def test_added_drivers_are_listed_and_work_in_a_dry_run(
     rig: Callable[..., Path], files: Path, run: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from eimi_drivers.discovery import discover

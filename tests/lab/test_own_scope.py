@@ -1,4 +1,7 @@
-"""The systemd scope of the guardian: the request to systemd, and the behaviour without systemd."""
+"""The guardian asks systemd for a scope (a control group) of its own, and works without systemd.
+
+In its own scope, the guardian survives the end of the user's session.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Replace the program busctl by one that writes its arguments to a file; return the path of the file."""
+    """The path of a file that contains the arguments of the last call of the program busctl, which the test replaces."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

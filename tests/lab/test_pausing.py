@@ -1,4 +1,4 @@
-"""Pause a run, end it during the pause, and pause repeatedly: the state of the coil and the messages."""
+"""A run can be paused, ended during the pause, and paused again; the coil is off during each pause."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return a function that returns the line that a user types, or None.
+    """Return a function that returns the line that a user types, or None if the user types nothing.
 
-    The user types `p` in the first state with a current, and presses Enter later, during the pause.
+    The user types `p` in the first state with a current, and presses Enter at the `paused_for`-th question in the
+    pause.
     """
     looks: list[bool] = []
 
@@ -49,7 +50,7 @@ def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
     return typed
 
 
-def test_a_paused_run_switches_off_and_comes_back_the_same_way(setup: Any) -> None:
+def test_a_paused_run_switches_off_and_returns_through_the_same_currents(setup: Any) -> None:
     history: list[float] = []
     take = setup.coil.set_current
     setup.coil.set_current = lambda current_A: history.append(current_A) or take(current_A)
@@ -65,15 +66,19 @@ def test_a_paused_run_switches_off_and_comes_back_the_same_way(setup: Any) -> No
     )
     assert len(remarks) == 3
     again = history.index(0.0, history.index(0.1))
-    assert [value for value in history[again:] if value][:3] == [0.1, 0.2, 0.3]  # 0.1 again: the beam remembers
+    assert [value for value in history[again:] if value][:3] == [
+        0.1,
+        0.2,
+        0.3,
+    ]  # 0.1 A again, because the shape of the beam depends on the earlier currents
     with h5py.File(setup.path) as file:
         assert file["entry/sessions/first_state"][()].tolist() == [0, 2]
         time_s = file["entry/data/time"][()]
         assert np.diff(time_s).max() > 60.0
 
 
-def test_a_paused_run_comes_back_through_every_state_before(setup: Any) -> None:
-    # The largest current comes first: a beam that softens there must have been there when the pause is over.
+def test_a_paused_run_returns_through_every_earlier_state(setup: Any) -> None:
+    # The largest current comes first. It may soften the beam, so that the beam must reach it again after the pause.
     setup.protocol = parse(Protocol, setup.protocol.text.replace(SWEEP, "values_A = [0.0, 0.3, 0.1, 0.2]"), "p")
     since_pause: list[float] = []
     take = setup.coil.set_current
@@ -146,7 +151,7 @@ def test_a_rerun_on_an_unfinished_file_proposes_to_resume_it(setup: Any, run: An
     assert "other.h5: exists already" in run(*command, folder / "other.h5")[1]
 
 
-def test_a_rerun_on_a_file_in_use_proposes_neither(setup: Any) -> None:
+def test_a_rerun_on_a_file_in_use_proposes_neither_to_resume_nor_to_replace_it(setup: Any) -> None:
     unfinished(setup)
     other = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
     with only_writer(setup.path):
@@ -164,7 +169,7 @@ def test_a_rerun_on_a_file_in_use_proposes_neither(setup: Any) -> None:
 
 @pytest.fixture
 def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """Return a folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
     recording = files / "recording"
     recording.mkdir()
     for number in range(PICTURES):
@@ -206,7 +211,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
             if line.startswith("acquire 1/"):
                 os.write(keys, b"p\n")
             if line.startswith("eimi: paused before state "):
-                WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian has patience with a run
+                WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian waits for a run that stands still
                 off.append(not coil.state.output and coil.state.set_current_A == 0.0)
                 os.write(keys, b"\n")
         process.stderr.close()

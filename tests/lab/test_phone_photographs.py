@@ -1,4 +1,4 @@
-"""Fits of rendered photographs of a phone (`python -m benchmarks.phone`)."""
+"""Fits of rendered photographs of a phone give the true modulus (see also `python -m benchmarks.phone`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmarks.phone import LARGEST_ERROR_PERCENT, outcome
 from eimi_lab.vision.calibration.exif_lens import focal_length
 
 
-def test_the_modulus_of_one_scene_is_right_and_its_interval_holds_it(tmp_path: Path) -> None:
+def test_the_modulus_of_one_scene_is_right_and_inside_its_interval(tmp_path: Path) -> None:
     result = outcome(1, 0.3, tmp_path)
     assert result.holds
     assert abs(result.error_percent) < LARGEST_ERROR_PERCENT
@@ -20,8 +20,8 @@ def test_the_modulus_of_one_scene_is_right_and_its_interval_holds_it(tmp_path: P
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(7200)  # of twenty scenes
-def test_intervals_hold_the_hidden_modulus_and_its_error_is_below_five_percent(tmp_path: Path) -> None:
+@pytest.mark.timeout(7200)  # time for twenty scenes
+def test_intervals_contain_the_true_modulus_and_its_error_is_below_five_per_cent(tmp_path: Path) -> None:
     outcomes = [outcome(seed, 0.5, tmp_path / str(seed)) for seed in range(20)]
     # Of 20 independent 95 % intervals, at least 18 hold in 92 % of all draws, at least 19 in 74 %. The sizes drawn for
     # scenes 9 and 16 are 2.4 and 2.7 standard deviations from the true ones.
@@ -37,7 +37,10 @@ def picture_with(path: Path, **table: float) -> Path:
 
 
 def test_the_focal_length_follows_from_the_equivalent_of_a_full_frame(tmp_path: Path) -> None:
-    """The angle of view over the diagonal equals that of a frame of 36 x 24 mm (CIPA DCG-001)."""
+    """The focal length in px follows from the focal length for 35 mm film in the Exif data.
+
+    The angle of view over the diagonal equals that of a frame of 36 x 24 mm (CIPA DCG-001).
+    """
     path = picture_with(tmp_path / "a.jpg", FocalLengthIn35mmFilm=26, ExifImageWidth=4000, ExifImageHeight=3000)
     lens = focal_length(path, (400, 300))
     assert lens is not None
@@ -45,7 +48,10 @@ def test_the_focal_length_follows_from_the_equivalent_of_a_full_frame(tmp_path: 
 
 
 def test_the_focal_length_follows_from_the_resolution_of_the_sensor(tmp_path: Path) -> None:
-    """The focal length is 4 mm, the sensor has 4000 pixels on 8 mm, and the stored picture is ten times smaller."""
+    """The focal length in px follows from the focal length in mm and the resolution of the sensor in the Exif data.
+
+    The focal length is 4 mm, the sensor has 4000 pixels on 8 mm, and the picture was made ten times smaller.
+    """
     table = {"FocalLength": 4.0, "FocalPlaneXResolution": 5000.0, "FocalPlaneResolutionUnit": 3}
     path = picture_with(tmp_path / "a.jpg", **table, ExifImageWidth=4000, ExifImageHeight=3000)
     lens = focal_length(path, (400, 300))
@@ -58,8 +64,10 @@ def test_the_focal_length_follows_from_the_resolution_of_the_sensor(tmp_path: Pa
     [
         {},
         {"FocalLengthIn35mmFilm": 0},
-        {"FocalLengthIn35mmFilm": 26, "ExifImageWidth": 4000, "ExifImageHeight": 2250},  # cropped
+        {"FocalLengthIn35mmFilm": 26, "ExifImageWidth": 4000, "ExifImageHeight": 2250},  # the picture was cropped
     ],
 )
-def test_a_picture_that_states_no_focal_length_or_was_cropped_has_none(tmp_path: Path, table: dict[str, float]) -> None:
+def test_a_picture_without_a_focal_length_or_a_cropped_picture_gives_no_focal_length(
+    tmp_path: Path, table: dict[str, float]
+) -> None:
     assert focal_length(picture_with(tmp_path / "a.jpg", **table), (400, 300)) is None

@@ -1,4 +1,4 @@
-"""Videos as a phone records them: the times of the frames, a camera that moves, clicks instead of a calibration."""
+"""Videos of a phone are imported: irregular frame times, a moving camera, and clicks instead of a calibration."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def test_a_variable_frame_rate_keeps_its_intervals(tmp_path: Path, capsys: pytes
     path = video(tmp_path / "flick.mp4", true_s)
     np.testing.assert_allclose(recorded_times(path, frame_times(path), None), true_s, atol=1e-4)
     assert "240 frames per second according to the times in the file" in capsys.readouterr().err
-    # A stated rate scales the intervals: a lost frame stays a longer interval.
+    # A rate on the command line scales the intervals: the interval of a lost frame stays longer.
     np.testing.assert_allclose(recorded_times(path, frame_times(path), 120.0), 2 * true_s, atol=2e-4)
 
 
-def test_slow_motion_takes_the_rate_that_the_file_states(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_frame_rate_of_slow_motion_comes_from_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = video(tmp_path / "slow.mp4", np.arange(30) / 30.0)
     assert capture_rate_Hz(path) is None
     recorded_times(path, frame_times(path), None)
@@ -54,31 +54,31 @@ def test_slow_motion_takes_the_rate_that_the_file_states(tmp_path: Path, capsys:
     assert capture_rate_Hz(path) == 240.0
     np.testing.assert_allclose(recorded_times(path, frame_times(path), None), np.arange(30) / 240.0, atol=1e-5)
     assert "is played at 30 and was recorded at 240 frames per second" in capsys.readouterr().err
-    # What the user states takes precedence.
+    # The rate of the user replaces the rate in the file.
     np.testing.assert_allclose(recorded_times(path, frame_times(path), 120.0), np.arange(30) / 120.0, atol=1e-5)
 
 
-def test_a_file_that_is_no_mp4_states_no_rate(tmp_path: Path) -> None:
+def test_a_file_that_is_no_mp4_has_no_rate_of_slow_motion(tmp_path: Path) -> None:
     keyless = b"\0\0\0\x20moov\0com.android.capture.fps"
     for content in (b"", b"RIFF", b"\0" * 40, b"\0\0\0\x10moov" + b"\xff" * 8, keyless):
         (tmp_path / "x.mp4").write_bytes(content)
         assert capture_rate_Hz(tmp_path / "x.mp4") is None
 
 
-def test_times_that_do_not_rise_need_a_rate(tmp_path: Path) -> None:
+def test_a_video_whose_times_do_not_increase_needs_a_rate(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="with --rate"):
         recorded_times(tmp_path / "x.avi", np.zeros(20), None)
     np.testing.assert_allclose(recorded_times(tmp_path / "x.avi", np.zeros(20), 100.0), np.arange(20) / 100.0)
 
 
-def test_few_frames_are_kept_of_a_long_video(tmp_path: Path) -> None:
+def test_only_few_frames_of_a_long_video_are_stored(tmp_path: Path) -> None:
     times, kept = looked_through(video(tmp_path / "long.mp4", np.arange(200) / 240.0), 2)
     assert len(times) == 200
     assert len(kept) <= 16
     assert max(kept) >= 180
 
 
-def test_a_moving_camera_is_made_steady() -> None:
+def test_the_motion_of_the_camera_is_removed_from_the_frames() -> None:
     rng = np.random.default_rng(3)
     wall = cv2.GaussianBlur(rng.uniform(0, 255, (360, 560)).astype(np.float32), (0, 0), 2.0)
     wall = np.clip((wall - wall.mean()) * 6 + 128, 0, 255).astype(np.uint8)
@@ -94,7 +94,7 @@ def test_a_moving_camera_is_made_steady() -> None:
     assert 12.0 < view.moved_px < 25.0
 
 
-def test_clicks_give_a_calibration_whose_axis_the_beam_at_rest_corrects() -> None:
+def test_clicks_give_a_calibration_whose_axis_is_corrected_by_the_beam_at_rest() -> None:
     film = Flick(sag_mm=3.0)
     along = np.linspace(2.0, 39.0, 24)
     rest_px = film.to_px(film.centre_mm(along, 1e6))
@@ -128,7 +128,7 @@ def test_a_video_without_a_calibration_asks_for_points_on_the_beam(run: Run, tmp
 
 
 @pytest.mark.slow
-def test_the_modulus_of_a_strip_in_a_phones_video(tmp_path: Path) -> None:
+def test_a_video_of_a_phone_gives_the_true_modulus_of_a_strip(tmp_path: Path) -> None:
     film = replace(drawn_film(0, 0.5), seconds=1.8, shake_px=2.0)
     rng = np.random.default_rng(5)
     beam = Beam(name="strip", material="silicone", **typed_sizes(film, rng))

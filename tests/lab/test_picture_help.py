@@ -1,4 +1,4 @@
-"""Values that a user gives about the pictures: clamp, axis, region, polarity and colours; errors without them."""
+"""A user may give values about the pictures (clamp, axis, region, polarity, colours); errors ask for missing values."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """Return a noisy picture (96, 128, 3) of a beam that hangs from the pixel (64, 8), 16 px wide and 80 px long.
+    """Return a noisy picture, shape (96, 128, 3), of a beam that hangs from the pixel (64, 8), 16 px wide and 80 px
+    long.
 
-    `beam` and `beside` are the colours of the beam and of the background.
+    beam, beside: colours of the beam and of the background (blue, green, red).
     """
     image = np.empty((96, 128, 3))
     image[:] = beside
@@ -48,8 +49,11 @@ def edge_points(files: Path) -> int:
         return sum(len(edges.left.sigma_mm) + len(edges.right.sigma_mm) for edges in dataset.edges() or ())
 
 
-def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
-    """The values that a user gives are stored in the dataset's calibration, also values that its file lacks."""
+def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files: Path) -> None:
+    """The values that a user gives on the command line are stored in the calibration of the dataset.
+
+    So are values that calibration.toml does not contain.
+    """
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
     said = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
@@ -80,13 +84,15 @@ def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
         ("--axis", "190.5", "field_angle_deg = 0 should be across the beam"),
     ],
 )
-def test_what_is_no_help_is_told_in_one_line(run: Run, files: Path, option: str, value: str, told: str) -> None:
+def test_a_wrong_value_about_the_pictures_is_refused_in_one_line(
+    run: Run, files: Path, option: str, value: str, told: str
+) -> None:
     status, said = imported(run, files, scene((40, 30, 200), (200, 200, 200)), option, value)
     assert (status, said.count("\n"), told in said) == (2, 1, True), said
     assert not (files / "out.h5").exists()
 
 
-def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> None:
+def test_the_error_about_a_missing_value_names_a_picture_in_which_to_read_it(run: Run, files: Path) -> None:
     text = (files / "calibration.toml").read_text()
     lines = [line for line in text.splitlines() if not line.startswith(("clamp_midpoint_px", "axis_angle_deg"))]
     (files / "calibration.toml").write_text("\n".join(lines) + "\n")
@@ -97,15 +103,18 @@ def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> N
     assert "give --clamp X,Y and --axis DEG" in said
     assert f"{files / 'out_where.png'} shows frame.png with rulers in px" in said
     asked = cv2.imread(str(files / "out_where.png"))
-    seen = asked[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture itself, under thin lines
+    seen = asked[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture is visible under thin lines
     assert np.median(np.abs(seen - image)) == 0
-    assert (asked[:40] < 128).any()  # numbers above it
+    assert (asked[:40] < 128).any()  # the numbers are above the picture
     assert imported(run, files, image, "--clamp", "64,8")[0] == 2
     assert imported(run, files, image, "--clamp", "64,8", "--axis", "90") == (0, "")
 
 
-def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> None:
-    """A red beam on white has no contrast in the brightest channel (204 and 214), but in green (50 and 208)."""
+def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: Run, files: Path) -> None:
+    """A red beam on white is detected in the best mixture of the colours, unless the user chooses a colour.
+
+    The brightest channel, red, shows no contrast (204 and 214), but green does (50 and 208).
+    """
     assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
     found = edge_points(files)
@@ -123,8 +132,11 @@ def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> N
     assert stored(files).picture is not None
 
 
-def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
-    """A pale beam on green has 119 and 113 in green, 120 and 55 in red. One state is darker than the other."""
+def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> None:
+    """One mixture of the colours shows the beam in all states, also if one state is darker than the other.
+
+    The pale beam and its green background have the values 119 and 113 in green, and 120 and 55 in red.
+    """
     calibration = load_calibration(files / "calibration.toml")
     images = [
         scene((90, 119, 120), (60, 113, 55)).astype(np.float32),
@@ -140,8 +152,12 @@ def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
 
 
 @pytest.mark.parametrize("odd_one", [0, 5])
-def test_the_projection_is_that_of_all_states_and_no_states_own(run: Run, files: Path, odd_one: int) -> None:
-    """Blue distinguishes the beam in five states. In the odd state red differs more, but the projection ignores red."""
+def test_the_mixture_of_colours_is_chosen_for_all_states_together(run: Run, files: Path, odd_one: int) -> None:
+    """The mixture of the colours is chosen for all states together, and not for a single state.
+
+    Blue distinguishes the beam in five states. In the remaining state red differs more, but the mixture contains no
+    red.
+    """
     pictures = files / "pictures"
     pictures.mkdir()
     for index in range(6):
@@ -166,10 +182,10 @@ def test_the_projection_is_that_of_all_states_and_no_states_own(run: Run, files:
     assert faint[odd_one][0] == pytest.approx(40 / 255, rel=0.1)
 
 
-def test_only_the_region_is_looked_at(run: Run, files: Path) -> None:
+def test_edges_are_searched_only_in_the_given_region(run: Run, files: Path) -> None:
     image = scene((30, 30, 30), (200, 200, 200))
-    image[:, 100:] = 10  # a black wall that touches nothing
-    image[84:, :] = 10  # and a floor on which the beam stands
+    image[:, 100:] = 10  # a black wall that does not touch the beam
+    image[84:, :] = 10  # a floor on which the beam stands
     assert imported(run, files, image)[0] == 0
     assert run("segment", files / "out.h5", "--region", "30,0,60,84")[0] == 0
     with open_dataset(files / "out.h5") as dataset:
@@ -182,7 +198,7 @@ def test_only_the_region_is_looked_at(run: Run, files: Path) -> None:
     assert (status, "should lie in the pictures of 128 x 96 px" in said) == (2, True)
 
 
-def test_a_polarity_that_is_said_is_not_guessed(run: Run, files: Path) -> None:
+def test_a_given_polarity_replaces_the_automatic_choice(run: Run, files: Path) -> None:
     assert imported(run, files, scene((200, 200, 200), (30, 30, 30)), "--polarity", "bright")[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
     assert edge_points(files) > 30
@@ -190,7 +206,7 @@ def test_a_polarity_that_is_said_is_not_guessed(run: Run, files: Path) -> None:
     assert edge_points(files) == 0
 
 
-def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files: Path) -> None:
+def test_a_changed_calibration_removes_the_edges_that_were_detected_with_it(run: Run, files: Path) -> None:
     assert imported(run, files, scene((30, 30, 30), (200, 200, 200)))[0] == 0
     before = stored(files)
     after = changed_calibration(before, {"axis_angle_deg": 89.0})
@@ -200,13 +216,15 @@ def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files:
 
 
 @pytest.mark.parametrize(("level", "told"), [(3, "of 255: raise the exposure"), (252, "of 255: lower the exposure")])
-def test_a_picture_that_shows_nothing_is_no_wrong_clamp(run: Run, files: Path, level: int, told: str) -> None:
+def test_a_picture_without_contrast_is_not_reported_as_a_wrong_clamp(
+    run: Run, files: Path, level: int, told: str
+) -> None:
     assert imported(run, files, np.full((96, 128), level, np.uint8))[0] == 0
     status, said = run("segment", files / "out.h5")
     assert (status, f"the grey values of the picture lie between {level} and {level} {told}" in said) == (0, True), said
 
 
-def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path) -> None:
+def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: Run, files: Path) -> None:
     specimen = files / "specimen.toml"
     lines = specimen.read_text().splitlines()
     specimen.write_text("\n".join("width_mm = 0.5" if line.startswith("width_mm") else line for line in lines) + "\n")
@@ -235,7 +253,7 @@ def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path
         ),
     ],
 )
-def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
+def test_if_no_beam_is_found_the_error_names_the_possible_causes(
     run: Run, files: Path, key: str, value: str, told: str
 ) -> None:
     lines = (files / "calibration.toml").read_text().splitlines()
@@ -246,7 +264,12 @@ def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
     assert (status, told in said) == (0, True), said
     assert f"{files / 'out_where.png'} shows where the program searched" in said
     drawn = cv2.imread(str(files / "out_where.png")).astype(int)
-    assert ((drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)).sum() > 50  # the stated beam
+    assert (
+        (drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)
+    ).sum() > 50  # the beam in specimen.toml
     green = (drawn[..., 0] < 60) & (drawn[..., 1] > 140) & (drawn[..., 2] < 60)
     is_found = "a beam is found" in told
-    assert (green.sum() > 50, "(green in the picture)" in said) == (is_found, is_found)  # the edges with another value
+    assert (green.sum() > 50, "(green in the picture)" in said) == (
+        is_found,
+        is_found,
+    )  # the edges that another value gives

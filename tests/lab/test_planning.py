@@ -31,7 +31,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fit the Neo-Hookean law to a strip under two weights, and return the path of the results."""
+    """The results file of a fit of the neo-Hookean law to a strip under two weights."""
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -45,7 +45,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_planned_protocol_states_its_purpose(
+def test_a_planned_protocol_contains_its_states_and_its_mounting(
     fits: Path, run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "planned.toml"
@@ -56,7 +56,7 @@ def test_a_planned_protocol_states_its_purpose(
     assert max(protocol.currents_A) <= protocol.limits.current_A
     assert protocol.tip_force_N == pytest.approx(2e-3 * 9.80665)
     assert "# Mounting: type1, gravity at " in out.read_text()
-    # What hangs at a virtual beam is not simulated.
+    # The virtual rig does not simulate weights.
     status, told = run("acquire", out, "--specimen", "type1", "--rig", "virtual", "-o", tmp_path / "run.h5")
     assert (status, "a virtual beam has no weight" in told) == (2, True)
 
@@ -70,7 +70,7 @@ def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(SystemExit):
         cli.main()
     (planned,) = json.loads(capsys.readouterr().out)["runs"]
-    assert planned["expected"] < 0.99 * planned["equally_spaced"]  # a state without current would be wasted
+    assert planned["expected"] < 0.99 * planned["equally_spaced"]  # a state without a current would contribute nothing
     assert len(planned["currents_A"]) == 3
     assert planned["ring_down"]["without_percent"] == planned["expected"]
 
@@ -132,9 +132,10 @@ def test_an_impossible_plan_is_refused_in_one_line(
 
 
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
-    """Plan a run with given limits (A) of the protocol and the rig; return the heading and the highest current (A).
+    """Plan a run; return the heading and the highest current (A) of the planned protocol.
 
-    `unsure_A` is the standard uncertainty of the current.
+    protocol_A, rig_A: limits of the current in the protocol and in the rig (A). unsure_A: standard uncertainty of the
+    current (A).
     """
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
@@ -156,20 +157,22 @@ def half_width(heading: str) -> float:
 
 
 @pytest.mark.parametrize(("protocol_A", "rig_A"), [(0.5, 2.0), (2.0, 0.5)])
-def test_the_stricter_of_both_limits_holds_in_a_plan(fits: Path, run, tmp_path: Path, protocol_A, rig_A) -> None:
-    # Without either limit it would be 0.68 A.
+def test_a_plan_obeys_the_stricter_of_the_two_current_limits(
+    fits: Path, run, tmp_path: Path, protocol_A, rig_A
+) -> None:
+    # Without the two limits the highest current would be 0.68 A.
     assert 0.4 < planned(fits, tmp_path, run, protocol_A, rig_A)[1] <= 0.5
 
 
 def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, run, tmp_path: Path) -> None:
     sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
-    # 0.05 A of 0.7 A, in a torque that goes as the modulus: several per cent.
+    # 0.05 A of 0.7 A changes the torque, and thus the modulus, by several per cent.
     assert unsure > sure + 3.0
 
 
 @pytest.mark.parametrize("against_a_rival", [False, True])
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
-    """The best mounting has the narrowest interval or, against a rival law, the largest difference of AIC."""
+    """The first mounting in a plan has the narrowest interval or, against a rival law, the largest difference of AIC."""
     expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
     specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")
     fit = SimpleNamespace(model="yeoh")
@@ -201,7 +204,7 @@ def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_
     ]
 
 
-def test_what_the_solid_left_in_an_earlier_fit_is_in_the_plan(fits: Path) -> None:
+def test_a_plan_includes_the_remaining_error_of_the_solid_in_an_earlier_fit(fits: Path) -> None:
     (fit,) = read_fits_file(fits).fits
     assert isinstance(fit, FitRecord)
     assert planning._noise(fit).left_percent == 0.0

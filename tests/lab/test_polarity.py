@@ -1,4 +1,4 @@
-"""States of both polarities: on a supply that cannot reverse its current, on a bipolar one, and on the virtual rig."""
+"""States of both polarities work on a supply that cannot reverse its current, a bipolar one, and the virtual rig."""
 
 from __future__ import annotations
 
@@ -36,31 +36,35 @@ def with_both(protocol: Protocol, more: str = "") -> Protocol:
 
 @pytest.fixture
 def bench(setup: Any) -> Any:
-    """Return a bench whose supply cannot reverse its current, with a protocol of both polarities."""
+    """A bench whose supply cannot reverse its current, with a protocol of both polarities."""
     setup.protocol = with_both(setup.protocol)
     return setup
 
 
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
-    """Return a user who swaps the leads and presses Enter as soon as the coil is off."""
+    """Return a function that plays a user, who swaps the leads and presses Enter when the coil is off.
+
+    The function returns the typed line, or None if the user types nothing. `answered` collects whether the coil was
+    off.
+    """
 
     def typed() -> str | None:
         if setup.coil.state.output:
             return None
         answered.append(setup.is_off())
-        return "" if len(answered) % 5 == 0 else None  # the first answer comes after the run has begun to wait
+        return "" if len(answered) % 5 == 0 else None  # the first answer comes after the run has started to wait
 
     return typed
 
 
-def test_a_line_that_was_typed_before_the_leads_are_to_be_swapped_does_not_count(bench: Any) -> None:
+def test_a_line_that_was_typed_before_the_request_to_swap_the_leads_does_not_count(bench: Any) -> None:
     looks: list[bool] = []
 
     def typed() -> str | None:
         if bench.coil.state.output:
             return None
         looks.append(bench.is_off())
-        return "" if len(looks) % 5 in (0, 1) else None  # the first line waits already when the pause begins
+        return "" if len(looks) % 5 in (0, 1) else None  # the first line was typed before the pause begins
 
     bench.run(typed=typed, remark=lambda words: None)
     assert all(looks)
@@ -180,7 +184,10 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
 
 @pytest.mark.slow
 def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
-    """`tests/fitting/test_magnetisation_angle.py` contains a short version of this test, without pictures."""
+    """Run and fit on the virtual rig find a hidden tilt of the magnetic moment, and the true modulus.
+
+    `tests/fitting/test_magnetisation_angle.py` contains a short version of this test without pictures.
+    """
     rig, exact = load_rig("virtual"), load_specimen("type1")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -1,4 +1,4 @@
-"""Fixtures: a small run on the virtual rig with three states, a coarse mesh and a beam in plane stress."""
+"""Fixtures: a run of three states on the virtual rig, with a coarse mesh and a beam in plane stress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIPPED = Path(str(files("eimi_lab.protocols")))
 
 @pytest.fixture(scope="package")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Make a folder with protocol.toml, specimen.toml, rig.toml and the dataset run.h5 of their run, with edges."""
+    """A folder with protocol.toml, specimen.toml, rig.toml, and the dataset run.h5 of their run with its edges."""
     folder = tmp_path_factory.mktemp("bench")
     protocol = (SHIPPED / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -35,11 +35,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(bench: Path, tmp_path: Path) -> Path:
-    """Return the path of a copy of the dataset `run.h5`. A test may change the copy."""
+    """A copy of the dataset `run.h5` that a test may change."""
     return Path(shutil.copy(bench / "run.h5", tmp_path))
 
 
 @pytest.fixture(scope="package")
 def fitted(bench: Path) -> FitRecord:
-    """Return the fit of one law to the dataset `run.h5`."""
+    """The fit of the neo-Hookean law to the dataset `run.h5`."""
     return eimi.fit(bench / "run.h5", "neo-hookean")

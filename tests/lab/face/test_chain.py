@@ -1,4 +1,4 @@
-"""Every public function in a chain on the virtual rig. The arguments are given as texts, as paths and as objects."""
+"""All public functions work one after another on the virtual rig, with texts, paths and objects as arguments."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_an_open_dataset_is_segmented_and_stays_open(run):
     assert all(len(edges.left.points_mm) > 50 for edges in opened.edges())
 
 
-def test_fits_of_texts_paths_and_open_datasets_are_one_fit(bench, fitted):
+def test_a_fit_is_the_same_for_a_text_a_path_and_an_open_dataset(bench, fitted):
     by_text = eimi.fit(str(bench / "run.h5"), "neo-hookean")
     by_object = eimi.fit([eimi.open(bench / "run.h5")], "neo-hookean")
     for fit in (by_text, by_object):
@@ -97,7 +97,7 @@ def test_laws_are_compared_and_stored(bench, tmp_path):
         eimi.fit(bench / "run.h5", "yeoh", each=True)
 
 
-def test_a_prior_is_in_the_fit_and_its_file_and_is_never_silent(bench, fitted, tmp_path):
+def test_a_prior_is_in_the_fit_and_in_its_file_and_is_printed(bench, fitted, tmp_path):
     own = fitted.parameters["mu"]
     prior = eimi.Prior("mu", 0.98 * own.value, 0.001 * own.value)
     pulled = eimi.fit(bench / "run.h5", "neo-hookean", prior=prior, output=tmp_path / "fits.json")

@@ -1,4 +1,4 @@
-"""Ten programs of users, each of at most twenty lines, work with the public names alone."""
+"""Ten programs of users, each of at most twenty lines, work with the public names of eimi_lab alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_drivers.emulators import CoilSupply, emulate, serve_pty
 
 PROGRAMS = Path(__file__).parent / "programs"
 NAMES = sorted(path.name for path in PROGRAMS.glob("*.py"))
-FOUND_PA = 49.2e3  # in plane stress, of a coarse solid of 46.39 kPa
+FOUND_PA = 49.2e3  # fitted in plane stress; the true modulus of the coarse solid is 46.39 kPa
 MOST_LINES = 20
 PUBLIC = {"eimi_lab", "eimi_fitting", "eimi_fitting.laws"}
 
@@ -31,7 +31,10 @@ def code_lines(text: str) -> int:
 
 @pytest.fixture
 def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a folder with a dataset, its TOML files, two datasets in `runs`, and frames that another program stored."""
+    """A folder with run.h5, its TOML files, two datasets in `runs`, and frames.npy as another program stores frames.
+
+    The folder is the working directory of the test.
+    """
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
@@ -45,7 +48,10 @@ def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """Serve an emulated supply on a serial line for the small bench, and write its rig.toml; yield the supply."""
+    """Serve an emulated supply on a pseudo-terminal, and write rig.toml of the small bench; yield the supply.
+
+    files: the folder of rig.toml. supply, camera: names of drivers. source: the source of the camera's frames.
+    """
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
         playback = ", playback = { picture_a_state = true }" if camera == "opencv" else ""
@@ -123,7 +129,7 @@ def test_several_datasets_are_fitted_together(folder: Path) -> None:
     assert modulus_Pa == pytest.approx(FOUND_PA, rel=0.02)
 
 
-def test_a_prior_determines_what_bending_leaves_open(folder: Path) -> None:
+def test_a_prior_determines_a_parameter_that_bending_does_not_determine(folder: Path) -> None:
     without, known, (low, high) = result_of("prior_on_a_parameter.py")
     assert without
     assert not known

@@ -60,7 +60,7 @@ def test_every_class_of_a_result_is_public():
         assert classes <= set(eimi.__all__), name
 
 
-def test_names_stand_in_dir_and_a_version_is_known():
+def test_dir_lists_the_public_names_and_the_package_has_a_version():
     assert set(eimi.__all__) <= set(dir(eimi))
     assert re.match(r"\d+\.\d+", eimi.__version__)
 

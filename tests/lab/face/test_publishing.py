@@ -32,7 +32,7 @@ family_name = "Müller"
 
 @pytest.fixture(scope="module")
 def results(bench: Path, fitted: FitRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Make a folder with a dataset, its fit, a material card whose name has an umlaut, and a hidden file."""
+    """A folder with a dataset, its fit, a material card whose file name has an umlaut, and a hidden file."""
     folder = tmp_path_factory.mktemp("published") / "run 1"
     folder.mkdir()
     shutil.copy(bench / "run.h5", folder)
@@ -83,7 +83,7 @@ def test_the_description_states_authors_licence_modulus_and_origin(results: Path
     assert f"numpy {fit.versions['numpy']}" in action["description"]
 
 
-def test_a_library_of_others_reads_the_archive(results: Path, tmp_path: Path) -> None:
+def test_an_independent_library_reads_the_archive(results: Path, tmp_path: Path) -> None:
     rocrate = pytest.importorskip("rocrate.rocrate", reason="needs `pip install rocrate`")
     eimi.publish(results, tmp_path / "study.eln", people=results.parent / "people.toml", licence="CC-BY-4.0")
     with zipfile.ZipFile(tmp_path / "study.eln") as opened:
@@ -104,7 +104,7 @@ def test_a_changed_file_is_noticed(results: Path, tmp_path: Path) -> None:
         check(tmp_path / "other.eln")
 
 
-def test_what_a_reader_would_miss_is_said(results: Path, tmp_path: Path) -> None:
+def test_a_message_names_what_a_reader_of_the_archive_would_miss(results: Path, tmp_path: Path) -> None:
     remarks = eimi.publish([results / "fits.json"], tmp_path / "study.eln").remarks
     assert len(remarks) == 3
     assert "the archive does not contain the dataset of this fit" in remarks[0]
@@ -122,7 +122,7 @@ def test_what_a_reader_would_miss_is_said(results: Path, tmp_path: Path) -> None
         (("run.h5",), {"output": "study.txt"}, "should end in .eln"),
     ],
 )
-def test_wrong_input_is_one_line_and_leaves_nothing(
+def test_wrong_input_gives_one_line_and_no_archive(
     results: Path, tmp_path: Path, runs: tuple[str, ...], options: dict[str, Any], words: str
 ) -> None:
     (tmp_path / "wrong.toml").write_text(PEOPLE.replace("0097", "0096"), encoding="utf-8")

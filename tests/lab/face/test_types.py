@@ -1,4 +1,4 @@
-"""A program that uses every public name passes mypy --strict, and a program that misuses the names does not."""
+"""A program that uses every public name passes mypy --strict; a program that misuses the names does not."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ WRONG = {
 
 
 def checked(text: str, folder: Path) -> str:
-    """Return the output of mypy for the program `text`, written to a folder outside the repository."""
+    """Return the output of mypy for a program; its file is in a folder outside the repository, as a user's program."""
     (folder / "client.py").write_text(text, encoding="utf-8")
     environment = os.environ | {"MYPYPATH": os.pathsep.join(map(str, (ROOT, ROOT / "drivers", ROOT / "fitting")))}
     options = ["--strict", "--follow-imports=silent", "--no-error-summary", "--config-file=", f"--cache-dir={CACHE}"]

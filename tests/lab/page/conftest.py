@@ -1,4 +1,4 @@
-"""Fixtures: a page that is served on a real socket, with a dataset in its folder, and a browser."""
+"""Fixtures: a browser, and a page (the dashboard) that is served on a real socket for a folder with a dataset."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class Answer:
 
 @dataclass
 class Served:
-    """A page that is being served. `ask` sends the token of the page unless another token is given.
+    """A page that is being served from a folder.
 
-    If the other token is empty, no header with a token is sent.
+    `ask` sends a request with the token of the page, or with another token; an empty token sends no such header.
     """
 
     folder: Path
@@ -62,7 +62,7 @@ class Served:
 
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
-        """Open a WebSocket of the page. If ``introduced`` is true, the token is sent first."""
+        """Open a WebSocket of the page; its first message is the token if `introduced` is True."""
         with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
@@ -88,7 +88,7 @@ class Served:
 
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str], frame: Callable[..., Any]) -> Path:
-    """Make a folder with two images in `frames/`, `states.csv`, the TOML files, and the dataset `run.h5`."""
+    """A folder with two images in `frames/`, `states.csv`, the TOML files, and the dataset `run.h5`."""
     folder = tmp_path_factory.mktemp("data")
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
@@ -103,7 +103,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str],
 
 @pytest.fixture(scope="session")
 def served(data_folder: Path) -> Iterator[Served]:
-    """Serve the page of the folder `data_folder`."""
+    """The page of the folder `data_folder`, which is served until the end of all tests."""
     page = Page(data_folder)
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -119,7 +119,7 @@ def served(data_folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """Start the Chromium of the system, or the browser that Playwright installed."""
+    """The Chromium browser of the system, or the browser that Playwright has installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
         own = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -135,7 +135,7 @@ def chromium() -> Iterator[Any]:
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
     """Return a function that opens an address in a new tab of the browser.
 
-    The test fails if a script of the page raises an error or breaks the content security policy.
+    The test fails if a script of the page raises an error or violates the content security policy.
     """
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
@@ -166,7 +166,7 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """Serve a supply for a protocol of 451 states. The protocol takes minutes, so that no run ends during a test."""
+    """A served emulated bench whose protocol has 451 states and takes minutes, so that no run ends during a test."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))

@@ -1,4 +1,4 @@
-"""Which requests the page answers, and which files of the machine it shows."""
+"""The page answers only requests with its token from its own address, and shows only files of its folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ from tests.patience import PATIENCE_S
 
 
 def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> None:
-    """A browser sends a cookie to every port of the host, and therefore also to another user's server."""
+    """The page sets no cookie and does not contain the token.
+
+    A browser sends a cookie to every port of the host, and therefore also to the server of another user.
+    """
     for path in ("/", f"/?token={'t' * 43}", "/static/main.js", "/api/folder"):
         answer = served.ask(path)
         assert answer.status == 200
@@ -52,10 +55,10 @@ def test_a_request_without_the_token_or_from_another_site_is_refused(served: Any
     assert b"<html" not in answer.body
 
 
-def test_a_socket_gets_nothing_before_its_first_message_is_the_token(served: Any) -> None:
+def test_a_websocket_receives_nothing_unless_its_first_message_is_the_token(served: Any) -> None:
     for message in ('{"token": "guess"}', '{"take": true}', '{"token": null}', "[1]", "[" * 30_000, b"\0"):
         with served.socket(introduced=False) as socket:
-            with pytest.raises(TimeoutError):  # nothing is sent to it
+            with pytest.raises(TimeoutError):  # the server sends nothing to this socket
                 socket.recv(timeout=0.05)
             socket.send(message)
             with pytest.raises(ConnectionClosed):
@@ -94,7 +97,7 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
     with redirect_file(served.address) as path:
         assert "t" * 43 in path.read_text()
         assert path.stat().st_mode & 0o777 == 0o600
-        path.parent.chmod(0o711)  # the file's own mode suffices
+        path.parent.chmod(0o711)  # the mode of the file alone keeps other users out
         command = [sys.executable, "-c", ANOTHER_USER, str(path), f"http://{served.host}"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout.splitlines() == ["not readable", "403", "403", "403"], done.stderr
@@ -104,7 +107,10 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A command in `BROWSER` replaces the browser. The command writes its own command line into a file."""
+    """The browser is started with the address of a file; the token is not in its command line, which all users can see.
+
+    In this test, a command that writes down its own command line takes the place of the browser (variable `BROWSER`).
+    """
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
     os.mkfifo(shown)
@@ -127,7 +133,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """The tab of the page follows a link to a server of another user on the same host."""
+    """A server of another user on the same host receives no token and no cookie when the tab follows a link to it."""
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -152,7 +158,7 @@ def test_a_tab_without_the_token_shows_which_address_to_open(served: Any, tab: A
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "127.0.0.1.evil.example:{port}"]
 )
-def test_a_foreign_name_for_this_machine_is_refused(served: Any, host: str) -> None:
+def test_a_request_to_this_machine_under_another_host_name_is_refused(served: Any, host: str) -> None:
     assert served.ask("/api/folder", Host=host.format(port=served.port)).status == 421
 
 
@@ -164,14 +170,17 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
 def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """The length in the header of the request decides. Status 400 means that the body was read and is not valid."""
+    """A request whose header gives a length above 64 KiB is refused before its body is read (status 413).
+
+    Status 400 means that the body was read and is not valid.
+    """
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)
     answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))
     assert answer.status == status
 
 
-def test_a_request_without_a_stated_length_is_not_read(served: Any) -> None:
+def test_a_request_without_a_length_in_its_header_is_not_read(served: Any) -> None:
     assert served.ask("/api/folder").status == 200
     assert served.ask("/api/folder", Transfer_Encoding="chunked").status == 413
 
@@ -211,7 +220,7 @@ def test_no_path_leads_out_of_the_folder(served: Any, name: str) -> None:
     assert "link" not in {entry["name"] for entry in listed}
 
 
-def test_static_files_are_the_pages_own(served: Any) -> None:
+def test_only_the_static_files_of_the_page_are_served(served: Any) -> None:
     for path in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd"):
         assert served.ask(path).status == 404
 
@@ -247,7 +256,7 @@ def test_the_command_prints_the_address_and_ends_at_a_signal(data_folder: Path, 
                 process.send_signal(number)
             said = process.communicate(timeout=PATIENCE_S)[1]
     assert b"<title>eimi" in page
-    # A further signal may find the interpreter leaving already, with the system's own handlers back in place.
+    # A second signal may arrive while the interpreter ends and the default handlers of the system are active again.
     assert process.returncode in (128 + asked[0], -asked[0])
     assert [line.partition(":")[0] for line in said.splitlines()] == ["eimi", "eimi"]
     assert said.splitlines()[-1] == f"eimi: stopped by {asked[0].name}"

@@ -1,4 +1,4 @@
-"""Runs that are started, watched, paused, stopped and lost in a browser, on an emulated supply."""
+"""Runs on an emulated supply are started, watched, paused and stopped in a browser, and survive lost processes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def frames_arrive(page: Any) -> None:
     wait_until(lambda: int(live.get_attribute("data-seen")) > before + 3)
 
 
-def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
+def test_a_run_is_started_watched_by_two_tabs_reloaded_and_stopped(
+    emulated_bench: Any, dashboard: Any, tab: Any
+) -> None:
     address = dashboard(emulated_bench.folder)[1]
     page = tab(address)
     page.locator("#protocol option").first.wait_for(state="attached")
@@ -86,7 +88,7 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     assert page.get_by_role("button", name="Fit this").is_visible()
 
 
-def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_run_before(
+def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_previous_run(
     emulated_bench: Any, dashboard: Any, tab: Any
 ) -> None:
     page = tab(dashboard(emulated_bench.folder)[1])
@@ -142,7 +144,7 @@ def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: A
     assert len(stored_currents(emulated_bench.folder / "run.h5")) >= stored >= 2
 
 
-def test_a_run_that_does_not_answer_to_stop_is_killed_and_its_guardian_switches_off(
+def test_a_run_that_does_not_react_to_stop_is_killed_and_its_guardian_switches_the_coil_off(
     emulated_bench: Any, dashboard: Any, tab: Any
 ) -> None:
     server, address = dashboard(emulated_bench.folder)
@@ -151,7 +153,7 @@ def test_a_run_that_does_not_answer_to_stop_is_killed_and_its_guardian_switches_
     page.get_by_text("COIL ON").wait_for()
     children = Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()
     (run,) = [int(child) for child in children if b"acquire" in Path(f"/proc/{child}/cmdline").read_bytes()]
-    os.kill(run, signal.SIGSTOP)  # it answers to nothing but SIGKILL
+    os.kill(run, signal.SIGSTOP)  # the process reacts to no signal except SIGKILL
     page.keyboard.press("Escape")
     page.get_by_text("the coil is off, confirmed after").wait_for()
     assert emulated_bench.is_off()
@@ -159,7 +161,9 @@ def test_a_run_that_does_not_answer_to_stop_is_killed_and_its_guardian_switches_
     assert not Path(f"/proc/{run}").exists()
 
 
-def test_a_coil_whose_current_flows_on_is_never_called_off(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
+def test_a_coil_whose_current_still_flows_is_never_reported_as_off(
+    emulated_bench: Any, dashboard: Any, tab: Any
+) -> None:
     page = tab(dashboard(emulated_bench.folder)[1])
     start(page)
     page.get_by_text("COIL ON").wait_for()
@@ -171,7 +175,7 @@ def test_a_coil_whose_current_flows_on_is_never_called_off(emulated_bench: Any, 
     page.locator("#values").get_by_text("0.8 A").wait_for()
     for words, whole in (("the coil is off", False), ("coil off", True)):
         assert page.get_by_text(words, exact=whole).all_inner_texts() == []
-    emulated_bench.coil.shorted_A = 0.0  # its guardian still tries
+    emulated_bench.coil.shorted_A = 0.0  # the guardian of the run still tries to switch off
     page.locator("#coil.off").wait_for()
     assert emulated_bench.is_off()
 
@@ -210,7 +214,7 @@ def test_the_websocket_accepts_only_the_page(served: Any, headers: dict[str, str
 
 
 @pytest.mark.parametrize("act", ["start", "pause", "go-on", "end", "dry"])
-def test_only_the_tab_in_control_steers(served: Any, act: str) -> None:
+def test_only_the_tab_in_control_starts_pauses_and_ends_runs(served: Any, act: str) -> None:
     answer = served.ask(f"/api/run/{act}", "POST", b"{}", Origin=f"http://{served.host}", X_Tab="guess")
     assert answer.status == 400
     assert "take control first" in json.loads(answer.body)["error"]

@@ -1,4 +1,4 @@
-"""Requests to fit from the page: which requests are refused, and what the page reads from the log of a running fit."""
+"""Requests from the page to fit a dataset: wrong requests are refused, and the page shows why a fit has failed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
-    """Yield a WebSocket whose tab is in control, and the name of the tab."""
+    """Yield a WebSocket whose tab is in control of the bench, and the name of the tab."""
     with served.socket() as tab:
         told = json.loads(tab.recv(timeout=PATIENCE_S))
         if told["control"] != "you":
@@ -45,7 +45,10 @@ def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, asked: dict[str,
 
 
 def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
-    """No load bends the drawn beam. The fit stores edges in the dataset, so the test uses a copy of the dataset."""
+    """The tab shows the last lines of a fit that has failed because no load bends the beam of the dataset.
+
+    The fit stores edges in the dataset, so that the test uses a copy of the dataset.
+    """
     own = served.folder / "unfit"
     own.mkdir()
     shutil.copy(served.folder / "run.h5", own)
@@ -76,7 +79,7 @@ def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
 
 
 def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second run is requested during the first run."""
+    """A request to start a run is refused while another run is under way."""
 
     class GoingOn:
         going_on = True

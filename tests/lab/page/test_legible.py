@@ -1,4 +1,4 @@
-"""The page can be read and used: contrast, small windows, and a STOP button that is always visible."""
+"""The page is legible and usable: contrast, small windows, and a STOP button that is always visible."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PAIRS = [
 
 
 def colours() -> dict[str, dict[str, str]]:
-    """Return the colours (custom properties) of the style sheet, by colour scheme and name."""
+    """Return the colours (custom properties) of the style sheet, by colour scheme ("light", "dark") and name."""
     sheet = (STATIC / "page.css").read_text()
     blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
     return {
@@ -56,7 +56,7 @@ def test_stop_is_visible_wherever_the_page_is_scrolled(served: Any, tab: Any, wi
         assert box["y"] >= 0
         assert box["y"] + box["height"] <= high
         assert box["x"] + box["width"] <= wide
-        assert min(box["width"], box["height"]) >= 44  # for a finger
+        assert min(box["width"], box["height"]) >= 44  # large enough for a finger
         assert page.locator("html").evaluate("root => root.scrollWidth") <= wide
 
 

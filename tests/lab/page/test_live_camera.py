@@ -1,4 +1,4 @@
-"""The live camera of the page before a run, in a browser and with an emulated bench."""
+"""The page shows the live picture of the camera before a run, in a browser and with an emulated bench."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def test_the_camera_is_shown_before_a_run_without_a_message_to_the_supply(
     page.get_by_text("live camera of rig.toml, without a run").wait_for()
     frames_arrive(page)
     page.locator("#live polyline").first.wait_for(state="attached")
-    assert "blur" in page.locator("#values").inner_text()  # the focus
-    page.locator("#light rect").first.wait_for(state="attached")  # the exposure
+    assert "blur" in page.locator("#values").inner_text()  # the measure of the focus
+    page.locator("#light rect").first.wait_for(state="attached")  # the measure of the exposure
     assert emulated_bench.is_off()
     assert page.locator("#coil-how").inner_text() == "not measured"
     page.get_by_role("button", name="Start").click()  # the run opens the same camera
@@ -40,7 +40,7 @@ def test_a_camera_that_cannot_be_opened_gives_its_reason_instead_of_a_picture(
     assert page.get_by_role("button", name="Start").is_enabled()
 
 
-def test_edges_are_drawn_only_while_the_picture_looks_like_the_one_in_which_they_were_found(
+def test_edges_are_drawn_only_while_the_picture_resembles_the_picture_in_which_they_were_detected(
     served: Any, tab: Any
 ) -> None:
     page = tab(served.address)

@@ -1,4 +1,4 @@
-"""The view "Weights and a phone" in a browser: pictures, clicks and typed values lead to the modulus."""
+"""In the view "Weights and a phone" of the page, pictures, clicks and typed values lead to the modulus of a beam."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_lab.dataset.reading import open_dataset
 from tests.shared.phone_photographs import bent_bodies, clicks, drawn_scene, measured_sizes, photograph
 
 GRAMS = (0.0, 1.0, 3.0)
-SHARE = 0.3  # of 4032 x 3024 px
+SHARE = 0.3  # share of 4032 x 3024 px
 RULER_MM = 50.0
 
 
@@ -33,7 +33,7 @@ def bodies(scene: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def photographs(scene: Any, bodies: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Write three photographs as a phone takes them: the beam alone, and the beam with each of two weights."""
+    """Three photographs as a phone takes them: of the beam alone, and of the beam with each of two weights."""
     folder = tmp_path_factory.mktemp("phone")
     paths = [folder / f"IMG_{number}.jpg" for number in range(len(GRAMS))]
     for number, (path, body, grams) in enumerate(zip(paths, bodies, GRAMS, strict=True)):
@@ -80,7 +80,7 @@ def phone(served: Any, tab: Any, scene: Any) -> Any:
 def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     served: Any, phone: Phone, scene: Any, bodies: Any, photographs: list[Path]
 ) -> None:
-    """A user drops three photographs, makes four clicks and types eight values."""
+    """A user who drops three photographs, clicks four points and types eight values gets the true modulus."""
     own = served.folder / "level"
     own.mkdir()
     (own / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen
@@ -98,7 +98,9 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     page.get_by_text("Click 4 of 4: second tick of the ruler").wait_for()
     phone.click(clicked["ruler_px"][1])
     page.get_by_role("button", name="Save and fit").click()
-    page.locator(".field-error", has_text="length_mm is missing").wait_for()  # beside its field
+    page.locator(
+        ".field-error", has_text="length_mm is missing"
+    ).wait_for()  # the message is beside the field with the mistake
     assert page.locator('[data-key="length_mm"]').get_attribute("aria-invalid") == "true"
     phone.type(**measured_sizes(scene, rng), width_mm_sigma="0,03", ruler_mm="50,0")
     page.locator("#phone-picture polyline.edge >> nth=1").wait_for(state="attached")
@@ -118,7 +120,10 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
 
 
 def check_files(folder: Path, scene: Any) -> None:
-    """Check that the ordinary commands read the files of the view; the files give the perspective and no coil."""
+    """Assert that other commands can read the files that the view has written.
+
+    The calibration contains the perspective of the phone, and no coil.
+    """
     calibration = load_calibration(folder / "calibration.toml")
     assert (calibration.coil_constant_mT_per_A, calibration.field_angle_deg) == (None, None)
     assert not calibration.telecentric
@@ -133,7 +138,7 @@ def check_files(folder: Path, scene: Any) -> None:
 def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
     served: Any, tab: Any, photographs: list[Path]
 ) -> None:
-    """Arrow keys move a cross, Enter sets a point, Backspace removes it; the page is as wide as the screen."""
+    """Arrow keys move a cross, Enter sets a point and Backspace removes it, on a page as wide as a phone's screen."""
     page = tab(f"{served.address}#phone")
     page.set_viewport_size({"width": 390, "height": 844})
     (served.folder / "hand").mkdir(exist_ok=True)
@@ -163,7 +168,9 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
         (".IMG_1.jpg", b"", "should be a file name of at most"),
     ],
 )
-def test_what_is_not_a_photograph_is_refused_and_not_kept(served: Any, name: str, body: bytes, words: str) -> None:
+def test_a_file_that_is_not_a_photograph_is_refused_and_not_stored(
+    served: Any, name: str, body: bytes, words: str
+) -> None:
     before = sorted(served.folder.iterdir())
     with served.socket() as socket:
         told = json.loads(socket.recv())

@@ -1,4 +1,4 @@
-"""A user's pictures in a browser: clamp, axis and scale are dragged to their places, and the saved files are used."""
+"""In a browser, a user drags clamp, axis and scale into place in a picture; the saved files are used afterwards."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_lab.dataset.reading import open_dataset
 
 
 def drag(page: Any, name: str, x: float, y: float) -> None:
-    """Drag a handle to the pixel (x, y) of a picture of 128 x 96 pixels."""
+    """Drag the handle `name` to the pixel (x, y) of a picture of 128 x 96 pixels."""
     box = page.locator("#by-hand svg").bounding_box()
     handle = page.get_by_role("button", name=name).bounding_box()
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
@@ -31,11 +31,11 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     page.get_by_label("Folder of pictures").select_option("own")
     page.get_by_label("Specimen (for length").select_option("specimen.toml")
     page.get_by_role("button", name="frame_2.png").wait_for()
-    page.locator("#by-hand-words:not(:empty)").wait_for()  # the handles are where they will stay
+    page.locator("#by-hand-words:not(:empty)").wait_for()  # the handles no longer move
     page.get_by_label("current of frame_1.png").fill("0")
     page.get_by_label("current of frame_2.png").fill("0,2")
     drag(page, "first end of the ruler", 30, 90)
-    drag(page, "second end of the ruler", 110, 90)  # 80 px are its 10 mm
+    drag(page, "second end of the ruler", 110, 90)  # the length of the beam, 10 mm, is 80 px
     drag(page, "middle of the clamp", 66, 8)
     drag(page, "direction of the straight beam", 66, 70)
     page.get_by_role("button", name="middle of the clamp").press("ArrowRight")
@@ -78,7 +78,7 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
     page.get_by_text("2 points along the beam").wait_for()
     page.get_by_role("button", name="frame_2.png").click()
     page.get_by_role("button", name="frame_2.png").and_(page.locator("[aria-current=true]")).wait_for()
-    click(70, 40)  # not on the first picture
+    click(70, 40)  # this point is clicked on the second picture
     page.locator("#replace").check()
     page.get_by_role("button", name="Save", exact=True).click()
     page.get_by_text("2 pictures have a current").wait_for()

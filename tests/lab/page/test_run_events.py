@@ -1,4 +1,4 @@
-"""The page derives the state of the coil from events, and never from messages of the run or of its guardian."""
+"""The page derives the state of the coil from events, and never from messages of the run or of its guardian process."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_page_derives_the_coil_from_events_whatever_the_messages_say(
         await run.closed()
         return run
 
-    with ThreadPoolExecutor(1) as thread:  # a browser that another test opened may have an event loop in this one
+    with ThreadPoolExecutor(1) as thread:  # the browser of another test may have left an event loop in this thread
         run = thread.submit(asyncio.run, watch()).result()
     assert emulated_bench.is_off()
     assert (run.progress.coil, run.progress.phase) == ("off", "ended")
@@ -78,7 +78,9 @@ def test_the_coil_on_the_page_follows_the_events() -> None:
     on, off = OutputSwitched(on=True), OffConfirmed(by="guardian", determined_by="commanded", takeover="run_died")
     assert heard().progress.coil == "off"
     assert heard(on).progress.coil == "on"
-    assert heard(on, OutputSwitched(on=False)).progress.coil == "on"  # not before it is confirmed
+    assert (
+        heard(on, OutputSwitched(on=False)).progress.coil == "on"
+    )  # the coil counts as on until it is confirmed as off
     assert heard(on, off).progress.coil == "off"
     assert heard(on, OffNotConfirmed(by="run", reason="")).progress.coil == "unknown"
     assert heard(on, OffNotConfirmed(by="run", reason=""), off).progress.coil == "off"

@@ -1,4 +1,4 @@
-"""The view of stored runs in a browser, and fits that are started there."""
+"""The view of stored runs in a browser shows a run and its fits, and starts new fits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """Write rods/rod.h5, the tip of a cantilever under three small forces by slender-beam theory; return its path."""
+    """The dataset rods/rod.h5: the tip of a cantilever under three small forces, computed by slender-beam theory."""
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -61,7 +61,7 @@ def open_rod(page: Any) -> None:
 
 
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
-    """The list of files arrives late. The fit must not use the dataset that was open before."""
+    """The Fit button fits the dataset on the screen, not the previous one, even while the list of files still loads."""
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
     page.get_by_role("button", name="run.h5").click()
@@ -90,13 +90,13 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     page.get_by_text("neo-hookean: done").wait_for()
     page.get_by_text("Fit again and replace this fit").wait_for()
     assert "only noise" in page.locator("#fit-result").inner_text()
-    assert page.locator("#fit-plot circle.dot").count() > 3  # how it converged
+    assert page.locator("#fit-plot circle.dot").count() > 3  # the plot of the convergence
     (fit,) = json.loads(rod.with_suffix(".fits.json").read_text())["fits"]
     assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=0.02)
     report = served.ask(page.locator("#fit-report").get_attribute("href"))
     assert report.status == 200
     assert b"rod" in report.body
-    late = tab(f"{served.address}#runs")  # it hears of the fit before it has a dataset
+    late = tab(f"{served.address}#runs")  # the tab receives the state of the fit before it shows a dataset
     late.get_by_text("watching").first.wait_for()
     open_rod(late)
     late.get_by_text("neo-hookean: done").wait_for()

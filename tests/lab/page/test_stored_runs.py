@@ -1,4 +1,4 @@
-"""Datasets on the page: the page shows their properties, images and edges, and does not change them."""
+"""The page shows the properties, images and edges of stored datasets, and does not change the datasets."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def test_a_dataset_is_shown_with_its_edges_and_is_not_changed(served: Any) -> No
     assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE).shape == (96, 128)
     edges = json.loads(served.ask("/api/dataset/edges?file=run.h5&state=1").body)
     middles = [np.mean(edges[side], axis=0)[0] for side in ("left", "right")]
-    assert sorted(middles) == pytest.approx([64 + 4 - 8, 64 + 4 + 8], abs=0.3)  # as drawn: 16 px wide, moved by 4
+    assert sorted(middles) == pytest.approx(
+        [64 + 4 - 8, 64 + 4 + 8], abs=0.3
+    )  # the drawn beam: 16 px wide, displaced by 4 px
     assert edges["tip_angle_deg"] == pytest.approx(0.0, abs=1.0)
     assert hashlib.sha256((served.folder / "run.h5").read_bytes()).digest() == before
 
@@ -56,7 +58,9 @@ def test_a_report_opens_only_by_its_link_and_runs_no_script(served: Any) -> None
     (served.folder / "report.html").write_text("<script>alert(1)</script>")
     entries = json.loads(served.ask("/api/folder").body)["entries"]
     link = next(entry["link"] for entry in entries if entry["name"] == "report.html")
-    answer = served.ask(link, X_Eimi_Token="")  # a browser opens it in a new tab, where no script adds the header
+    answer = served.ask(
+        link, X_Eimi_Token=""
+    )  # a browser opens the report in a new tab, where no script adds the header with the token
     assert answer.status == 200
     assert answer.headers["content-security-policy"].startswith("sandbox;")
     for other in ("/report?file=report.html", link.replace("report.html", "run.h5"), link[:-1] + "g"):
@@ -70,23 +74,23 @@ def test_fits_that_cannot_be_used_are_reported_in_one_line(served: Any) -> None:
     assert "digits" in json.loads(answer.body)["error"]
 
 
-def test_edges_of_a_dataset_that_replaced_another_one_are_its_own(served: Any, frame: Any) -> None:
+def test_a_dataset_that_replaces_another_one_is_shown_with_its_own_edges(served: Any, frame: Any) -> None:
     folder = served.folder
     specimen, calibration = load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml")
     (folder / "swapped").mkdir()
     for index in (1, 2):
         cv2.imwrite(str(folder / "swapped" / f"frame_{index}.png"), frame(index, 9.0))
-        os.utime(folder / "swapped" / f"frame_{index}.png", (1e9, 1e9))  # the start of this dataset differs
+        os.utime(folder / "swapped" / f"frame_{index}.png", (1e9, 1e9))  # this dataset begins with other bytes
     import_frames(folder / "swapped", folder / "states.csv", specimen, calibration, folder / "second.h5")
     shutil.copy(folder / "run.h5", folder / "same.h5")
     before = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
     (folder / "same.h5").write_bytes((folder / "second.h5").read_bytes())  # the number of the file stays the same
     after = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
     moved = np.mean(after["left"], axis=0)[0] - np.mean(before["left"], axis=0)[0]
-    assert moved == pytest.approx(9.0 - 2.0, abs=0.3)  # as drawn
+    assert moved == pytest.approx(9.0 - 2.0, abs=0.3)  # the drawn beam
 
 
-def test_a_template_that_is_not_filled_in_is_named_incomplete(served: Any) -> None:
+def test_a_template_file_that_is_not_filled_in_is_listed_as_incomplete(served: Any) -> None:
     (served.folder / "my_beam.toml").write_text((PROTOCOLS / "first" / "specimen.toml").read_text())
     choices = json.loads(served.ask("/api/choices").body)
     assert "my_beam.toml" in choices["specimen"]

@@ -1,4 +1,4 @@
-"""WebSockets that do not behave like a tab are closed, without a message on the terminal."""
+"""WebSockets that do not behave like a tab of the page are closed, and the server prints no message about them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Said(logging.Handler):
 
 @pytest.fixture
 def said() -> Iterator[list[str]]:
-    """Collect the messages that the server logs during a test."""
+    """The messages that the server logs during a test."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
     logger.addHandler(handler)
@@ -32,7 +32,7 @@ def said() -> Iterator[list[str]]:
 
 
 def without_tabs(served: Any) -> None:
-    """Wait until the server has noticed that the last tab has closed."""
+    """Wait until the server has noticed that the last tab was closed."""
     with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
@@ -44,7 +44,7 @@ def test_a_socket_with_an_unknown_message_is_closed_silently(
 ) -> None:
     with served.socket() as socket:
         socket.send(message)
-        for _ in socket:  # until the page closes it
+        for _ in socket:  # until the page closes the socket
             pass
     without_tabs(served)
     assert said == []
@@ -61,7 +61,7 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, said: 
 
 
 def told(socket: Any, **expected: Any) -> dict[str, Any]:
-    """Receive states of the page until a state has the values `expected`; return this state."""
+    """Receive states of the page until one has the values `expected`; return this state."""
     while True:
         message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):
@@ -91,7 +91,7 @@ def test_one_tab_is_in_control_and_control_ends_with_its_tab(served: Any) -> Non
         assert served.page.tabs.may_steer(first_name)
 
 
-def test_a_tab_that_only_watches_leaves_the_control_where_it_is_when_it_closes(served: Any) -> None:
+def test_when_a_tab_without_control_closes_the_control_stays_with_its_tab(served: Any) -> None:
     with served.socket() as steering:
         with served.socket() as watching:
             told(watching, control="other", tabs=2)

@@ -1,4 +1,7 @@
-"""Fixtures: one small fit whose numbers are replaced by numbers that all differ from each other."""
+"""Fixtures: one small fit whose numbers are replaced by numbers that all differ from each other.
+
+So a test recognises each number where it is printed.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """Return the data for a fit: simulated tracked points of a beam of 50 kPa in three fields."""
+    """The data of a fit: simulated tracked points of a beam of 50 kPa in three fields."""
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
@@ -57,7 +60,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """Return the small fit with replaced numbers."""
+    """The small fit with replaced numbers."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return replace(
@@ -119,9 +122,9 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the validation of a fit on its own dataset.
+    """Return a function that makes the validation of a fit on its own dataset, with replaced numbers.
 
-    Its numbers are replaced; the arguments `changes` replace further fields.
+    The arguments `changes` replace further fields of the validation.
     """
 
     def validation(of: FitRecord, **changes: Any) -> Validation:
@@ -150,7 +153,7 @@ def validation() -> Callable[..., Validation]:
 
 @pytest.fixture(scope="session")
 def choices() -> tuple[Choice, ...]:
-    """Return the comparison of two laws on one dataset. The second law is better."""
+    """The comparison of two laws on one dataset, in which the second law is better."""
     return (
         Choice("neo-hookean", 1, 55.0, 7.5, 3.25, 0.02, 0.0123),
         Choice("yeoh", 3, 55.0, 0.0, 0.0, 0.98, 0.0045),

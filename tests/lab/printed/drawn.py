@@ -1,4 +1,4 @@
-"""The numbers of a figure as text: its labels, and the values of its marks on the axes, with the units of the axes."""
+"""Print the numbers of a figure as text: its labels, and the values of its marks in the units of the axes."""
 
 from __future__ import annotations
 

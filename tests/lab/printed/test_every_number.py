@@ -1,7 +1,7 @@
 """Every printed number comes from the field of the record, and with the factor, that `traced_numbers.txt` lists.
 
 If the test fails, it prints a `diff` command with the paths of the new and the old list. Read the differences before
-you copy the new list over the old one.
+you copy the new list over the old list.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Shown = Callable[..., ShownFit]
 
 
 def printed_table(table: Table | None) -> dict[str, str]:
-    """Return the rows of a table as HTML, CSV and LaTeX, without the caption."""
+    """Return the rows of a table without the caption, as HTML, CSV and LaTeX, by name of the table and format."""
     assert table is not None
     bare = replace(table, caption="", notes=())
     page = str(Elements().table(bare)).partition("<tbody>")[2]
@@ -118,7 +118,7 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return the source of each number in the figures that a report draws from the record of a fit."""
+    """Return the source of each number in the figures that a report draws from the record of a fit, by figure."""
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
     record = replace(
@@ -145,7 +145,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return the source of each number in the figures of two fits whose predictions a report draws on a dataset."""
+    """Return the source of each number in the figures of the predictions of two fits on a dataset, by figure."""
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [
@@ -312,7 +312,7 @@ def traces(
     validation: Callable[..., Validation],
     shown: Shown,
 ) -> dict[str, list[str]]:
-    """Return, for each printed text and table, the source of each number: the field of the record and the factor."""
+    """The source of each number in each printed text, table and figure: the field of the record and the factor."""
     return {
         **numbers_of_a_fit(fit, evidence, shown),
         **numbers_of_the_figures_of_a_fit(fit, shown),

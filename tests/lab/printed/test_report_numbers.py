@@ -57,7 +57,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 
 @pytest.fixture
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
-    """Return the prediction of a fit on a dataset, as the panels of a report receive it."""
+    """The prediction of a fit on a dataset, as the figures of a report receive it."""
     return SimpleNamespace(
         fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
@@ -96,7 +96,7 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
     strain, stress = next(line for line in uniaxial.lines if line.get_linestyle() == "--").get_data()
     assert stress == pytest.approx(1e-3 * engineering_stress(law, np.array([50e3]), strain / 100))
     whole = next(line for line in uniaxial.lines if line.get_label() == "neo-hookean")
-    assert whole.get_xdata().max() <= 25.0  # solid within the data
+    assert whole.get_xdata().max() <= 25.0  # the line is solid within the range of the data
     band = next(c for c in uniaxial.collections if len(c.get_paths())).get_paths()[0].vertices
     ends = engineering_stress(law, np.quantile(np.linspace(40e3, 65e3, 401), [[0.025], [0.975]]), strain[-1:] / 100)
     at_end = band[np.isclose(band[:, 0], strain[-1]), 1]
@@ -149,7 +149,7 @@ def report_of(shown: Shown, validation: Judged) -> Reported:
     return report_of
 
 
-def test_the_first_screen_states_the_result_of_a_fit(
+def test_the_first_screen_shows_the_result_of_a_fit(
     fit: FitRecord, evidence: Evidence, report_of: Reported, validation: Callable[..., Validation]
 ) -> None:
     (finding,) = findings.findings(report_of(fit, evidence))
@@ -230,7 +230,7 @@ def test_the_smallest_error_on_a_specimen_is_bold(
 
 
 def test_the_interval_names_what_scatters(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
-    """For a fit of tracked points, the report must name points, and not edges, as the source of the scatter."""
+    """The report names the scatter of the tracked points or of the edges, according to the kind of the dataset."""
     report = report_of(replace(fit, budget=()), evidence)
     (finding,) = findings.findings(report)
     assert finding.limit.startswith("The scatter of the tracked points and the error of the mesh limit the interval")

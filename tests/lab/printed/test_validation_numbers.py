@@ -1,4 +1,4 @@
-"""The errors of a fit on a dataset are printed in µm and kPa, with their intervals, and belong to the finer mesh."""
+"""The errors of a fit on a dataset are printed in µm and kPa with their intervals, and belong to the finer mesh."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
 def test_the_drawn_outline_is_that_of_the_finer_mesh(
     fitted: FitRecord, evidence: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The outline must come from the finer mesh and not from the mesh of the search."""
+    """The drawn outline of the beam comes from the finer mesh, and not from the mesh of the search."""
     made = list[Correction | None]()
 
     def kept(*arguments: Any) -> Correction | None:

@@ -1,7 +1,7 @@
-"""Find the field of a record from which each printed number comes, and the factor between field and printed number.
+"""Find the field of a record from which each printed number comes, and the ratio of printed number to field.
 
 Each number of a record is changed in turn, and everything is printed again. The printed numbers that change come from
-the changed number. If a printed number comes from one number alone and is proportional to it, their ratio is the
+the changed number. If a printed number comes from one field alone and is proportional to this field, their ratio is the
 factor.
 """
 
@@ -20,13 +20,13 @@ Texts = Mapping[str, str]
 _NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
 _UNIT = re.compile(r"\s*(%|µm|mm|mT|kPa|MPa|GPa|Pa|pixels/mm|pixel|T\b|A\b|kg/m³|s\b|°)?")
 _CHANGE = 1.3  # factor by which a number is changed; smaller changes may be lost by rounding
-_ROUNDING = 0.06  # relative change of a printed number that may come from another number of digits
+_ROUNDING = 0.06  # largest relative change of a printed number that a different number of digits may cause
 _FACTORS = (1.0, 1e3, 1e-3, 1e2, 1e-2, 1e6, 1e-6, -1.0)
 
 
 @dataclass(frozen=True)
 class _Printed:
-    """A printed number: its text, its value, and the unit that follows."""
+    """A printed number: its text, its value, and the unit that follows the number."""
 
     text: str
     value: float
@@ -36,7 +36,7 @@ class _Printed:
 def filled(content: Any, start: int = 0) -> Any:
     """Return nested lists and dictionaries with new numbers, no two of which are equal.
 
-    The signs and sizes of the numbers stay the same.
+    Each number keeps its sign and its approximate size.
     """
     count = start
 
@@ -68,9 +68,9 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy of nested lists and dictionaries, in which the number at a path is larger.
+    """Return a copy of nested lists and dictionaries, in which the number at `path` is larger.
 
-    An integer becomes larger by 7.
+    An integer becomes larger by 7, and zero becomes 0.1.
     """
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
@@ -86,7 +86,7 @@ def changed(content: Any, path: str) -> Any:
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
     """Return, for each text, the source of its numbers in order: field, factor and unit.
 
-    For a number that is derived from several fields, the number itself is added.
+    A number that is derived from several fields is listed with these fields and its own value.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] 
             continue
         try:
             texts = printed(changed(content, path))
-        except ValueError:  # a record that contradicts itself is refused; its number stays untraced
+        except ValueError:  # a record with contradictory numbers is refused; the changed number then has no source
             continue
         for name, text in texts.items():
             after = _numbers(text)

@@ -1,4 +1,4 @@
-"""Bend a beam by a moment at its tip, a kind of load that the package does not know."""
+"""Bend a beam by a moment at its tip, a kind of load that eimi_lab does not contain."""
 
 import numpy as np
 

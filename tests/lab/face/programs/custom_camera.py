@@ -1,4 +1,4 @@
-"""Run a protocol with a camera that the package does not know: a class of four methods without a base class."""
+"""Run a protocol with a camera that eimi_lab does not contain: a class of four methods without a base class."""
 
 import time
 

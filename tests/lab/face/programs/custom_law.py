@@ -1,4 +1,4 @@
-"""Fit a law that is not part of the package; it has an energy, search coordinates and an initial shear modulus."""
+"""Fit a law that eimi_lab does not contain: an energy, the coordinates of its search, and an initial shear modulus."""
 
 import eimi_lab as eimi
 from eimi_fitting.laws import Coordinate, InvariantLaw

@@ -1,4 +1,4 @@
-"""Run a protocol with a supply that the package does not know and that has SCPI commands of its own."""
+"""Run a protocol with a supply that eimi_lab does not contain and that has SCPI commands of its own."""
 
 import eimi_lab as eimi
 from eimi_drivers.supplies.profile import Profile

@@ -1,4 +1,4 @@
-"""Compute the rotation of the tip in each field, for the solid beam model and for its planar beam model."""
+"""Compute the rotation of the tip at each field with the solid beam model and with its planar beam model."""
 
 from dataclasses import replace
 

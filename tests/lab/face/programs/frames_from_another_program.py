@@ -1,4 +1,4 @@
-"""Make a dataset from frames that another program stored as an array in a file, and identify the material."""
+"""Make a dataset from frames that another program has stored as an array in a file, and identify the material."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fit one law to several datasets together, and compare two laws on them."""
+"""Fit one law to several datasets together, and compare two laws on these datasets."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fit a law with a prior on C10: bending hardly distinguishes C10 from C01, and the prior determines both."""
+"""Fit a law with a prior on C10, because bending alone hardly distinguishes the parameters C10 and C01."""
 
 import eimi_lab as eimi
 
