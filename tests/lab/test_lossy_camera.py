@@ -1,4 +1,4 @@
-"""A run with a GigE camera that loses packets, disappears, is replaced, or changes its region stores only good frames."""
+"""A run stores only good frames of a GigE camera that loses packets, disappears, is replaced, or changes its region."""
 
 from __future__ import annotations
 

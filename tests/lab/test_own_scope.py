@@ -15,7 +15,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a file that contains the arguments of the last call of the program busctl, which the test replaces."""
+    """The path of a file with the arguments of the last call of the program busctl, which the test replaces."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

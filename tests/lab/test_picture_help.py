@@ -18,8 +18,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
-    """Return a noisy picture, shape (96, 128, 3), of a beam that hangs from the pixel (64, 8), 16 px wide and 80 px
-    long.
+    """Return a noisy picture, shape (96, 128, 3), of a beam of 16 x 80 px that hangs from the pixel (64, 8).
 
     beam, beside: colours of the beam and of the background (blue, green, red).
     """

@@ -1,4 +1,4 @@
-"""The interval of the predicted error of a fit on another beam includes the uncertainties of that beam."""
+"""The interval of the predicted error of a fit on another beam includes the uncertainties of this beam."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *known: StatedSource) -> Evidence:
-    """Return a dataset with the edges of the beam `hidden`, although its file describes the beam `stated`.
+    """Return a dataset whose edges are from the beam `hidden`, although its file describes the beam `stated`.
 
-    The true field is `coil` times the stated field. `known` are the stated uncertainties.
+    coil: true field divided by the field in the file. known: the uncertainties that the file gives.
     """
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)
@@ -54,7 +54,7 @@ def interval_um(validation: Validation) -> tuple[float, float]:
     return 1e3 * low, 1e3 * high
 
 
-def test_the_unseen_beam_brings_its_own_uncertainty_and_shares_that_of_the_coil():
+def test_the_prediction_for_another_beam_includes_its_own_uncertainty_and_shares_the_error_of_the_coil():
     coil = StatedSource("coil", 0.03, "coil 1")
     fit = record(evidence("first", FIRST, FIRST, 1.03, coil))
     assert fit.datasets[0].stated == (coil,)
@@ -68,11 +68,11 @@ def test_the_unseen_beam_brings_its_own_uncertainty_and_shares_that_of_the_coil(
     width = StatedSource("width", 0.02, "specimen 2")
     error, (least, most) = judged(coil)
     same_error, (low, high) = judged(width, coil)
-    # The width that is wrong within its uncertainty may explain the error, or double it.
+    # The width is wrong within its uncertainty, which may explain the error or double it.
     assert same_error == pytest.approx(error)
     assert low < 0.4 * error < 1.5 * error < high
     assert 0.6 * error < least < most < 1.4 * error
-    # Another coil is not off as the first one was, and nobody knows by how much it is.
+    # Another coil has another error than the first coil, and this error is not known.
     _, (_, other_high) = judged(width, replace(coil, of="coil 2"))
     assert other_high > 1.5 * high
 
@@ -88,25 +88,27 @@ def test_the_fitted_dataset_keeps_the_deviations_of_the_fit(stated):
     assert validation.seen
     error, (low, high) = 1e3 * (validation.mean_error_mm or 0.0), interval_um(validation)
     assert low <= error < high
-    # With its width the modulus moves as far as keeps the beam's shape: that leaves micrometres, not tens of them.
+    # The modulus changes with the width such that the shape stays the same; only micrometres remain.
     assert (high < 4 * error) is stated
 
 
-@pytest.mark.parametrize(("fitted", "foretold"), [(0, 1), (1, 0)], ids=["its own weight", "52 g"])
-def test_one_recording_of_the_real_beam_predicts_the_tip_in_the_other(measured, tmp_path, fitted, foretold):
+@pytest.mark.parametrize(("fitted", "predicted"), [(0, 1), (1, 0)], ids=["its own weight", "52 g"])
+def test_a_fit_of_one_recording_of_the_real_beam_predicts_the_tip_in_another_recording(
+    measured, tmp_path, fitted, predicted
+):
     folder = measured / "real_beam"
     points, tables = folder / "points.csv", (folder / "states.csv", load_specimen(folder / "specimen.toml"))
     import_points(points, *tables, -90.0, tmp_path / "beam.h5")
     whole = load_evidence(tmp_path / "beam.h5", section="plane-stress").experiment
     fit = identify("neo-hookean", [whole.of_states(np.array([fitted]))])
-    other = whole.of_states(np.array([foretold]))
+    other = whole.of_states(np.array([predicted]))
     drawn = np.array(fit.draws.values)[::8, :1]
     rest = other.observed.rest_mm[0]
-    foretold_mm = other.model.positions(other.model.solve(LAWS["neo-hookean"], drawn, other.loads), rest)[:, 0]
-    # The uncertainty of the place of a marker on the beam is common to all states of a recording.
-    seen_mm = foretold_mm + np.random.default_rng(1).normal(0, other.observed.sigma_mm[0, 0], (len(drawn), 1, 2))
+    predicted_mm = other.model.positions(other.model.solve(LAWS["neo-hookean"], drawn, other.loads), rest)[:, 0]
+    # The uncertainty of the position of a marker on the beam is common to all states of a recording.
+    seen_mm = predicted_mm + np.random.default_rng(1).normal(0, other.observed.sigma_mm[0, 0], (len(drawn), 1, 2))
     low, high = np.quantile(seen_mm, [0.025, 0.975], axis=0)
     moved = other.observed.moved_mm[0]
     assert ((low < moved) & (moved < high)).all()
-    # That says something: the deflections are 6.5 and 17 mm.
+    # The limit is strict, because the deflections are 6.5 and 17 mm.
     assert (high - low < 0.75 * np.abs(moved - rest).max()).all()

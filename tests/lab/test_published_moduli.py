@@ -1,4 +1,4 @@
-"""Published moduli are selected by the name of the silicone, and converted by the rule that the table gives."""
+"""Published moduli are selected by the name of the silicone, and converted by the rule in the table."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ def test_another_silicone_has_no_value(name: str) -> None:
 
 
 def test_a_stress_at_100_per_cent_strain_is_that_of_a_neo_hookean_material() -> None:
-    """The technical bulletin of Dragon Skin 10 gives 22 psi, which is 151.7 kPa."""
+    """A published stress at 100 % strain is converted to the modulus of a neo-Hookean material with this stress.
+
+    The technical bulletin of Dragon Skin 10 gives 22 psi, which is 151.7 kPa.
+    """
     row = next(row for row in PUBLISHED if row.material == "Dragon Skin 10" and "22 psi" in row.how)
     stress = engineering_stress(LAWS["neo-hookean"], np.array([row.low_Pa]), np.array([1.0]))
     assert float(np.squeeze(stress)) == pytest.approx(151.7e3, rel=1e-3)
 
 
-def test_every_published_modulus_states_its_source() -> None:
+def test_every_published_modulus_has_its_source() -> None:
     for row in PUBLISHED:
         assert row.source
         assert row.how

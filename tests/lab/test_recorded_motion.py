@@ -1,4 +1,4 @@
-"""Ring-downs and creep from recorded frames: `eimi segment` follows the beam through the frames."""
+"""`eimi segment` makes ring-downs and creep from recorded frames: it follows the beam through the frames."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ settle = { noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, timeout_s = 5.0 }
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Path:
-    """Return the path of a dataset of two states, each with a recording of creep, and of one ring-down."""
+    """The path of a dataset of two states, each with a recording of creep, and of one ring-down."""
     film = Flick(seconds=0.4)
     images = list(film.frames())
     still = next(iter(Flick(seconds=1 / 120, amplitude_mm=0.0).frames()))
@@ -76,7 +76,7 @@ def recorded(tmp_path: Path) -> Path:
     return tmp_path / "run.h5"
 
 
-def test_segment_makes_motions_of_the_recorded_frames(recorded: Path, run: Run) -> None:
+def test_segment_computes_motions_from_the_recorded_frames(recorded: Path, run: Run) -> None:
     code, said = run("segment", recorded)
     assert code == 0, said
     film = Flick(seconds=0.4)
@@ -146,8 +146,8 @@ def test_the_virtual_beam_swings_after_the_coil_is_switched_off(tmp_path: Path) 
         assert step.lost == 0
         dark = images[:, 88:98] < 0.3 * np.percentile(images, 90)
         middles.append((dark * np.arange(160)).sum(axis=(1, 2)) / dark.sum(axis=(1, 2)))
-    np.testing.assert_array_equal(*middles)  # equal seeds record equal ring-downs
+    np.testing.assert_array_equal(*middles)  # the same seed gives the same ring-down
     after = middles[0][frames.elapsed_s > 0.05]
     crossings = int((np.diff(np.sign(after - np.median(after[-20:]))) != 0).sum())
-    assert 6 <= crossings <= 20  # 3 to 10 Hz
+    assert 6 <= crossings <= 20  # the frequency is between 3 and 10 Hz
     assert np.ptp(after[:20]) > 1.5 * np.ptp(after[-20:])

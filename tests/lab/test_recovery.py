@@ -1,4 +1,4 @@
-"""Recovery of damaged and hostile files: a flipped bit anywhere, links to other files, impossible sizes."""
+"""Damaged and hostile files are recovered or refused: a flipped bit, links to other files, impossible sizes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture
 def two(files: Path) -> dict[str, Path]:
-    """Return the paths of a dataset that its writer did not close, because of a crash, and of the same one closed."""
+    """The paths of the same dataset before its writer closed it ("crashed") and afterwards ("finished")."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     with DatasetWriter(files / "finished.h5", header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(STATES):
@@ -73,7 +73,9 @@ def test_the_checksum_locates_a_flipped_bit(length: int) -> None:
 
 @pytest.mark.parametrize("kind", ["finished", "crashed"])
 @pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 120))])
-def test_a_flipped_bit_costs_nothing(two: dict[str, Path], files: Path, kind: str, seed: int) -> None:
+def test_everything_in_a_file_with_a_flipped_bit_is_recovered(
+    two: dict[str, Path], files: Path, kind: str, seed: int
+) -> None:
     raw = bytearray(two[kind].read_bytes())
     random = np.random.default_rng(seed)
     # The tables and HDF5's structures are in the first part of the file, the frames in the rest.
@@ -87,7 +89,7 @@ def test_a_flipped_bit_costs_nothing(two: dict[str, Path], files: Path, kind: st
         refused = str(error)
     if not refused:
         assert_everything_is_there(files / "whole.h5")
-    else:  # texts have no checksum, so that a letter may have changed without notice
+    else:  # texts have no checksum, so that a changed letter is not noticed
         assert "damaged.h5: specimen" in refused or "damaged.h5: calibration" in refused
 
 
@@ -172,7 +174,7 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
     assert "eimi recover" not in str(told.value)
 
 
-def test_a_message_of_recover_does_not_advise_to_use_recover(two: dict[str, Path]) -> None:
+def test_an_error_of_eimi_recover_does_not_advise_the_user_to_use_eimi_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
     with pytest.raises(InputError, match="its readable part is not a dataset") as told:
@@ -180,7 +182,7 @@ def test_a_message_of_recover_does_not_advise_to_use_recover(two: dict[str, Path
     assert "eimi recover" not in str(told.value)
 
 
-def test_a_program_that_was_replaced_while_it_ran_is_told_in_one_line(two: dict[str, Path]) -> None:
+def test_an_update_of_the_program_while_it_runs_gives_one_line(two: dict[str, Path]) -> None:
     command = [sys.executable, "-m", "eimi_lab.dataset.recovery", two["crashed"], "copy.h5"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")

@@ -1,4 +1,4 @@
-"""The shape of the beam at rest: given in specimen.toml, or measured in the states without load."""
+"""The shape of the beam at rest is given in specimen.toml, or measured in the states without a load."""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -37,7 +37,7 @@ def stated(**keys: str) -> SpecimenFile:
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
-    if "width_mm" in keys:  # the same key of the magnet was removed, too
+    if "width_mm" in keys:  # this key of the magnet was removed, too
         text = text.replace("[magnet]", "[magnet]\nwidth_mm = 2.0", 1)
     return parse(SpecimenFile, text, "specimen.toml")
 
@@ -53,7 +53,7 @@ def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
     return Experiment(BeamModel(BEAM), loads, observed)
 
 
-def test_a_straight_beam_is_left_as_it_is_stated():
+def test_a_straight_beam_keeps_the_shape_in_its_file():
     assert measured_rest_shape(seen(BEAM, Loads.along(FIELD_MT))) is None
 
 
@@ -65,15 +65,13 @@ def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_th
     error_mm = bend_offset(shape.bends_mm, along) - bend_offset((0.8, -0.1), along)
     assert np.abs(error_mm).max() < 0.02
     shown_mm = experiment.observed.points_mm[0, :, -1, 1].mean()
-    assert (
-        shown_mm < 0.75
-    )  # without its weight it is about 1 mm: the tip hangs nearer to the line of the clamp than it was cast
+    assert shown_mm < 0.75  # about 1 mm without the weight, which pulls the tip nearer to the axis of the clamp
     assert shape.widths_mm[0] == pytest.approx(0.04, abs=0.003)
     stated_sources = {source.source: source for source in shape.applied(experiment).stated}
     assert 0 < stated_sources["rest-shape"].standard_uncertainty < 0.03
 
 
-def test_two_datasets_with_measured_shapes_have_an_error_each():
+def test_each_of_two_datasets_with_measured_shapes_has_its_own_error_of_the_shape():
     experiment = seen(with_modes(BEAM, (0.8,)), Loads.along(FIELD_MT))
     shape = measured_rest_shape(experiment)
     of_both = [shape.applied(experiment, f"states of {name}").stated for name in ("a.h5", "b.h5")]
@@ -86,7 +84,7 @@ def test_no_shape_is_measured_without_a_state_at_rest_or_if_the_weight_bends_the
     assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT, gravity_angle_deg=20.0))) is None
 
 
-def test_a_fit_says_what_a_stated_ratio_of_poisson_is_worth():
+def test_a_fit_prints_the_effect_of_a_given_poisson_ratio():
     evidence = Evidence(
         Path("run.h5"), "", seen(BEAM, Loads.along(FIELD_MT)), (), StatesUsed(4, (), ()), poisson_ratio=0.48
     )
@@ -97,7 +95,7 @@ def test_a_fit_says_what_a_stated_ratio_of_poisson_is_worth():
     assert compressibility_remark(replace(evidence, poisson_ratio=0.5)) is None
 
 
-def test_a_table_of_widths_reaches_the_model_and_is_written_again():
+def test_a_table_of_widths_is_used_by_the_model_and_is_written_unchanged():
     specimen = stated(width_mm="[[0.0, 3.4], [20.0, 2.6], [30.0, 2.6]]")
     assert specimen.specimen.width_mm == pytest.approx(2.8 + 1 / 15)
     strip = Strip(specimen.mechanics())
@@ -136,13 +134,16 @@ def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
         ({"width_mm": "[[0.0, 3.0], [30.0, 1.0]]"}, "magnet.width_mm = 2 should be at most specimen.width_mm"),
     ],
 )
-def test_a_shape_that_cannot_be_is_refused_in_one_line(keys, words):
+def test_an_impossible_shape_is_refused_in_one_line(keys, words):
     with pytest.raises(InputError, match=words):
         stated(**keys)
 
 
 def outline_mm(bench: str) -> np.ndarray:
-    """Return the outline (mm) of a virtual beam without current, computed on a coarse mesh."""
+    """Return the outline of a virtual beam without a current, points (x, y) in mm, shape (n, 2), on a coarse mesh.
+
+    bench: TOML text with the differences between the beam and its file.
+    """
     rig = load_rig("virtual")
     assert rig.virtual is not None
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
@@ -152,7 +153,7 @@ def outline_mm(bench: str) -> np.ndarray:
     return camera._beam.outlines_mm(0.0)[0]
 
 
-def test_the_virtual_beam_is_cast_as_its_bench_says_and_hangs_straighter():
+def test_the_virtual_beam_has_the_shape_of_its_bench_and_hangs_straighter():
     plain, bent = outline_mm(""), outline_mm("[bench]\ncast_bend_mm = 1.0\n")
     tip_mm = np.abs(bent - plain)[len(bent) // 2, 1]
     assert 0.3 < tip_mm < 1.2
@@ -168,7 +169,7 @@ def test_the_virtual_beam_is_cast_as_its_bench_says_and_hangs_straighter():
     ],
     ids=["tapered", "stepped"],
 )
-def test_the_edges_of_a_beam_of_varying_width_are_found_where_they_are_and_without_flags(table, half_mm):
+def test_the_edges_of_a_beam_of_varying_width_are_exact_and_raise_no_flags(table, half_mm):
     rig, specimen = load_rig("virtual"), stated(width_mm=table)
     assert rig.virtual is not None
     virtual = rig.virtual.model_copy(update={"mesh": (8, 1, 1)})
@@ -182,7 +183,9 @@ def test_the_edges_of_a_beam_of_varying_width_are_found_where_they_are_and_witho
 
 
 @pytest.mark.slow
-def test_a_run_with_a_bent_beam_finds_its_modulus_unless_the_shape_is_stated_as_straight(tmp_path: Path, run) -> None:
+def test_a_run_with_a_bent_beam_gives_its_modulus_unless_the_file_says_that_the_beam_is_straight(
+    tmp_path: Path, run
+) -> None:
     rigs = Path(str(files("eimi_lab.protocols"))) / "rigs"
     for file in rigs.glob("virtual*.toml"):
         (tmp_path / file.name).write_bytes(file.read_bytes())

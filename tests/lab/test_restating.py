@@ -1,4 +1,4 @@
-"""Corrections of the specimen and the calibration of a dataset after the run."""
+"""The specimen and the calibration of a dataset can be corrected after the run."""
 
 from __future__ import annotations
 
@@ -27,12 +27,14 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """Return the path of the dataset of a run of four states on the small bench."""
+    """The path of the dataset of a run of four states on the small bench."""
     setup.run()
     return setup.path
 
 
-def test_other_files_replace_the_stored_ones_which_are_kept(run: Run, acquired: Path, files: Path, capsys) -> None:
+def test_new_files_replace_the_stored_files_and_the_old_files_are_kept(
+    run: Run, acquired: Path, files: Path, capsys
+) -> None:
     assert run("segment", acquired)[0] == 0
     with open_dataset(acquired) as dataset:
         before = dataset.text("calibration"), dataset.text("specimen")
@@ -106,7 +108,9 @@ def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     assert dataset.read_bytes() == before
 
 
-def test_places_that_a_calibration_leaves_out_keep_their_values(run: Run, dataset: Path, files: Path) -> None:
+def test_positions_that_a_new_calibration_does_not_contain_keep_their_values(
+    run: Run, dataset: Path, files: Path
+) -> None:
     lines = [line for line in (files / "calibration.toml").read_text().splitlines() if "clamp" not in line]
     (files / "corrected.toml").write_text("\n".join(lines).replace("8.0", "8.1"))
     assert run("segment", dataset, "--calibration", files / "corrected.toml")[0] == 0
@@ -117,7 +121,7 @@ def test_places_that_a_calibration_leaves_out_keep_their_values(run: Run, datase
 
 @pytest.mark.slow
 def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -> None:
-    """A wrong width in the specimen file is reported by the fit; after its correction the fit succeeds."""
+    """A fit names a wrong width in the specimen file; after the width is corrected, the fit succeeds."""
     data, fits = tmp_path / "run.h5", tmp_path / "fits.json"
     assert run("acquire", "dragon_skin_10_quick", "--specimen", "type1", "--rig", "virtual", "-o", data)[0] == 0
     text = (PROTOCOLS / "specimens" / "type1.toml").read_text(encoding="utf-8")

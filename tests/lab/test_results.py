@@ -22,7 +22,7 @@ Eimi = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
-    """Return a function that runs a command line in this process; it returns exit status, standard output and error."""
+    """Return a function that runs a command in this process; it returns exit status, standard output and error."""
 
     def eimi(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
@@ -56,7 +56,7 @@ def test_an_error_is_printed_even_with_quiet(eimi: Eimi, tmp_path: Path) -> None
     assert len(told.splitlines()) == 1
 
 
-def test_a_tensile_fit_prints_what_its_file_holds(eimi: Eimi, tmp_path: Path) -> None:
+def test_a_tensile_fit_prints_the_contents_of_its_file(eimi: Eimi, tmp_path: Path) -> None:
     rows = "".join(f"{0.02 * k},{3 * 15e3 * (1 + 0.02 * k - (1 + 0.02 * k) ** -2) / 3e6}\n" for k in range(60))
     (tmp_path / "curve.csv").write_text("strain,stress_MPa\n" + rows)
     arguments = ("--model", "neo-hookean", "--window", "50", "-o", tmp_path / "fits.json", "--json")
@@ -72,11 +72,14 @@ def test_the_examples_in_the_help_are_commands_that_exist(name: str, example: st
     program, command, *arguments = shlex.split(example)
     assert (program, command) == ("eimi", name)
     command_line = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
-    with suppress(typer.Exit), command_line.make_context(name, arguments) as context:  # a list ends the program
+    with (
+        suppress(typer.Exit),
+        command_line.make_context(name, arguments) as context,
+    ):  # an option that prints a list ends the program
         assert context.params
 
 
-def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
+def test_every_command_has_an_example_and_the_option_h(eimi: Eimi) -> None:
     assert set(EXAMPLES) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
     status, said, _ = eimi("fit", "-h")
     assert status == 0
@@ -86,7 +89,10 @@ def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
 def test_the_estimated_time_counts_the_steps_only(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time before the first step, for example for the conditioning of a coil, does not count."""
+    """The remaining time is estimated from the steps only, without the time before the first step.
+
+    The time before the first step is, for example, the conditioning of a coil.
+    """
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
     monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
     with progress("acquire", 4) as report:

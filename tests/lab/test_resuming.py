@@ -1,4 +1,4 @@
-"""Resume a run that ended early, in simulated time."""
+"""A run that ended early is resumed, in simulated time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:
-    """Run until the set-point `after_A` is reached, and raise an error there; return the messages of the run."""
+    """Run until the set-point `after_A` is reached, and let the camera fail there; return the messages of the run."""
 
     def fail(number: int) -> None:
         if setup.coil.state.set_current_A == after_A:
@@ -40,7 +40,7 @@ def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None
     setup.camera.event = lambda number: set_points.append(setup.coil.state.set_current_A)
     said = setup.run(resume=True)
     assert [line.endswith("stored before") for line in said] == [True, True, False, False]
-    assert sorted(set(set_points)) == [0.0, 0.2, 0.3]  # no frame is taken again of what was stored
+    assert sorted(set(set_points)) == [0.0, 0.2, 0.3]  # no frame is taken again in a stored state
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
     with open_dataset(setup.path) as dataset:

@@ -1,4 +1,4 @@
-"""Ring-downs that a run records after its states: the current steps to zero, and every frame is stored."""
+"""A run records ring-downs after its states: the current steps to zero, and every frame is stored."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
     setup.run(on_event=events.append)
     assert setup.is_off()
     ((step, stored, frames),) = ring_downs(setup.path)
-    # The camera's period is 5 ms; the supply's exchange advances the same simulated clock.
+    # A frame takes 5 ms; a message to the supply advances the same simulated clock.
     assert 30 <= len(stored) == step.frames
     for earlier, later in zip(stored[-20:], images[-20:], strict=True):
         np.testing.assert_array_equal(earlier, later)
@@ -75,7 +75,7 @@ def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
     assert points[-1].time_s == pytest.approx(step.time_s)
 
 
-def test_ring_downs_are_repeated_from_the_stated_current(setup: Any) -> None:
+def test_ring_downs_are_repeated_from_the_current_in_the_protocol(setup: Any) -> None:
     asked(setup, "ring_down = { seconds = 0.5, from_A = 0.2, repeats = 3 }")
     setup.run()
     assert [step.from_A for step, _, _ in ring_downs(setup.path)] == [0.2] * 3
@@ -116,7 +116,7 @@ def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setu
     assert not setup.coil.state.output
 
 
-def test_ctrl_c_keeps_the_recorded_frames_of_the_ring_down(setup: Any) -> None:
+def test_after_ctrl_c_the_recorded_frames_of_the_ring_down_are_stored(setup: Any) -> None:
     asked(setup, "ring_down = { seconds = 500 }")
     let_go: list[int] = []
 
@@ -139,13 +139,13 @@ def test_ctrl_c_keeps_the_recorded_frames_of_the_ring_down(setup: Any) -> None:
     assert len(stored) == step.frames >= 20
 
 
-def test_a_release_of_an_earlier_version_is_a_ring_down(setup: Any) -> None:
+def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup: Any) -> None:
     asked(setup, "release = { seconds = 0.2 }")
     assert setup.protocol.ring_down is not None
     assert setup.protocol.ring_down.seconds == 0.2
     setup.run()
     now = ring_downs(setup.path)
-    with h5py.File(setup.path, "r+") as file:  # as an earlier version wrote it
+    with h5py.File(setup.path, "r+") as file:  # the format of an earlier version
         entry = file["entry"]
         entry.move("ring_down", "release")
         entry["release"].move("ring_down", "state")
@@ -171,7 +171,7 @@ def test_a_release_of_an_earlier_version_is_a_ring_down(setup: Any) -> None:
         ("release = { seconds = 1 }\nring_down = { seconds = 1 }", "release"),
     ],
 )
-def test_a_protocol_that_cannot_record_is_refused(setup: Any, lines: str, message: str) -> None:
+def test_a_protocol_with_an_impossible_recording_is_refused(setup: Any, lines: str, message: str) -> None:
     with pytest.raises((InputError, ValidationError), match=message):
         asked(setup, lines)
 
@@ -188,7 +188,7 @@ def test_creep_frames_last_as_long_as_the_state(setup: Any) -> None:
         assert 15 <= len(recorded.elapsed_s) <= 20
         assert recorded.elapsed_s[-1] >= 2.5
         ratios = recorded.elapsed_s[2:] / recorded.elapsed_s[1:-1]
-        assert np.median(ratios) > 1.1  # log-spaced
+        assert np.median(ratios) > 1.1  # the times are logarithmically spaced
     assert [point.current_A for point in points][-3:] == [0.1, 0.2, 0.3]
 
 
@@ -215,13 +215,13 @@ def test_a_stream_is_read_by_every_reader_and_holds_few_frames_in_memory(tmp_pat
             file["frames"][30]
 
 
-def test_a_stream_reports_what_it_could_not_write(tmp_path: Path) -> None:
+def test_a_stream_reports_the_frames_that_it_could_not_write(tmp_path: Path) -> None:
     image = np.zeros((8, 8), np.uint8)
     with h5py.File(tmp_path / "s.h5", "w", libver="latest") as file:
         stack = frame_stack(file, "frames", image)
         with FrameStream(stack) as stream, pytest.raises(ValueError, match="the frames before are"):
             stream.put(image[:4])
-    with h5py.File(tmp_path / "s.h5", "r") as file:  # it can only be read
+    with h5py.File(tmp_path / "s.h5", "r") as file:  # the file is open for reading only
 
         def put_many() -> None:
             with FrameStream(file["frames"]) as stream:

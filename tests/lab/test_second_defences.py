@@ -1,6 +1,6 @@
-"""The wait for rest, the measured current, the guardian and the limits, each tested alone.
+"""The wait for rest, the check of the current, the guardian and the limits work, each tested alone.
 
-The instruments are made for the tests, and time is simulated.
+The instruments are emulated in this file, and time is simulated.
 """
 
 from __future__ import annotations
@@ -47,10 +47,9 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 
 
 class FilmedBeam:
-    """A camera whose frames show a beam at a given place.
+    """A camera whose n-th frame shows a beam at `place_px(n)`, with n counted from the first frame.
 
-    The place in the n-th frame is `place_px(n)`, with n counted from the first frame that was taken. The next
-    `buffered` frames are old: they show the beam at 40 px, until `flush` discards them.
+    The next `buffered` frames are old: they show the beam at 40 px, until `flush` discards them.
     """
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
@@ -82,25 +81,36 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 
 
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
-    """Return the duration of the wait, s; fail if the beam did not come to rest."""
+    """Return the duration of the wait for rest (s); fail if the beam did not come to rest.
+
+    changes: changed values of the settling rule.
+    """
     camera = FilmedBeam(place_px, frame)
     found = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
     assert found.flags == ()
     return found.waited_s
 
 
-def test_a_beam_at_rest_is_watched_for_its_pairs_and_for_the_window(frame: Callable[..., NDArray[Any]]) -> None:
+def test_a_beam_at_rest_is_observed_for_all_pairs_and_for_the_drift_window(frame: Callable[..., NDArray[Any]]) -> None:
     assert waited_s(frame, lambda number: 0.0) == pytest.approx(RULE.drift_window_s + FRAME_S, abs=FRAME_S)
 
 
-def test_a_beam_that_creeps_too_slowly_for_two_neighbours_is_waited_for(frame: Callable[..., NDArray[Any]]) -> None:
-    """A motion of 1/50 pixel between two frames is below the limit, but 2/5 pixel within the window is above."""
+def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
+    frame: Callable[..., NDArray[Any]],
+) -> None:
+    """The run waits for a beam that moves little between two frames but much within the drift window.
+
+    1/50 pixel between two frames is below the limit; 2/5 pixel within the window is above the limit.
+    """
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
 @pytest.mark.parametrize("window_s", [0.05, 2.0])
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
-    """A beam that is jerked every third frame gives two quiet pairs in a row, but never three."""
+    """A beam that moves suddenly at every third frame does not count as at rest.
+
+    The motion gives two quiet pairs of frames in a row, but never three.
+    """
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
 
@@ -117,7 +127,7 @@ def test_frames_buffered_by_the_camera_are_discarded(frame: Callable[..., NDArra
 
 
 def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) -> None:
-    """The noise is measured on new frames of the beam at rest, not on buffered frames."""
+    """The noise is measured on new frames of the beam at rest, not on frames that were buffered before the run."""
     stale, grab = [3], setup.camera.grab
 
     def flushed() -> None:
@@ -164,7 +174,7 @@ class Obstinate:
 
 
 @pytest.mark.parametrize(("measured_A", "right"), [(0.5, True), (0.515, True), (0.47, False), (0.53, False)])
-def test_the_current_of_every_frame_is_compared_with_the_one_asked_for(measured_A: float, right: bool) -> None:
+def test_the_current_of_every_frame_is_compared_with_its_set_point(measured_A: float, right: bool) -> None:
     clock = SimulatedClock()
     coil = Coil(Obstinate(measured_A, clock), clock, RAMP, asked_A=0.5)  # type: ignore[arg-type]
     if right:
@@ -263,7 +273,7 @@ OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"
 
 
 class Interrupting(KoradDialect):
-    """A supply that sends `signals` signals to the process while the current is set to 0.7 A."""
+    """An emulated supply that sends `signals` signals to the process when the current is set to 0.7 A."""
 
     signals = 0
 
@@ -289,7 +299,7 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
-    """Read-backs take most of the time of a set-point. Only the read-back after switching off remains."""
+    """After a second signal the set-point is not read back, which takes most of its time; only the switching off is."""
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption, signals)
@@ -308,11 +318,14 @@ def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: 
     assert (after[0] == b"ISET1?") is asked_on
     assert after[-len(OFF) if asked_on else 0 :] == OFF
     assert [type(event) for event in events if not isinstance(event, StopRequested)] == [OutputSwitched, OffConfirmed]
-    supply.set_current(0.5)  # nothing looks any more
+    supply.set_current(0.5)  # a signal no longer interrupts the messages
 
 
 def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
-    """The state is still stored completely. The end of the run confirms once more that the coil is off."""
+    """After a second signal while a state is stored, the coil is switched off before the state is stored completely.
+
+    At the end the run confirms once more that the coil is off.
+    """
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption)
@@ -336,7 +349,7 @@ def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
     with pytest.raises(Stopped):
         run()
     assert stored == [(0, []), (1, OFF), (2, OFF), (3, OFF)]
-    assert confirmed == [False, True, True, True]  # who asked for it hears of it before the state is stored
+    assert confirmed == [False, True, True, True]  # the user gets the message before the state is stored
     assert sent == [*OFF, *OFF]
 
 
@@ -365,7 +378,7 @@ def test_the_guardian_is_armed_when_a_pause_ends(setup: Any) -> None:
     def types() -> str | None:
         if setup.coil.state.output:
             return next(typed)
-        setup.coil.set_voltage(3.0)  # a person turns the knob
+        setup.coil.set_voltage(3.0)  # a person changes the current at the front panel
         return ""
 
     setup.run(typed=types, remark=lambda words: None)
@@ -374,7 +387,7 @@ def test_the_guardian_is_armed_when_a_pause_ends(setup: Any) -> None:
     assert setup.coil.state.set_voltage_V == 10.0
 
 
-def test_the_stricter_of_both_limits_reaches_the_supply(files: Any) -> None:
+def test_the_supply_gets_the_stricter_of_the_limits_of_rig_and_protocol(files: Any) -> None:
     rig = load_rig("virtual")
     limits = rig.supply.limits
     tight = SupplyLimits(current_A=0.5 * limits.current_A, voltage_V=2 * limits.voltage_V)

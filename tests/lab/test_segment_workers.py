@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="more workers 
 
 
 def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
-    """Return a dataset with one frame in each state."""
+    """Import the images as a dataset with one frame in each state; return its path."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]
@@ -39,7 +39,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return the bytes of every array of a dataset by the array's name, without the date of the edges."""
+    """Return the bytes of every array of a dataset by the name of the array, without the date of the edges."""
     found: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
@@ -52,13 +52,18 @@ def content(path: Path) -> dict[str, bytes]:
     return found
 
 
-def test_two_workers_find_what_one_finds(run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]) -> None:
-    """Every byte is equal except the date. The frames have a flat field, and one state shows no beam."""
+def test_two_workers_give_the_same_dataset_as_one(
+    run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]
+) -> None:
+    """Two workers give the same dataset as one worker, byte by byte except the date.
+
+    The frames have a flat field, and one state shows no beam.
+    """
     images = [frame(seed, seed / 2) for seed in range(6)]
     images[3] = np.full_like(images[3], 200)
     one, two = imported(run, files, images), files / "two.h5"
     cv2.imwrite(str(files / "flat.png"), np.tile(np.linspace(150, 250, 128).astype(np.uint8), (96, 1)))
-    assert run("segment", one, "--flat", files / "flat.png")[0] == 0  # which the dataset keeps
+    assert run("segment", one, "--flat", files / "flat.png")[0] == 0  # the dataset stores the flat field
     shutil.copy(one, two)
     told = []
     for path, workers in ((one, 1), (two, 2)):
@@ -70,7 +75,7 @@ def test_two_workers_find_what_one_finds(run: Run, files: Path, frame: Callable[
     assert content(one) == content(two)
 
 
-def test_what_a_worker_cannot_read_is_told_as_by_one_process(
+def test_an_error_of_a_worker_is_reported_as_with_one_process(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]
 ) -> None:
     path = imported(run, files, [frame(seed) for seed in range(4)])
@@ -89,7 +94,10 @@ def test_what_a_worker_cannot_read_is_told_as_by_one_process(
 def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
-    """A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal."""
+    """If program and workers get a signal at the same time, all of them end, with one line.
+
+    A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
+    """
     path = imported(run, files, [frame(seed) for seed in range(20)] * 8)
     before = path.read_bytes()
     process = subprocess.Popen(
@@ -97,12 +105,14 @@ def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a test run in the background ignores it
+        preexec_fn=lambda: signal.signal(
+            number, signal.SIG_DFL
+        ),  # a test that runs in the background ignores this signal
     )
     assert process.stderr is not None
     assert process.stderr.readline().startswith("segment 1/160: ")
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # to the end of the last of its processes
+    said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # reads until the last process has ended
     assert process.returncode == 128 + number
     assert said[-1] == f"eimi: stopped by {number.name}"
     assert [line for line in said[:-1] if not line.startswith("segment ")] == []

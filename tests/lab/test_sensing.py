@@ -1,4 +1,4 @@
-"""Sensors of a rig: their values are stored with every frame, and an interlock on one of them ends a run."""
+"""Readings of the sensors of a rig are stored with every frame, and an interlock on a sensor ends a run."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 
 
 class Emulated:
-    """Emulated sensors of a bench. `line` and `quantity` contain the line and the measured quantity of each sensor.
+    """Emulated sensors of a bench, to which a test can add faults.
 
-    A test can add faults to both.
+    `line` and `quantity` contain the line and the measured quantity of each sensor by the name of the sensor.
     """
 
     def __init__(self, setup: Any, *tables: str) -> None:

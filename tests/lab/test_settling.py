@@ -1,4 +1,4 @@
-"""The settling statistic: it is 1 at rest for any camera noise, and grows with motion as motion blur predicts."""
+"""The settling statistic is 1 at rest for any camera noise, and grows with motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from eimi_lab.vision.settling_statistic import edge_band, edge_pixels, measure_n
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
-    """Return a frame (200, 300), uint8, with shot noise: a dark beam with blurred edges on an uneven background."""
+    """Return a frame, shape (200, 300), uint8, with shot noise: a dark beam with blurred edges on an uneven background.
+
+    shift_px: displacement of the beam. electrons: number of electrons at full scale, which determines the noise.
+    """
     x = np.arange(300) - shift_px
     light = 0.8 * (1 - 0.2 * (x / 300) ** 2)
     beam = 0.06 + 0.94 / (1 + np.exp(-(np.abs(x - 150) - 37) / 0.6))
@@ -22,7 +25,7 @@ def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.
 
 
 @pytest.mark.parametrize("electrons", [2_500.0, 10_000.0])
-def test_at_rest_the_ratio_is_one(electrons: float) -> None:
+def test_the_settling_ratio_is_one_at_rest(electrons: float) -> None:
     rng = np.random.default_rng(1)
     noise = measure_noise([camera(rng, 0.0, electrons) for _ in range(8)])
     ratios = [noise.difference_ratio(camera(rng, 5.3, electrons), camera(rng, 5.3, electrons)) for _ in range(10)]
@@ -30,14 +33,16 @@ def test_at_rest_the_ratio_is_one(electrons: float) -> None:
     assert max(ratios) < 1.15
 
 
-def test_noise_follows_shot_noise() -> None:
+def test_the_estimated_noise_is_the_shot_noise() -> None:
     rng = np.random.default_rng(2)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
-    expected = 255 / 10_000 * noise.levels + 1 / 12  # variance of counting in grey levels, and of rounding
+    expected = (
+        255 / 10_000 * noise.levels + 1 / 12
+    )  # variance of the electron count in grey levels, and of the rounding
     assert noise.variances == pytest.approx(expected, rel=0.1)
 
 
-def test_motion_raises_the_ratio_above_one() -> None:
+def test_motion_increases_the_settling_ratio_above_one() -> None:
     rng = np.random.default_rng(3)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
     ratios = [noise.difference_ratio(camera(rng, 0.0), camera(rng, shift)) for shift in (0.05, 0.1, 0.2, 0.5)]
@@ -46,7 +51,7 @@ def test_motion_raises_the_ratio_above_one() -> None:
     assert ratios[3] / ratios[2] == pytest.approx(0.5**2 / 0.2**2, rel=0.35)
 
 
-def test_the_band_lies_along_the_edges() -> None:
+def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
     rng = np.random.default_rng(4)
     band = edge_band(camera(rng, 0.0))
     columns = np.flatnonzero(band.mean(axis=0) > 0.5)
@@ -54,7 +59,7 @@ def test_the_band_lies_along_the_edges() -> None:
     assert {113, 187} <= set(columns)
 
 
-def test_a_kept_band_gives_the_same_value() -> None:
+def test_a_stored_band_of_pixels_gives_the_same_ratio() -> None:
     rng = np.random.default_rng(5)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
     earlier, later = camera(rng, 0.0), camera(rng, 0.1)
@@ -66,7 +71,7 @@ def test_a_kept_band_gives_the_same_value() -> None:
 
 
 class Swinging:
-    """A camera that is also a clock. The beam moves far in small steps, and is then at rest."""
+    """A camera that is also a clock: its beam moves far in small steps, and is then at rest."""
 
     def __init__(self, shifts_px: list[float]) -> None:
         self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0
@@ -83,7 +88,7 @@ class Swinging:
         return Frame(camera(self._rng, shift_px), self.taken, self.now())
 
 
-def test_a_beam_that_left_the_kept_band_is_not_taken_for_one_at_rest() -> None:
+def test_a_beam_that_has_left_the_stored_band_of_pixels_does_not_count_as_at_rest() -> None:
     rng = np.random.default_rng(7)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
     moving = [0.0, 5.0, *(60.0 + 0.6 * step for step in range(30))]
@@ -130,13 +135,13 @@ def test_a_beam_at_rest_is_waited_for_until_all_pairs_and_the_drift_window_are_q
         seen = Seen()
         settled = wait_until_settled(bench, bench, rule, noise, lambda: None, seen, not_before_s)
         assert not settled.flags
-        first_s = 0.1  # the first frame
+        first_s = 0.1  # the time of the first frame
         expected_s = max(first_s + pairs * 0.1, first_s + window_s, not_before_s)
         assert settled.waited_s == pytest.approx(expected_s, abs=0.1)
         assert settled.waited_s >= expected_s - 1e-9
         assert seen.at_s == pytest.approx([0.1 * k for k in range(1, bench.taken + 1)])
 
 
-def test_noise_needs_two_frames() -> None:
+def test_the_noise_is_estimated_from_at_least_two_frames() -> None:
     with pytest.raises(ValueError, match="at least two"):
         measure_noise([np.zeros((4, 4), np.uint8)])

@@ -1,4 +1,4 @@
-"""The files of `eimi simulate` agree with each other, and with the simulated edges from which the error is computed."""
+"""The files of `eimi simulate` agree with each other, and with the simulated edges that define the error of a fit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def planar(name: str) -> SpecimenFile:
 
 
 @pytest.mark.parametrize(("specimen", "tip_deg"), [(planar("type1"), 52.4), (load_specimen("type1"), 57.7)])
-def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: float) -> None:
+def test_the_files_of_a_simulation_agree_with_each_other(
+    tmp_path: Path, specimen: SpecimenFile, tip_deg: float
+) -> None:
     law, values = parse_parameters("neo-hookean", ["mu_Pa=46390"])
     write_simulation(tmp_path, simulate(specimen, law, values, np.array([0.0, 3.5, 7.05]), 0.0))
     tip = np.genfromtxt(tmp_path / "tip.csv", delimiter=",", names=True)
@@ -42,7 +44,7 @@ def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: 
     vtu = meshio.read(tmp_path / "state_02.vtu")
     place = vtu.points + vtu.point_data["displacement_mm"]
     (cells,) = vtu.cells
-    # Corners in order round each cell, moved: every cell keeps its size to within the compressibility.
+    # The displaced corners in order around each cell: the area of every cell stays nearly constant (incompressibility).
     corners = place[cells.data[:, : 4 if cells.type == "quad9" else 8]]
     if cells.type == "quad9":
         x, y = corners[..., 0], corners[..., 1]
@@ -50,7 +52,7 @@ def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: 
     else:
         along, across, deep = (corners[:, i] - corners[:, 0] for i in (1, 3, 4))
         size, whole = np.einsum("ei,ei->e", np.cross(along, across), deep), 30 * 3 * 5 - 4 * 3 * 2
-        rest = vtu.points[cells.data]  # sides and middles stand between their corners
+        rest = vtu.points[cells.data]  # nodes on the sides and in the middle lie between their corners
         assert rest[:, 8] == pytest.approx(0.5 * (rest[:, 0] + rest[:, 1]))
         assert rest[:, 19] == pytest.approx(0.5 * (rest[:, 3] + rest[:, 7]))
         assert rest[:, 23] == pytest.approx(rest[:, [2, 3, 6, 7]].mean(axis=1))
@@ -71,13 +73,13 @@ def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: 
         ("yeoh", ["C10_Pa=1", "C10_Pa=1", "C30_Pa=1"], "takes C10_Pa, C20_Pa, C30_Pa, each once"),
     ],
 )
-def test_bad_parameters_are_told_in_one_line(model: str, parameters: list[str], told: str) -> None:
+def test_wrong_parameters_are_refused_in_one_line(model: str, parameters: list[str], told: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_parameters(model, parameters)
     assert told in str(caught.value)
 
 
-def test_a_law_without_equilibrium_is_told_with_its_state() -> None:
+def test_a_law_without_an_equilibrium_is_refused_with_the_state() -> None:
     law, values = parse_parameters("yeoh", ["C10_Pa=25000", "C20_Pa=-100000", "C30_Pa=0"])
     with pytest.raises(InputError, match=r"specimen type1: yeoh at .* mT: (unstable|diverged|out of iterations)"):
         simulate(planar("type1"), law, values, np.array([0.0, 3.5, 30.0]), 0.0)
@@ -104,16 +106,16 @@ def eimi_simulate(folder: Path, *further: str, **process: Any) -> subprocess.Com
     )
 
 
-def test_a_law_that_is_not_stiff_at_rest_is_told_with_its_modulus() -> None:
+def test_a_law_with_a_negative_initial_modulus_is_refused_with_this_modulus() -> None:
     law, values = parse_parameters("mooney-rivlin", ["C10_Pa=1000", "C01_Pa=-3000"])
     with pytest.raises(InputError, match="--parameter: the initial shear modulus of mooney-rivlin is -4000 Pa"):
         simulate(load_specimen("type1"), law, values, np.zeros(1), 0.0)
 
 
-def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_full_disk_gives_an_error_and_leaves_no_file(tmp_path: Path) -> None:
     (tmp_path / "specimen.toml").write_text(planar("type1").text)
     (tmp_path / "protocol.toml").write_text(load_protocol("dragon_skin_10_quick").text)
-    for size, stops in ((64, "tip.csv"), (5000, "state_00.vtu")):  # of every file, as a full disk
+    for size, stops in ((64, "tip.csv"), (5000, "state_00.vtu")):  # largest size of every file, to imitate a full disk
         limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
         done = eimi_simulate(tmp_path, preexec_fn=limit)
         assert (done.returncode, done.stderr.count("\n")) == (1, 1), stops
@@ -124,8 +126,8 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
 def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_path: Path) -> None:
     # q = M B A L²/EI: the tip turns 26.4335 degrees at q = 1 and 44.7910 at 2 in a field across the beam. Gravity is
     # made to pull along it, and too weak to matter: the density is given as next to nothing.
-    bending = 3 * 50e3 * 1e-3**3 / 12  # N m² for each metre of depth
-    magnetisation = bending / (1e-3 * 60e-3**2 * 4.7e-3)  # A/m
+    bending = 3 * 50e3 * 1e-3**3 / 12  # bending stiffness in N m² for each metre of depth
+    magnetisation = bending / (1e-3 * 60e-3**2 * 4.7e-3)  # magnetisation in A/m
     text = MAGNETISED.format(magnetisation=magnetisation / 1e3).replace("1500.0", "1e-3")
     (tmp_path / "specimen.toml").write_text(text)
     (tmp_path / "protocol.toml").write_text(load_protocol("dragon_skin_10").text)
@@ -134,7 +136,7 @@ def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_pa
     assert done.returncode == 0, done.stderr
     tip = np.genfromtxt(tmp_path / "out" / "tip.csv", delimiter=",", names=True)
     assert tip["angle_deg"][-1] == pytest.approx(44.7910, rel=2e-3)
-    # The other way round, the field turned by 180 degrees.
+    # In the opposite direction, with a field rotated by 180 degrees.
     back = eimi_simulate(tmp_path, "--coil-constant", f"{4.7 * 2 / currents.max():.6f}", "--field-angle", "-90")
     assert back.returncode == 0, back.stderr
     mirrored = np.genfromtxt(tmp_path / "out" / "tip.csv", delimiter=",", names=True)
@@ -153,7 +155,7 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
         angles.append(found.model.tip_angle_deg(found.shapes)[0, -1])
     assert angles[1] == pytest.approx(angles[0], rel=1e-3)
     assert angles[2] > 1.1 * angles[0]
-    assert angles[3] == pytest.approx(angles[1], rel=1e-4)  # which it tends to, however large the modulus
+    assert angles[3] == pytest.approx(angles[1], rel=1e-4)  # the limit for a large bulk modulus
     with pytest.raises(InputError, match="--bulk-modulus-kPa -1: should be greater than 0"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)
     with pytest.raises(InputError, match=r"--bulk-modulus-kPa inf: should be .* omitted for an incompressible"):

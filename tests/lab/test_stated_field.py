@@ -1,4 +1,4 @@
-"""The coil's field as calibration.toml gives it, and a virtual bench that differs from its files."""
+"""The field of the coil as calibration.toml gives it, and a virtual bench that differs from its files."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ telecentric = true
 
 
 @pytest.mark.parametrize("field_deg", [0.0, -60.0, 60.0, 240.0, 120.0])
-def test_a_field_at_exactly_30_or_150_degrees_to_the_beam_is_taken(field_deg):
+def test_a_field_at_exactly_30_or_150_degrees_to_the_beam_is_accepted(field_deg):
     text = CALIBRATION.replace("field_angle_deg = 0.0", f"field_angle_deg = {field_deg}")
     assert parse(Calibration, text, "calibration.toml").field_angle_deg == field_deg
 
 
 @pytest.mark.parametrize("field_deg", [60.01, -60.01, 119.99])
-def test_a_field_that_is_nearer_to_the_beam_is_refused(field_deg):
+def test_a_field_at_a_smaller_angle_to_the_beam_is_refused(field_deg):
     text = CALIBRATION.replace("field_angle_deg = 0.0", f"field_angle_deg = {field_deg}")
     with pytest.raises(InputError, match="at least 30 degrees from axis_angle_deg = 90"):
         parse(Calibration, text, "calibration.toml")
 
 
-def test_a_stated_coil_has_its_loops_across_the_beam_and_a_background_is_turned_to_the_beam():
+def test_the_loops_of_a_coil_lie_across_the_beam_and_a_background_field_is_rotated_to_the_beam_frame():
     field = "background_field_mT = [0.01, 0.04]\n[field]\nradius_mm = 60.0\ngap_mm = 60.0\n"
     calibration = parse(Calibration, CALIBRATION + field, "calibration.toml")
     # The beam hangs: right in the picture is across the beam, down is along it.
@@ -72,7 +72,7 @@ def test_a_stated_coil_has_its_loops_across_the_beam_and_a_background_is_turned_
         ("radius_mm = 60.0\ngap_mm = 60.0\nmap = [[0.0, 0.0, 0.0, 1.0]]", "has both radius_mm and map"),
     ],
 )
-def test_a_field_that_contradicts_itself_is_refused_in_one_line(field, said):
+def test_contradictory_keys_of_the_field_are_refused_in_one_line(field, said):
     with pytest.raises(InputError) as told:
         parse(Calibration, f"{CALIBRATION}[field]\n{field}\n", "calibration.toml")
     assert said in str(told.value)
@@ -85,7 +85,7 @@ def test_a_loop_through_the_beam_is_refused():
         stated_coil(parse(Calibration, text, "calibration.toml"), load_specimen("type1").mechanics())
 
 
-def test_a_measured_map_is_read_from_its_file_and_kept_in_the_text(tmp_path):
+def test_a_measured_map_of_the_field_is_read_from_its_file_and_stored_in_the_text(tmp_path):
     places = [(x, y) for x in (-10.0, 0.0, 20.0, 40.0) for y in (-40.0, -10.0, 10.0, 40.0)]
     rows = "".join(f"{x},{y},{1e-3 * 2.0 * y},{1.0 + 1e-3 * 2.0 * (x - 28.0)}\n" for x, y in places)
     (tmp_path / "field.csv").write_text("x_mm,y_mm,bx_mT,by_mT\n" + rows, encoding="utf-8")
@@ -94,7 +94,7 @@ def test_a_measured_map_is_read_from_its_file_and_kept_in_the_text(tmp_path):
     stored = parse(Calibration, calibration.text, "dataset")
     coil = stated_coil(stored, load_specimen("type1").mechanics())
     assert coil is not None
-    # The table is linear in the place: its ratio has a gradient of 2 per metre along the beam, and no curl.
+    # The table is linear in the position: the relative field has a gradient of 2 per metre along the beam, and no curl.
     _, first, second = coil.ratio(np.array([[25.0, 10.0]]), np.array([28.0, 0.0]))
     assert first[0] == pytest.approx([2e-3, -2e-3j], abs=1e-9)
     assert second == pytest.approx(0.0, abs=1e-9)
@@ -118,9 +118,9 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline (mm) of the virtual beam at 1 A.
+    """Return the outline of the virtual beam at 1 A, points (x, y) in mm, shape (n, 2).
 
-    ``bench`` is the TOML text of the differences between the bench and its files.
+    bench: TOML text with the differences between the bench and its files.
     """
     rig = load_rig("virtual")
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
@@ -134,7 +134,7 @@ def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
     return camera._beam.outlines_mm(4.7)[0]
 
 
-def test_a_virtual_bench_does_what_its_files_state_and_what_they_do_not():
+def test_a_virtual_bench_obeys_its_files_and_its_hidden_differences():
     plain = outline_mm()
     coil = "[field]\nradius_mm = 50.0\ngap_mm = 20.0\n"
     stated = outline_mm(calibration=CALIBRATION + coil)

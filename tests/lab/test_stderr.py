@@ -73,7 +73,9 @@ def test_a_signal_that_raises_within_a_write_sends_no_line_twice() -> None:
     try:
         for number in range(2000):
             with suppress(Interrupted):
-                signal.setitimer(signal.ITIMER_REAL, (1 + number % 40) * 1e-6)  # before, within and after the write
+                signal.setitimer(
+                    signal.ITIMER_REAL, (1 + number % 40) * 1e-6
+                )  # the signal arrives before, within and after the write
                 stream.write(f"{number}\n")
                 time.sleep(1e-3)
                 signal.setitimer(signal.ITIMER_REAL, 0)

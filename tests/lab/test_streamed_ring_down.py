@@ -1,4 +1,4 @@
-"""A ring-down with frames from another process: every lost frame is reported, whatever the load of the machine is."""
+"""A ring-down with frames from another process reports every lost frame, even if the computer is busy."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ SHORT = Extent(
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """Run a short study; return its folder, its inputs and its results."""
+    """The folder, the inputs and the results of a short study."""
     folder = tmp_path_factory.mktemp("short")
     inputs = StudyInputs(SHORT)
     reports = []
@@ -50,7 +50,7 @@ def test_bending_identifies_the_hidden_modulus_with_the_solid_section_and_not_in
     truth = MATERIALS["ecoflex_00_50"].modulus_Pa
     off = {section: fits[0]["modulus_Pa"] / truth - 1 for (_, section), fits in findings.bending.items()}
     assert abs(off["solid"]) < 0.02
-    assert -0.27 < off["plane-strain"] < -0.15  # an independent model has -0.20 to -0.27
+    assert -0.27 < off["plane-strain"] < -0.15  # an independent model gives -0.20 to -0.27
 
 
 def test_the_twisted_type_is_worse_and_bending_better_than_tension(short):
@@ -86,7 +86,7 @@ def test_the_page_shows_all_tables_and_figures(short):
         assert f"]({figure.name})" in page
     assert len(list(folder.glob("*.png"))) == 4
     rows = (folder / "parameters_ecoflex_00_50.csv").read_text().splitlines()
-    assert len(rows) == 1 + 2 * 2  # two sections, one law by bending and one by tension
+    assert len(rows) == 1 + 2 * 2  # the tables of two sections, with one law by bending and one law by tension
     assert "nan" not in page
 
 
@@ -105,7 +105,7 @@ def test_a_hidden_material_has_its_modulus_and_consistent_derivatives(key):
     assert (up[1] - down[1]) / (2 * step) == pytest.approx(curvature, rel=1e-6)
 
 
-def test_a_turned_beam_appears_wider_by_its_depth():
+def test_a_beam_that_is_rotated_about_its_axis_appears_wider_because_of_its_depth():
     specimen = specimen_of("type4")
     x, half = np.linspace(0, 30, 7), 0.5 * specimen.width_mm
     straight = np.stack([np.column_stack([x, np.full(7, -half)]), np.column_stack([x, np.full(7, half)])])[None]

@@ -31,7 +31,10 @@ Serve = Callable[..., tuple[CoilSupply, str]]
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Return a function that serves an emulated supply on TCP; it returns the simulated coil and the address."""
+    """Return a function that serves an emulated supply on TCP; it returns the supply with its load and the address.
+
+    driver: name of the driver. resistance_ohm: resistance at the output, by default an open circuit.
+    """
     with ExitStack() as stack:
 
         def served(driver: str, resistance_ohm: float = OPEN_OHM) -> tuple[CoilSupply, str]:

@@ -1,4 +1,4 @@
-"""Reported data are on the disk: every file is synchronised before the program reports it as written."""
+"""Reported data are on the disk: every file is synchronised before the program reports that it was written."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def header(files: Path) -> Header:
 
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
-    """Return the contents of each file at its last synchronisation, by the inode number of the file."""
+    """The bytes of each file at its last synchronisation with the disk, by the inode number of the file."""
     found: dict[int, bytes] = {}
     fsync = os.fsync
 
@@ -75,7 +75,7 @@ def test_a_state_is_on_the_disk_when_it_is_acknowledged(
                 assert np.array_equal(dataset.images(k)[0], frame(k))
 
 
-def test_a_whole_file_is_on_the_disk_before_it_takes_its_name(
+def test_a_whole_file_is_on_the_disk_before_it_gets_its_final_name(
     tmp_path: Path, synchronised: dict[int, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replace = os.replace
@@ -99,7 +99,7 @@ def test_a_line_of_a_checkpoint_is_on_the_disk(tmp_path: Path, synchronised: dic
     assert synchronised[log.stat().st_ino] == log.read_bytes()
 
 
-def test_every_unit_of_a_file_is_that_of_its_numbers(files: Path, frame: Draw) -> None:
+def test_every_unit_in_a_file_is_the_unit_of_its_numbers(files: Path, frame: Draw) -> None:
     path, tracked = files / "run.h5", files / "tracked.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.1, field_mT=0.47)
@@ -149,8 +149,8 @@ def test_a_file_of_another_format_is_not_read(files: Path, frame: Draw, format_:
         open_dataset(path)
 
 
-def test_recovery_leaves_frames_of_no_acknowledged_state_out(files: Path, frame: Draw) -> None:
-    """After a crash, the file may contain frames of a third state without a row in the table of states."""
+def test_recovery_leaves_out_frames_that_belong_to_no_stored_state(files: Path, frame: Draw) -> None:
+    """Recovery leaves out frames whose state is not in the table of states, as a crash may leave them in the file."""
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         for k in range(3):
@@ -164,7 +164,7 @@ def test_recovery_leaves_frames_of_no_acknowledged_state_out(files: Path, frame:
 
 
 def test_current_and_field_of_a_table_follow_the_coil_constant(files: Path) -> None:
-    calibration = load_calibration(files / "calibration.toml")  # 4.7 mT/A
+    calibration = load_calibration(files / "calibration.toml")  # coil constant 4.7 mT/A
 
     def load(**cells: str) -> Load:
         return load_of(Row(Path("states.csv"), 2, cells), calibration)
@@ -186,7 +186,10 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
 
 
 def test_edges_are_removed_when_calibration_or_correction_images_change(files: Path, frame: Draw) -> None:
-    """The edges are removed at once, because the next segmentation may be interrupted."""
+    """A change of the calibration or of the correction images removes the edges at once.
+
+    The next segmentation may be interrupted, so that old edges would stay in the dataset.
+    """
     path = files / "run.h5"
     with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
         writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.1, field_mT=0.47)

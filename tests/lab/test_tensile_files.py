@@ -1,4 +1,4 @@
-"""Tensile tests in both file formats: they are read, errors are reported in one line, and fits become cards."""
+"""Tensile tests in two file formats are read or refused in one line, and their fits become material cards."""
 
 from __future__ import annotations
 
@@ -44,14 +44,16 @@ def curve(tmp_path: Path) -> Path:
         ("strain_percent,stress_Pa", 1e3, 100.0),
     ],
 )
-def test_plain_columns_carry_their_units(tmp_path: Path, header: str, factor: float, strain_factor: float) -> None:
+def test_the_units_of_plain_columns_are_in_their_names(
+    tmp_path: Path, header: str, factor: float, strain_factor: float
+) -> None:
     test = read_tensile(plain(tmp_path / "curve.csv", header, factor, strain_factor))
     assert test.strain == pytest.approx(STRAIN)
     assert test.stress_Pa == pytest.approx(1e3 * STRESS_KPA)
     assert test.material is None
 
 
-def test_the_database_format(tmp_path: Path) -> None:
+def test_a_file_in_the_format_of_the_database_is_read(tmp_path: Path) -> None:
     rows = "".join(f"0.1;9;9;{e};{1e-3 * s}\n" for e, s in zip(STRAIN, STRESS_KPA, strict=True))
     (tmp_path / "test.csv").write_text(DATABASE + COLUMNS + rows)
     test = read_tensile(tmp_path / "test.csv")
@@ -60,7 +62,7 @@ def test_the_database_format(tmp_path: Path) -> None:
     assert test.material == "Silicone 10"
 
 
-def test_the_database_itself(measured: Path) -> None:
+def test_files_of_the_database_are_read(measured: Path) -> None:
     dragon, ecoflex = (
         read_tensile(measured / "tensile" / f"{n}.csv") for n in ("dragon_skin_10_medium", "ecoflex_00-50")
     )
@@ -98,7 +100,7 @@ def test_an_error_in_a_file_is_reported_in_one_line(run: Run, tmp_path: Path, te
 
 @settings(max_examples=50)
 @given(st.text(alphabet="strain,_percentkPM;\n0123456789.-eE", max_size=80))
-def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.getbasetemp() / "any.csv"
     path.write_text(text)
     try:
@@ -110,7 +112,10 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
 
 
 def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, tmp_path: Path) -> None:
-    """A Mooney-Rivlin fit to a stiffening curve may have a negative initial modulus, which no solver accepts."""
+    """A tensile fit with a negative initial modulus is written with doubts, but not exported to a solver's card.
+
+    A Mooney-Rivlin fit to a stiffening curve may have a negative modulus, which no solver accepts.
+    """
     strain = np.linspace(0.2, 7.0, 60)
     rows = (f"{e},{46 * e + 2 * e**3}" for e in strain)
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
@@ -145,7 +150,7 @@ def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
         for quantity in (*fit.parameters.values(), fit.initial_shear_modulus):
             low, high = quantity.interval_95
             assert low <= quantity.value <= high
-    # Files of an earlier release hold no correlation.
+    # Files of an earlier release contain no correlation.
     written = json.loads(output.read_text())
     for fit in written["fits"]:
         del fit["correlation"]
@@ -172,7 +177,7 @@ def test_a_wrong_window_is_refused(run: Run, curve: Path, window: str) -> None:
 
 @pytest.fixture
 def fits(run: Run, curve: Path) -> Path:
-    """Write one Neo-Hookean fit and two Yeoh fits of a tensile curve; return the path of the file."""
+    """The results file with one neo-Hookean fit and two Yeoh fits of a tensile curve."""
     output = curve.with_name("fits.json")
     assert run("tensile", curve, "--model", "yeoh", "--window", "50", "--window", "full", "-o", output)[0] == 0
     nh = curve.with_name("nh.json")

@@ -1,4 +1,4 @@
-"""`eimi fit --time prony` on imported ring-downs: results, refusals, cards and report."""
+"""`eimi fit --time prony` fits imported ring-downs: results, refusals, material cards and report."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 
 @pytest.fixture(scope="module")
 def flick() -> tuple[str, float, float]:
-    """Return a ring-down of a horizontal strip as CSV text, and the storage modulus (Pa) and loss factor of the strip.
+    """A ring-down of a horizontal strip as CSV text, and the true storage modulus (Pa) and loss factor of the strip.
 
     Storage modulus and loss factor are those at the frequency of the ring-down.
     """

@@ -1,4 +1,4 @@
-"""Import of points from other tracking programs. Each file has the format of one of these programs."""
+"""Points from other tracking programs are imported; each file has the format of one of these programs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (x, y) of three points, at rest and bent, shape (2, 3, 2), by the map in calibration.toml."""
+    """Return the pixels (x, y) of three points at rest and bent, shape (2, 3, 2), by the map in calibration.toml."""
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 
@@ -43,7 +43,10 @@ def imported(run: Run, files: Path, source: Path, tool: str, *options: object, s
 
 
 def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
-    """Check that the points of both states have the right coordinates, and that a fit accepts the points."""
+    """Assert that the imported points of both states have the right coordinates, and that a fit accepts the points.
+
+    sigma_mm: expected standard deviation of the points.
+    """
     with open_dataset(files / "out.h5") as dataset:
         assert [state.field_mT for state in dataset.states] == [0.0, 2.5]
         rest, bent = dataset.points()
@@ -80,7 +83,10 @@ def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
 
 
 def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
-    """Each subset has a file, as in DICe's tests/examples/mechanism. A high-speed camera numbered the frames."""
+    """A folder of DICe with one file for each subset is imported, as in DICe's tests/examples/mechanism.
+
+    The frame numbers begin at 4837, because a high-speed camera has counted the frames.
+    """
     places = in_pixels(files)
     (files / "results").mkdir()
     for k in range(3):
@@ -97,7 +103,11 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return the positions at rest on Ncorr's grid, and both displacements in each picture, in the user's unit."""
+    """Return n points at rest on Ncorr's grid in px, shape (n, 2), and the two displacement fields of each picture.
+
+    places: the points in each picture in px, shape (pictures, n, 2). spacing: pixels between two points of the grid.
+    pixel: size of a pixel in the unit of the displacements.
+    """
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []
     for there in places[1:]:
@@ -111,7 +121,7 @@ def ncorr_grid(
 @pytest.mark.parametrize("pictures", [1, 2])
 @pytest.mark.parametrize("version", ["7.3", "7"])
 def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures: int) -> None:
-    """The file has version 7 or version 7.3 of MATLAB's format, with one current picture or several."""
+    """A file of Ncorr is imported in version 7 and in version 7.3 of MATLAB's format, with one picture or several."""
     places = in_pixels(files)
     rest, fields = ncorr_grid(np.stack([places[0], *[places[1]] * pictures]), 1, 0.125)
     path = files / "dic.mat"
@@ -126,7 +136,7 @@ def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures:
                 saved[f"dispinfo/{name}"] = [[value]]
             store = saved.create_group("displacements")
             for k, name in enumerate(("plot_u_ref_formatted", "plot_v_ref_formatted")):
-                arrays = [pair[k].T for pair in fields]  # MATLAB writes its columns first
+                arrays = [pair[k].T for pair in fields]  # MATLAB stores an array column by column
                 if pictures == 1:
                     store[name] = arrays[0]
                     continue
@@ -149,7 +159,7 @@ def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures:
 
 
 class _Pickler(pickle.Pickler):
-    """A pickler that writes arrays as the package dill does. µDIC saves its files with dill."""
+    """A pickler that writes arrays as the package dill does, with which µDIC saves its files."""
 
     def reducer_override(self, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -159,7 +169,7 @@ class _Pickler(pickle.Pickler):
 
 
 def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: Any) -> Path:
-    """Write a pickle of a muDIC.solver.correlate.DICOutput, and return its path. µDIC itself is not installed."""
+    """Write a pickle of a muDIC.solver.correlate.DICOutput, and return its path; µDIC itself is not installed."""
     with monkeypatch.context() as context:
         for name in ("muDIC", "muDIC.solver", "muDIC.solver.correlate", "dill", "dill._dill"):
             context.setitem(sys.modules, name, types.ModuleType(name))
@@ -203,7 +213,7 @@ def test_a_hostile_pickle_runs_no_program(run: Run, files: Path, monkeypatch: py
 
 
 def upward(places: np.ndarray) -> np.ndarray:
-    """Return pixels counted from 1 at the lower left corner of a picture 96 px high, as DLTdv5 to DLTdv7 do."""
+    """Convert pixels to coordinates from 1 at the lower left corner of a picture 96 px high, as in DLTdv5 to DLTdv7."""
     return np.stack([places[..., 0] + 1.0, 96.0 - places[..., 1]], axis=-1)
 
 
@@ -212,7 +222,7 @@ IN_OWN_AXES = ("--pixels-per-mm", "8", "--clamp", "65,88", "--axis", "-90", "--g
 
 @pytest.mark.parametrize("ending", ["csv", "tsv"])
 def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
-    """The file is xypts.csv of DLTdv7, or the sparse file of DLTdv8. The first frame is empty."""
+    """The file xypts.csv of DLTdv7 and the sparse file of DLTdv8 are imported; their first frame is empty."""
     table = upward(in_pixels(files)).reshape(2, 6)
     if ending == "csv":
         header = ",".join(f"pt{k + 1}_cam1_{axis}" for k in range(3) for axis in "XY")
@@ -228,13 +238,16 @@ def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
 
 
 def mirrored(files: Path) -> None:
-    """Check that the y axis of the imported points is 90 degrees from the x axis, in the rotation sense of the file."""
+    """Assert that the imported points are not mirrored: the tip is on the +y side."""
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 
 
 def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> None:
-    """The unit of the file is metres. The beam hangs along -z and bends along x."""
+    """A file of DLTdv with points in three dimensions, in metres, is imported with and without gravity.
+
+    The beam hangs along -z and bends along x.
+    """
     frames = [
         np.column_stack([0.2 + mm[:, 1] / 1e3, np.full(3, 0.7), 0.5 - mm[:, 0] / 1e3]) for mm in (REST_MM, BENT_MM)
     ]
@@ -255,8 +268,8 @@ def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> 
 
 @pytest.mark.parametrize("kind", ["several", "decimal comma", "one of version 4"])
 def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
-    """The file is of version 6 with several tracks, has a German locale, or is of an early version with one track."""
-    cm = [np.column_stack([5.0 + mm[:, 1] / 10, 2.0 - mm[:, 0] / 10]) for mm in (REST_MM, BENT_MM)]  # y up
+    """Files of the program Tracker are imported: version 6 with several tracks, a German locale, and version 4."""
+    cm = [np.column_stack([5.0 + mm[:, 1] / 10, 2.0 - mm[:, 0] / 10]) for mm in (REST_MM, BENT_MM)]  # y points up
     tracks = [0] if kind == "one of version 4" else [0, 1, 2]
     rows = []
     for t, frame in zip((0.0, 0.04), cm, strict=True):
@@ -289,7 +302,7 @@ def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("animals", [False, True])
 def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> None:
-    """The CSV file has one animal or several. A position with a small likelihood counts as not seen."""
+    """CSV files of DeepLabCut with one animal or several are imported; points with a small likelihood are left out."""
     places = in_pixels(files)
     parts = ["root", "middle", "tip", "lost"]
     scorer = "DLC_resnet50_beamNov21shuffle1_50000"

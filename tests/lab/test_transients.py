@@ -1,4 +1,4 @@
-"""Frames of the moving beam, which a run stores between its states, in real dataset files."""
+"""A run stores frames of the moving beam between its states, as the protocol requests."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def middle(image: np.ndarray) -> float:
     return float(dark[0] + dark[-1]) / 2
 
 
-def test_frames_are_kept_while_the_beam_settles(setup: Any) -> None:
+def test_frames_are_stored_while_the_beam_settles(setup: Any) -> None:
     asked(setup, "transients = { frames_per_state = 6 }")
     setup.run()
     kept = transients(setup.path)
@@ -44,10 +44,10 @@ def test_frames_are_kept_while_the_beam_settles(setup: Any) -> None:
     assert set(last.belongs_to.tolist()) == {3}
     assert set(last.set_A.tolist()) == {0.3}
     ratios = last.elapsed_s[1:] / last.elapsed_s[:-1]
-    assert ratios.min() > 1.2  # log-spaced, whatever the camera's rate
+    assert ratios.min() > 1.2  # logarithmically spaced, whatever the rate of the camera
     np.testing.assert_allclose(np.diff(last.time_s), np.diff(last.elapsed_s))
     swings = [abs(middle(image) - 67.0) for image in last.images]
-    assert max(swings) > 1.0  # the swing that the frames of the state no longer show
+    assert max(swings) > 1.0  # these frames show the motion that the frames of the state no longer show
     assert swings[-1] < 0.6
     with open_dataset(setup.path) as dataset:
         assert middle(dataset.images(3)[-1]) == pytest.approx(67.0, abs=0.5)
@@ -56,7 +56,7 @@ def test_frames_are_kept_while_the_beam_settles(setup: Any) -> None:
         assert last.time_s[-1] <= of_states[-2] < of_states[-1]
 
 
-def test_no_transient_frames_are_kept_on_request(setup: Any) -> None:
+def test_no_frames_of_the_moving_beam_are_stored_if_the_protocol_says_so(setup: Any) -> None:
     asked(setup, "transients = { frames_per_state = 0 }")
     setup.run()
     assert transients(setup.path) == [None] * 4
@@ -64,13 +64,13 @@ def test_no_transient_frames_are_kept_on_request(setup: Any) -> None:
         assert "transients" not in file["entry"]
 
 
-def test_a_beam_that_never_comes_to_rest_stores_at_most_the_budget_of_frames(setup: Any) -> None:
+def test_of_a_beam_that_never_comes_to_rest_at_most_the_given_number_of_frames_is_stored(setup: Any) -> None:
     setup.camera.sway_px = 0.5
     setup.run()
     kept = transients(setup.path)[2]
     assert kept is not None
     assert len(kept.images) == 12
-    assert kept.elapsed_s[-1] == pytest.approx(5.0, rel=0.35)  # spread over the whole time-out
+    assert kept.elapsed_s[-1] == pytest.approx(5.0, rel=0.35)  # spread over the whole waiting time
 
 
 def test_a_crash_loses_no_transient_of_a_state_that_was_acknowledged(setup: Any) -> None:
@@ -117,7 +117,7 @@ def test_recovery_leaves_out_only_the_damaged_frames_of_the_transients(setup: An
     assert [one.flags for one in _states(whole)] == [()] * 4
 
 
-def test_segmentation_leaves_the_transients_as_they_were(setup: Any) -> None:
+def test_segmentation_does_not_change_the_frames_of_the_moving_beam(setup: Any) -> None:
     asked(setup, "ring_down = { seconds = 0.2 }")
     setup.run()
     before = transients(setup.path)

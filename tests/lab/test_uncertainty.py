@@ -1,4 +1,4 @@
-"""The table [uncertainty] in the files of a bench: its valid keys, and its effect on a fit."""
+"""The table [uncertainty] in the files of a bench: its keys are checked, and its values widen the interval of a fit."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_relative_uncertainties_and_pixels_are_converted_for_the_inference():
     assert (current.source, current.standard_uncertainty) == ("offset", pytest.approx(0.003 * 4.7))
 
 
-def test_names_and_numbers_determine_which_datasets_share_an_error():
+def test_datasets_share_an_error_if_names_and_numbers_in_their_files_are_equal():
     def of(text: str) -> dict[str, str]:
         return {s.source: s.of for s in parse(SpecimenFile, text, "beam.toml").stated_sources()}
 
@@ -89,7 +89,7 @@ def test_names_and_numbers_determine_which_datasets_share_an_error():
     assert first["remanence"] != second["remanence"]
 
 
-def test_calibrations_of_one_coil_share_the_error_of_the_coil_alone():
+def test_calibrations_of_one_coil_share_only_the_error_of_the_coil():
     def of(**changes: float) -> dict[str, str]:
         text = text_of(
             "rigs/virtual_calibration.toml",
@@ -108,7 +108,7 @@ def test_calibrations_of_one_coil_share_the_error_of_the_coil_alone():
     assert of(coil_constant_mT_per_A=4.5)["coil"] != first["coil"]
 
 
-def test_the_virtual_rig_is_exact_and_the_bench_states_all_uncertainties():
+def test_the_virtual_rig_has_no_uncertainties_and_the_example_bench_has_all():
     assert all(
         s.standard_uncertainty == 0
         for s in load_calibration(PROTOCOLS / "rigs/virtual_calibration.toml").stated_sources()

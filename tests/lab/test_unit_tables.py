@@ -1,4 +1,4 @@
-"""Every unit that a file may use, compared with its definition; a new unit fails until it is added here."""
+"""Every unit that a file may use agrees with its definition; a new unit fails until it is added here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from eimi_lab.fits.tensile_files import STRAINS, STRESSES, read_tensile
 from eimi_lab.vision.calibration.exif_lens import _MM_PER_UNIT, focal_length
 from eimi_lab.vision.intensity import full_scale
 
-LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}  # the inch since 1959
+LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}  # the international inch of 1959
 
 
 def test_lengths() -> None:
@@ -35,7 +35,10 @@ def test_lengths() -> None:
 
 @pytest.mark.parametrize("unit", LENGTHS_MM)
 def test_points_and_their_deviations_are_converted(unit: str) -> None:
-    """The beam points along +y of the file. In the beam frame, x is along the beam, and y points to its left."""
+    """Points and their standard deviations are converted from each unit to mm in the beam frame.
+
+    The beam points along +y of the file. In the beam frame, x is along the beam, and y points to its left.
+    """
     tracks = Tracks(
         places=np.array([[[1.0, 2.0], [1.0, 5.0]], [[0.0, 2.0], [1.5, 5.0]]]),
         frames=np.array([1, 2]),
@@ -73,7 +76,10 @@ def test_the_first_letter_of_a_plane_is_the_first_axis(plane: str, axes: tuple[i
 
 @pytest.mark.parametrize(("unit", "per_mm"), [(2, 1 / 25.4), (3, 0.1), (4, 1.0), (5, 1000.0)])
 def test_the_resolution_of_a_sensor_in_every_unit_of_exif(tmp_path: Path, unit: int, per_mm: float) -> None:
-    """Exif 2.3, 4.6.5, FocalPlaneResolutionUnit: 2 is inch, 3 is cm, 4 is mm, 5 is micrometre (4 and 5: TIFF/EP)."""
+    """The focal length in px is right for every unit of the resolution of a sensor in Exif data.
+
+    FocalPlaneResolutionUnit of Exif 2.3, 4.6.5: 2 is inch, 3 is cm, 4 is mm, 5 is micrometre (4 and 5: TIFF/EP).
+    """
     assert _MM_PER_UNIT.keys() == {2, 3, 4, 5}
     pixels_per_mm = 250.0
     exif = Image.Exif()
@@ -110,7 +116,7 @@ def test_readings_of_a_supply() -> None:
 
 
 def test_quantities_of_sensors() -> None:
-    """The names of the measured quantities are those of the NeXus class NXsensor."""
+    """The quantities of sensors have their units, and their names in the NeXus class NXsensor."""
     assert UNITS == {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
     assert MEASUREMENTS == {
         "field": "magnetic_field",
@@ -120,7 +126,7 @@ def test_quantities_of_sensors() -> None:
 
 
 def test_units_in_a_dataset() -> None:
-    """The names of the columns are part of the file format. Every column with a physical quantity has a unit."""
+    """Every column of a dataset with a physical quantity has its unit; column names belong to the file format."""
     units = {"s": ("time", "timestamp", "elapsed"), "A": ("current", "set_current", "measured_current")}
     units |= {"mT": ("field",), "N": ("tip_force",)}
     expected = {column: unit for unit, columns in units.items() for column in columns}
@@ -134,7 +140,10 @@ def test_units_in_a_dataset() -> None:
 
 
 def test_the_roots_of_a_clamped_beam_solve_its_equation() -> None:
-    """The equation is cos x cosh x = -1 (Timoshenko, Vibration Problems in Engineering, section 54)."""
+    """The roots of the modes of a clamped beam solve cos x cosh x = -1.
+
+    Source: Timoshenko, Vibration Problems in Engineering, section 54.
+    """
     assert np.cos(ROOTS) + 1 / np.cosh(ROOTS) == pytest.approx(0.0, abs=1e-9)
     assert [round(root / np.pi + 0.5) for root in ROOTS] == [1, 2, 3]
 

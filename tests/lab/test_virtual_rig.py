@@ -1,4 +1,4 @@
-"""The virtual rig: equal seeds give equal results, and the loads on the beam are those of the files."""
+"""The virtual rig gives equal results for equal seeds, and its beam has the loads that the files give."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def specimen() -> SpecimenFile:
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
     """Return the shipped virtual rig with a coarse mesh and small frames.
 
-    `of_calibration` replaces values of the calibration.
+    of_calibration: values that replace those of the calibration.
     """
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
@@ -43,7 +43,7 @@ def rig(seed: int = 1, **of_calibration: Any) -> Rig:
 
 
 def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
-    """Return a frame at a current (A), and several current values (A) that the supply measures."""
+    """Return a frame at a current (A), and six currents (A) that the supply measures."""
     supply, camera, clock, _ = open_virtual_rig(of, specimen)
     supply.set_voltage(of.supply.limits.voltage_V)
     supply.set_current(current_A)
@@ -72,7 +72,7 @@ def test_the_virtual_camera_takes_frames_at_its_frame_rate(specimen: SpecimenFil
 
 
 def middle_px(image: NDArray[Any]) -> float:
-    """Return the column (px) of the middle of the opaque magnet in the lowest rows that show the beam."""
+    """Return the column (px) of the middle of the opaque magnet, in rows near the tip."""
     dark = image[80:92] < 0.25 * np.percentile(image, 90)
     return float(np.nonzero(dark)[1].mean())
 
@@ -90,7 +90,7 @@ def test_a_small_step_of_the_current_moves_the_beam(specimen: SpecimenFile) -> N
 
 
 def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
-    """Oblique gravity bends a hanging beam, unless the calibration has gravity = false."""
+    """Gravity at an angle bends a hanging beam, unless the calibration has gravity = false."""
     soft = parse(SpecimenFile, specimen.text.replace('"Dragon Skin 10"', '"Ecoflex 00-50"'), "soft")
     bent = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0), soft)[0])
     straight = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
@@ -102,7 +102,10 @@ def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
 def test_other_programs_on_the_computer_cannot_let_a_virtual_camera_miss_its_deadline(
     specimen: SpecimenFile, monkeypatch: pytest.MonkeyPatch, rig: str, clock: Callable[[], float]
 ) -> None:
-    """The deadline of a virtual camera counts the processor time of the run, and not the elapsed time."""
+    """The time limit of a virtual camera counts the processor time of the run, and not the elapsed time.
+
+    So other programs on the computer cannot let the camera exceed its limit.
+    """
     given: list[Callable[[], float]] = []
 
     class Opened(Exception):

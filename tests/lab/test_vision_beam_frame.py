@@ -1,4 +1,4 @@
-"""The map between pixels and the beam frame."""
+"""The map between pixels and the beam frame (x along the clamped beam, y across, in mm) is right for every mounting."""
 
 import numpy as np
 import pytest
@@ -21,21 +21,21 @@ def calibration(axis=90.0, field=0.0, gravity=90.0, **more):
     )
 
 
-def test_beam_hanging_down_with_the_field_to_the_right():
+def test_x_points_down_and_y_along_the_field_for_a_hanging_beam():
     frame = BeamFrame(calibration())
     np.testing.assert_allclose(frame.to_mm([[400, 100], [400, 350], [425, 100]]), [[0, 0], [10, 0], [0, 1]], atol=1e-9)
     assert frame.gravity_deg == pytest.approx(0.0)
     assert frame.field_deg == pytest.approx(90.0)
 
 
-def test_field_to_the_left_mirrors_y():
+def test_y_points_to_the_left_if_the_field_points_to_the_left():
     frame = BeamFrame(calibration(field=180.0))
     np.testing.assert_allclose(frame.to_mm([[425, 350]]), [[10, -1]], atol=1e-9)
     assert frame.field_deg == pytest.approx(90.0)
 
 
-def test_gravity_is_measured_from_x_toward_y_in_both_hands():
-    # The beam lies to the right; gravity points down in the image, the field up or down.
+def test_the_angle_of_gravity_is_measured_from_x_toward_y_in_right_and_left_handed_frames():
+    # The beam points to the right; gravity points down in the image, and the field up or down.
     assert BeamFrame(calibration(axis=0.0, field=90.0)).gravity_deg == pytest.approx(90.0)
     assert BeamFrame(calibration(axis=0.0, field=-90.0)).gravity_deg == pytest.approx(-90.0)
 
@@ -48,7 +48,7 @@ def test_gravity_is_measured_from_x_toward_y_in_both_hands():
     x=st.floats(-50, 50),
     y=st.floats(-50, 50),
 )
-def test_round_trip_and_directions(axis, across, mirrored, gravity, x, y):
+def test_pixels_are_recovered_from_the_beam_frame_and_directions_agree(axis, across, mirrored, gravity, x, y):
     field = axis + (-across if mirrored else across)
     frame = BeamFrame(calibration(axis=axis, field=(field + 180) % 360 - 180, gravity=gravity))
     np.testing.assert_allclose(frame.to_mm(frame.to_px([[x, y]])), [[x, y]], atol=1e-9)
@@ -60,24 +60,26 @@ def test_round_trip_and_directions(axis, across, mirrored, gravity, x, y):
     start = np.array([400.0, 100.0])
     for in_image, in_beam in ((gravity, frame.gravity_deg), (field, frame.field_deg)):
         np.testing.assert_allclose(frame.to_mm([start + 25 * direction(in_image)])[0], direction(in_beam), atol=1e-9)
-    assert frame.field_deg > 0  # toward +y
+    assert frame.field_deg > 0  # the field has a component toward +y
 
 
 MATRIX = ((1500.0, 0.0, 640.0), (0.0, 1500.0, 512.0), (0.0, 0.0, 1.0))
 DISTORTION = (-0.2, 0.08, 0.001, -0.002, 0.0)
 
 
-def test_lens_distortion_round_trip():
+def test_pixels_are_recovered_through_the_lens_distortion():
     frame = BeamFrame(calibration(camera_matrix=MATRIX, distortion=DISTORTION))
     points = np.column_stack([np.linspace(0, 32, 20), np.linspace(-12, 20, 20)])
     pixels = frame.to_px(points)
     np.testing.assert_allclose(frame.to_mm(pixels), points, atol=1e-6)
     np.testing.assert_allclose(frame.to_px([[0.0, 0.0]]), [[400.0, 100.0]], atol=1e-5)
     line = np.polyfit(pixels[:, 0], pixels[:, 1], 1)
-    assert np.abs(np.polyval(line, pixels[:, 0]) - pixels[:, 1]).max() > 1.0  # straight in space, bent in the image
+    assert (
+        np.abs(np.polyval(line, pixels[:, 0]) - pixels[:, 1]).max() > 1.0
+    )  # a line that is straight in space and bent in the image
 
 
-def test_lens_distortion_is_the_documented_model():
+def test_the_lens_distortion_is_that_of_the_documented_model():
     # OpenCV, "Camera Calibration and 3D Reconstruction": x'' = x'(1 + k1 r2 + k2 r4) + 2 p1 x'y' + p2 (r2 + 2 x'2), …
     k1, k2, p1, p2, _ = DISTORTION
     x, y = 60.0 / 1500.0, 88.0 / 1500.0
@@ -98,7 +100,7 @@ def test_empty_arrays_of_points_stay_empty():
 
 
 def test_the_optical_axis_passes_through_the_principal_point() -> None:
-    """Without a camera matrix, the optical axis passes through the centre of the image."""
+    """The optical axis passes through the principal point of the camera matrix, or else through the image centre."""
     matrix = ((2000.0, 0.0, 700.0), (0.0, 2000.0, 430.0), (0.0, 0.0, 1.0))
     lens = {"telecentric": False, "stand_off_mm": 200.0}
     with_matrix = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))

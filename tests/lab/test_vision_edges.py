@@ -1,4 +1,4 @@
-"""Edges found in rendered frames of beams of known shape: errors, order, spacing, deviations and corners."""
+"""Edges detected in rendered frames of known beams: errors, order, spacing, standard deviations and corners."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -42,7 +42,7 @@ def rms(values):
 
 
 @pytest.mark.parametrize("angle_deg", [-75.0, -20.0, 0.0, 45.0, 90.0])
-def test_nominal_error(angle_deg):
+def test_the_error_is_small_in_a_nominal_image(angle_deg):
     image, beam, _ = photograph(angle_deg)
     edges = find_edges(image, CALIBRATION, SPECIMEN)
     for errors in errors_px(edges, beam, CALIBRATION):
@@ -55,7 +55,7 @@ def test_nominal_error(angle_deg):
 
 @pytest.mark.parametrize("condition", ["hard", "defocused"])
 @pytest.mark.parametrize("angle_deg", [0.0, 60.0])
-def test_error_in_a_poor_image(condition, angle_deg):
+def test_the_error_is_limited_in_a_poor_image(condition, angle_deg):
     image, beam, _ = photograph(angle_deg, condition)
     edges = find_edges(image, CALIBRATION, SPECIMEN)
     for errors in errors_px(edges, beam, CALIBRATION):
@@ -66,13 +66,13 @@ def test_error_in_a_poor_image(condition, angle_deg):
 @pytest.mark.parametrize(
     ("condition", "angle_deg"), [("nominal", -110.0), ("nominal", 10.0), ("nominal", 110.0), ("hard", -30.0)]
 )
-def test_the_stated_deviation_matches_the_scatter(condition, angle_deg):
+def test_the_computed_deviation_matches_the_scatter(condition, angle_deg):
     [row] = measure(CONDITIONS[condition], (angle_deg,), frames=4, seed=3)
     assert 0.8 < row["pull"] < 1.25
 
 
 @pytest.mark.parametrize("spacing_mm", [0.16, 0.5, 1.0, 1.5])
-def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
+def test_the_computed_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
     pulls = []
     for seed in range(4):
         image, beam, _ = photograph(-110.0, seed=seed)
@@ -82,8 +82,11 @@ def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
     assert 0.8 < rms(np.concatenate(pulls)) < 1.25
 
 
-def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
-    """An edge of a beam of aspect ratio thirty has a hundred points, more than a tenth of the beam's width apart."""
+def test_the_computed_deviation_of_a_slender_beam_matches_the_scatter():
+    """The computed standard deviation of edge points agrees with their errors also for a beam 30 times as long as wide.
+
+    Each edge of this beam has a hundred points, more than a tenth of the beam's width apart.
+    """
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)
@@ -102,9 +105,9 @@ def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """The outer edge of thin silicone beside the magnet is found without bias.
+    """The outer edge of thin silicone beside the magnet is found without bias, with a sufficient standard deviation.
 
-    Every profile across this edge also crosses the edge of the magnet. The standard deviation must not be too small.
+    Every profile of grey values across this edge also crosses the edge of the magnet.
     """
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
@@ -122,8 +125,8 @@ def test_thin_silicone_beside_the_magnet(silicone_px, share):
 
 
 @pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
-def test_the_stated_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
-    """The standard deviation describes the error where two steps are close together, and where the light is uneven."""
+def test_the_computed_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
+    """The computed standard deviation agrees with the errors where two steps are close together in uneven light."""
     optics, silicone_px, _ = BESIDE[row]
     magnet_mm = SPECIMEN.magnet.length_mm
     rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)
@@ -132,7 +135,7 @@ def test_the_stated_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
     assert 0.75 < summary["pull"] < 1.35
 
 
-def test_the_stated_deviation_covers_uneven_light_beside_the_magnet():
+def test_the_computed_deviation_covers_uneven_light_beside_the_magnet():
     optics = replace(NOMINAL, lumps=0.08, silicone_transmission=0.3)
     specimen = with_silicone_beside(0.5)
     pulls = []
@@ -145,8 +148,8 @@ def test_the_stated_deviation_covers_uneven_light_beside_the_magnet():
     assert rms(np.concatenate(pulls)) < 1.25
 
 
-def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
-    """A rod lies 19 px from the left edge, beyond every profile, where the slope of the light is measured."""
+def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
+    """A rod 19 px from the left edge does not disturb the edges, although the slope of the light is measured there."""
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -162,7 +165,7 @@ def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
 def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
-    """Only six pixels of the edge at the tip are far enough from its two corners."""
+    """The tip of a narrow beam is found, although only six pixels of its edge are far enough from the two corners."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     beam = bend(SPECIMEN, angle_deg)
     scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
@@ -175,9 +178,9 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """The profiles end within twice the blur from the edge, and clipping is measured there.
+    """On a narrow beam out of focus, clipping (saturation) is measured within twice the blur from the edge.
 
-    The profiles are short, because they must not reach the other edge of the beam.
+    The profiles of grey values end there, because they must not reach the other edge of the beam.
     """
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
@@ -189,14 +192,14 @@ def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
 
 
 @pytest.mark.parametrize("angle_deg", [-60.0, 0.0, 60.0])
-def test_order_sides_and_ends(angle_deg):
+def test_points_run_from_clamp_to_tip_on_the_right_sides(angle_deg):
     image, beam, _ = photograph(angle_deg)
     edges = find_edges(image, CALIBRATION, SPECIMEN)
     assert edges.left.points_mm[0, 1] < 0 < edges.right.points_mm[0, 1]
     for side, edge in ((edges.left, beam.left), (edges.right, beam.right)):
         steps = np.hypot(*np.diff(side.points_mm, axis=0).T)
         assert steps.max() < 1.1 * steps.min()
-        # The points run from the clamp to the tip, and end a few pixels before both.
+        # The points run from clamp to tip, and end a few pixels before both.
         assert 0.1 < np.linalg.norm(side.points_mm[0] - edge[0]) < 0.5
         assert 0.1 < np.linalg.norm(side.points_mm[-1] - edge[-1]) < 0.5
         assert side.sigma_mm.shape == (len(side.points_mm),)
@@ -204,14 +207,14 @@ def test_order_sides_and_ends(angle_deg):
     np.testing.assert_allclose(edges.corners_px, truth, atol=0.15)
 
 
-def test_spacing_is_kept_within_bounds():
+def test_the_given_spacing_of_points_is_obeyed_within_bounds():
     image, _, _ = photograph(0.0)
     coarse = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=1.0)
     assert np.hypot(*np.diff(coarse.left.points_mm, axis=0).T) == pytest.approx(1.0, rel=0.06)
     assert len(find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=0.001).left.points_mm) == 100
 
 
-def test_dirt_on_every_point_of_a_wide_spacing_leaves_other_points():
+def test_with_dirt_on_every_widely_spaced_point_other_points_are_detected():
     image, _, _ = photograph(0.0)
     clean = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=3.0).left.points_mm
     dirty = image.copy()
@@ -223,7 +226,10 @@ def test_dirt_on_every_point_of_a_wide_spacing_leaves_other_points():
 
 
 def test_a_drawn_picture_without_noise_has_a_positive_deviation():
-    """The points of a drawn edge do not scatter, but a standard deviation of 0 would be an infinite weight in a fit."""
+    """The standard deviation of points on a drawn edge without noise is positive.
+
+    A standard deviation of 0 would be an infinite weight in a fit.
+    """
     x, y = np.meshgrid(np.arange(1280.0), np.arange(1024.0))
     dark = ((np.abs(x - 640.0) < 38.0) & (y < 850.0)) | ((np.abs(x - 640.0) < 150.0) & (y < 100.0))
     drawn = cv2.GaussianBlur(np.where(dark, 20.0, 200.0), (0, 0), 1.2).astype(np.uint8)
@@ -295,7 +301,7 @@ def test_colours_and_bit_depths_keep_the_error_and_a_mean_of_frames_lowers_it():
 
 
 @pytest.mark.parametrize("angle_deg", [-40.0, 0.0, 70.0])
-def test_a_lit_beam_in_front_of_a_dark_background(angle_deg):
+def test_a_bright_beam_in_front_of_a_dark_background_is_detected(angle_deg):
     image, beam, _ = photograph(angle_deg)
     edges = find_edges(230 - np.minimum(image, 230), CALIBRATION, SPECIMEN)
     for errors in errors_px(edges, beam, CALIBRATION):
@@ -310,7 +316,7 @@ def test_dark_frame_and_flat_field_correct_uneven_light_and_pixels():
     optics = replace(NOMINAL, gradient=0.6, vignette=0.4, full_well_e=1e6)
     beam = bend(SPECIMEN, 40.0)
     rows, columns = np.indices(SIZE[::-1])
-    dark = 6.0 + 12.0 * (columns % 2)  # the columns of the sensor differ without light
+    dark = 6.0 + 12.0 * (columns % 2)  # the columns of the sensor have different grey values without light
     gain = 1.0 + 0.15 * np.sin(columns / 7.0) * np.sin(rows / 11.0)
     image = dark + gain * make_bent_scene(optics, CALIBRATION, SPECIMEN, beam).mean * 0.8
     nothing = [[-9.0, -9.0], [-8.0, -9.0], [-8.0, -8.0]]
@@ -330,14 +336,14 @@ def test_dark_frame_and_flat_field_correct_uneven_light_and_pixels():
 
 def test_blur_does_not_move_a_curved_edge_inward():
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update={"length_mm": 12.0}))
-    beam = bend(specimen, 110.0)  # a radius of 6 mm
+    beam = bend(specimen, 110.0)  # the beam is bent to a radius of 6 mm
     optics = replace(NOMINAL, blur_px=2.4, full_well_e=1e7, bits=16)
     image = expose(make_bent_scene(optics, CALIBRATION, specimen, beam), np.random.default_rng(0))
     for errors in errors_px(find_edges(image, CALIBRATION, specimen), beam, CALIBRATION):
         assert abs(np.median(errors)) < 0.004
 
 
-def test_the_stated_deviation_of_the_tip_angle_is_that_of_many_draws_of_the_points():
+def test_the_computed_deviation_of_the_tip_angle_is_that_of_many_draws_of_the_points():
     along = np.arange(100) * 0.1
     rng = np.random.default_rng(0)
 

@@ -26,7 +26,7 @@ LISTED = {
 }
 ALONE = set(CASES) - {
     *("LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"),
-    # These are flags of photographs, in which there is no silhouette either.
+    # These flags concern photographs, which also have no silhouette.
     *("TOO_NARROW", "NOT_FOLLOWED", "ROOT_AMBIGUOUS", "OWN_SHADOW"),
 }
 
@@ -42,7 +42,7 @@ def test_the_documentation_has_the_table_of_flags():
     assert table() in (Path(__file__).parents[2] / "docs" / "why" / "edges.md").read_text(encoding="utf-8")
 
 
-def test_a_flag_is_one_entry_of_the_table(monkeypatch):
+def test_a_new_flag_needs_only_one_entry_in_the_table(monkeypatch):
     hot = Check(name="HOT", finding="coil_temperature", quantity="degrees", limit=80.0, remedy="Let {what} cool.")
     cold = replace(hot, name="COLD", finding="room_temperature", limit=10.0, below=True)
     with pytest.raises(KeyError, match="coil_temperature"):
@@ -57,10 +57,10 @@ def test_a_flag_is_one_entry_of_the_table(monkeypatch):
 
 
 def test_the_severity_of_a_flag_and_the_deviation_it_adds():
-    """A doubtful flag adds the measured deviation. A note and an unusable flag add no deviation."""
+    """A doubtful flag adds its standard deviation to the points; a note and an unusable flag add no deviation."""
     [clipped] = judge({"saturated_share": 1.0})
     assert (clipped.severity, leaves_out([clipped])) == (Severity.DOUBTFUL, False)
-    assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # the error of a clipped back-light in docs/why/edges.md
+    assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # docs/why/edges.md gives this error of a clipped back-light
     [bent] = judge({"gamma": 2.2})
     assert bent.widens_mm(25.0, 3.0, 5.0) > 0.45 / 25.0
     words = {"even_turn": "", "twist_effect": ""}
@@ -124,7 +124,7 @@ def test_a_beam_turned_as_a_whole_looks_wide_and_the_remedy_states_the_effect():
 
 
 def test_a_clamp_that_moved_since_the_calibration_is_flagged():
-    moved = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3 + 5.0, 99.6)})  # 0.2 mm
+    moved = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3 + 5.0, 99.6)})  # 5 px are 0.2 mm
     [flag] = find_edges(photograph(), moved, SPECIMEN).flags
     assert (flag.name, flag.value) == ("CALIBRATION_STALE", pytest.approx(0.2, abs=0.01))
     along = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3, 99.6 + 5.0)})

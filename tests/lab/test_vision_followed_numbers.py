@@ -1,4 +1,4 @@
-"""Intermediate results of following a beam, and colour projections, compared with the drawn pictures."""
+"""Intermediate results of following a beam, and projections of colours, agree with the drawn pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.shared.photographs import CALIBRATION, SPECIMEN, photograph
 from tests.shared.rendered_edges import errors_px
 
 Array = np.ndarray
-COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # of a beam and of its background
+COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # colours of a beam and of its background
 
 
 def plain(angle_deg: float = 0.0, colours: Array = COLOURS, seed: int = 2) -> Array:
@@ -32,14 +32,17 @@ def calibration_with(**help_given: object) -> object:
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Return points (x, y) in px, shape (n, 2), of an edge with one and a half waves and a scatter of half a pixel."""
+    """Return points of an edge with one and a half waves and a scatter of 0.5 px: (x, y) in px, shape (n, 2).
+
+    along: the n positions along the edge in px.
+    """
     rng = np.random.default_rng(seed)
     return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
 
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
-    """On the first part of the edge, only every tenth point is kept."""
+    """The estimated scatter of a wavy edge is right also where only every tenth point of the edge remains."""
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
     stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
@@ -62,7 +65,7 @@ def test_a_point_that_is_more_sensitive_to_noise_has_a_larger_deviation() -> Non
     assert np.median(sigma[:50]) * 1.9 < np.median(sigma[50:]) < np.median(sigma[:50]) * 2.1
 
 
-def test_places_map_between_the_working_picture_and_the_image() -> None:
+def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> None:
     image = np.zeros((300, 400, 1), np.float32)
     y, x = np.mgrid[:300, :400]
     image[..., 0] = 200.0 * np.exp(-0.5 * ((x - 211.0) ** 2 + (y - 143.0) ** 2) / 6.0**2)
@@ -77,7 +80,10 @@ def test_places_map_between_the_working_picture_and_the_image() -> None:
 
 
 def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
-    """Without a correction a blur of 6 px would move one edge outward and the other inward by 0.08 px."""
+    """A blur of 6 px moves neither edge of a bent beam.
+
+    Without a correction, the blur would move one edge outward and the other edge inward by 0.08 px.
+    """
     photo = photograph("uneven light", np.random.default_rng(3), 110.0, COLOURS)
     blurred = cv2.GaussianBlur(photo.image, (0, 0), 6.0)
     left, right = errors_px(find_edges(blurred, CALIBRATION, SPECIMEN), photo.beam, CALIBRATION)
@@ -85,8 +91,8 @@ def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
 
 
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
-def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
-    """A dark and a bright stripe, each as wide as the beam, lie at the same distance from the clamp."""
+def test_the_beam_of_the_given_polarity_is_followed(polarity: str) -> None:
+    """Of a dark and a bright stripe at the same distance from the clamp, the one with the given polarity is followed."""
     image = np.full((720, 960), 120.0)
     image[90:510, 432:474] = 50.0
     image[90:510, 486:528] = 190.0
@@ -96,7 +102,10 @@ def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
 
 
 def test_an_earlier_state_does_not_outweigh_the_picture() -> None:
-    """Two stripes begin beside the clamp. The stripe that was the beam in the earlier state now ends 30 px early."""
+    """If the stripe that was the beam in an earlier state has become too short, a longer stripe is taken as the beam.
+
+    Both stripes begin beside the clamp.
+    """
 
     def two(left_px: int, right_px: int) -> Array:
         image = np.full((720, 960, 3), 120.0)
@@ -115,8 +124,8 @@ def test_pictures_of_other_bit_depths_are_scaled_to_the_same_values() -> None:
     for scale, dtype in ((257, np.uint16), (16, np.uint16), (1, np.float32)):
         deep = (image.astype(np.float64) * scale).astype(dtype)
         if scale == 16:
-            deep[0, 0] = 4095  # twelve bits
-        assert np.abs(in_255(deep) - image)[1:].max() < 1.0  # the rounding of 12 bits in levels of 255
+            deep[0, 0] = 4095  # a picture of twelve bits
+        assert np.abs(in_255(deep) - image)[1:].max() < 1.0  # the rounding of 12 bits, in grey levels from 0 to 255
 
 
 def test_light_clipped_at_one_edge_is_measured() -> None:
@@ -129,14 +138,14 @@ def test_light_clipped_at_one_edge_is_measured() -> None:
 
 
 def test_the_contrast_of_the_fainter_edge_is_reported() -> None:
-    """On the right, the background has nearly the colour of the beam."""
+    """The reported contrast is that of the fainter edge; here the background on the right resembles the beam."""
     image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
     even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
     image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)
     assert follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"] < 0.85 * even
 
 
-def test_a_body_longer_than_the_stated_length_is_doubtful() -> None:
+def test_a_body_longer_than_the_given_length_is_doubtful() -> None:
     short = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"length_mm": 21.0})})
     names = {flag.name: flag.severity for flag in find_edges(plain(10.0), CALIBRATION, short).flags}
     assert names.get("LENGTH_ANOMALY") is Severity.DOUBTFUL
@@ -150,8 +159,11 @@ def test_each_named_channel_has_its_own_colour() -> None:
         assert chosen.apply(image) == pytest.approx(value, abs=0.01)
 
 
-def test_the_stated_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
-    """In the projection of its stated colour, a red beam in front of grey is brighter than the background."""
+def test_the_given_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
+    """The colour that a user gives for the beam is in the order red, green, blue.
+
+    In the projection for this colour, a red beam is brighter than its grey background.
+    """
     image = plain()
     values = choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
     assert float(values[300, 480]) > float(np.median(values)) + 40.0
@@ -159,8 +171,8 @@ def test_the_stated_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
     assert wrong.weights != choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).weights
 
 
-def test_the_beam_is_followed_in_the_stated_channel() -> None:
-    """The beam differs from the background only in blue. It is not found in red."""
+def test_the_beam_is_followed_in_the_given_channel() -> None:
+    """A beam that differs from its background only in blue is found if the user chooses blue, and not if red."""
     image = plain(colours=np.array([[40.0, 120.0, 120.0], [200.0, 120.0, 120.0]]))
     for channel, is_found in (("blue", True), ("red", False)):
         calibration = calibration_with(channel=channel)
@@ -169,7 +181,7 @@ def test_the_beam_is_followed_in_the_stated_channel() -> None:
         assert (followed.findings.get("followed_contrast", 0.0) > 6.0) is is_found
 
 
-def test_edges_found_in_a_region_are_those_of_the_whole_picture() -> None:
+def test_edges_in_a_region_equal_the_edges_in_the_whole_picture() -> None:
     image = plain(15.0)
     matrix = ((2000.0, 0.0, 470.0), (0.0, 2000.0, 350.0), (0.0, 0.0, 1.0))
     calibration = calibration_with(region_px=(240, 20, 480, 600)).model_copy(
@@ -201,7 +213,7 @@ def test_corners_found_in_a_region_are_in_pixels_of_the_whole_picture() -> None:
 
 
 def shadowed(softness_px: float) -> Array:
-    """Return a grey beam with the border of a shadow 6 px to its right, blurred by `softness_px`."""
+    """Return a grey picture of a beam with the border of a shadow 6 px to its right, blurred by `softness_px`."""
     image = np.full((720, 960), 200.0)
     image[95:516, 459:507] = 90.0
     image = cv2.GaussianBlur(image, (0, 0), softness_px)
@@ -212,7 +224,10 @@ def shadowed(softness_px: float) -> Array:
 
 
 def test_an_edge_that_may_be_the_border_of_a_shadow_is_doubtful_by_its_blur() -> None:
-    """In a grey picture only the blur distinguishes beam and shadow. The added deviation is at least the blur."""
+    """In a grey picture, an edge with more blur is doubtful, because it may be the border of a shadow.
+
+    The standard deviation that the flag adds is at least the blur.
+    """
     alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
     assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
     for softness_px in (2.0, 4.0):

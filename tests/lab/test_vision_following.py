@@ -1,4 +1,4 @@
-"""Beams that are followed from their clamp, in rendered photographs and in photographs of other laboratories."""
+"""Beams are followed from their clamp in rendered photographs and in photographs of other laboratories."""
 
 import cv2
 import numpy as np
@@ -43,7 +43,9 @@ def test_a_coloured_beam_on_clutter_is_followed(kind):
         assert outcome.coverage > 0.6
 
 
-@pytest.mark.parametrize("seed", [(5, 24), (11, 22)])  # the border lies 4 px or more from the beam's edge
+@pytest.mark.parametrize(
+    "seed", [(5, 24), (11, 22)]
+)  # the border of the shadow lies at least 4 px from the edge of the beam
 def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
     photo = photograph("own shadow", np.random.default_rng(seed))
     edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
@@ -55,10 +57,10 @@ def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
     outcome_in_grey = measured(photo, grey, 0.0)
     assert not outcome_in_grey.usable or (
         outcome_in_grey.rms_px > 1.0 and outcome_in_grey.doubtful
-    )  # grey values do not separate them
+    )  # grey values do not distinguish beam and shadow
 
 
-def test_points_from_where_a_shadow_replaces_the_edge_are_left_out():
+def test_points_where_a_shadow_replaces_the_edge_are_left_out():
     along = np.linspace(0.0, 10.0, 100)
     aside = np.where(along > 9.5, 0.2 * (along - 9.5), 0.0)
     sigma = np.full(100, 0.1)
@@ -103,8 +105,11 @@ def test_clipped_light_beside_an_edge_is_doubtful():
     assert flags_of_cases == [set(), {Severity.DOUBTFUL}]
 
 
-def test_an_edge_with_short_gaps_is_doubtful_and_one_with_a_long_gap_unusable():
-    """Half of the stations along the edge are reliable: ten of every twenty stations, or the first half."""
+def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
+    """An edge that is reliable on half of its length is doubtful if the gaps are short, and unusable with one long gap.
+
+    The reliable stations are ten of every twenty, or the first half.
+    """
     place = np.arange(400)
     flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
@@ -128,7 +133,7 @@ def test_a_mirrored_picture_gives_the_same_edges():
         assert np.sign(np.median(edge.points_mm[:8, 1])) == np.sign(np.median(mirrored_edge.points_mm[:8, 1]))
 
 
-def test_nothing_is_followed_where_there_is_no_beam():
+def test_nothing_is_followed_in_a_picture_without_a_beam():
     photo = photograph("clutter", np.random.default_rng(4), 0.0, np.array([[90.0, 90.0, 90.0]] * 2))
     edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
     assert len(edges.left.points_mm) == len(edges.right.points_mm) == 0
@@ -154,9 +159,9 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Draw a red stripe left of the clamp's middle and a blue stripe right of it, each as long and wide as the beam.
+    """Draw a red stripe left of the clamp's midpoint and a blue stripe right of it, each as long and wide as the beam.
 
-    Only the stripes in `shown` are drawn. `aside_px` shifts the picture to the right.
+    Only the stripes in `shown` ("red", "blue") are drawn. `aside_px` shifts the picture to the right.
     """
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
@@ -170,7 +175,8 @@ def stripes(*shown, aside_px=0.0):
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
     """Segment a dataset with one picture of stripes for each state; return one text for each state.
 
-    The text is the colour of the stripe on which the edges lie, with a remark if the flag ROOT_AMBIGUOUS was raised.
+    The text is the colour of the stripe on which the edges lie, with ", in doubt" if the flag ROOT_AMBIGUOUS was
+    raised.
     """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
@@ -201,7 +207,7 @@ def test_an_earlier_state_decides_only_between_equally_likely_bodies(run, files)
     alone = followed_in(run, files, both)[0]
     assert alone.endswith(", in doubt")
     other = "blue" if alone.startswith("red") else "red"
-    # The third state follows the first one, which was sure, not the second one, which was ambiguous. The last state has
+    # The third state follows the first, unambiguous state, and not the second, ambiguous state. The last state has
     # one stripe only. A worker reads a single state, and leaves the decision to the main process.
     followed = followed_in(run, files, (other,), both, both, (alone.split(",")[0],), workers=2)
     assert followed == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
@@ -219,7 +225,10 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
 
 
 def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
-    """The search is changed: without the third state's centre line, it finds no beam in the first two states."""
+    """If no beam is found in the first two states, the centre line of the third state guides a second search in them.
+
+    The test replaces the search, which finds no beam in these states without the centre line.
+    """
     guides = []
 
     def find(image, *arguments, expected_mm=None, **more):
@@ -237,13 +246,16 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 @pytest.mark.parametrize("clicks", [[[100, 300], [102, 294]], [[98, 200], [103, 412], [96, 400], [104, 407]]])
 def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
-    """Each click may be 10 px off the beam. Clicks a few pixels apart therefore have no order and no direction."""
+    """The line from the clamp through clicks that are close together does not turn back or aside.
+
+    Each click may be 10 px off the beam, so that clicks a few pixels apart have no order and no direction.
+    """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
     assert (np.diff(line.points[:, 1]) > 0).all()
     assert np.abs(line.points[:, 0] - 100.0).max() < 5.0
     halfway = len(line.free_px) // 4
     assert line.free_px[0] == pytest.approx(10.0)
-    assert line.free_px[halfway] > 13.0  # the line is less certain between clicks
+    assert line.free_px[halfway] > 13.0  # between clicks the line is less certain
 
 
 def test_clicked_points_off_the_beam_are_reported(files):
@@ -256,13 +268,16 @@ def test_clicked_points_off_the_beam_are_reported(files):
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
-    """In the second state, the picture is shifted by a tenth of a pixel, so that the other stripe fits better."""
+    """A state in which the beam is ambiguous does not decide which stripe is the beam in later states.
+
+    In the second state, the picture is shifted by a tenth of a pixel, so that the other stripe fits better.
+    """
     both = ("red", "blue")
     guessed = followed_in(run, files, both)[0]
     assert guessed.endswith(", in doubt")
     first, sure = followed_in(run, files, both, both, aside_px=(0.0, -0.1))
     assert sure == ("blue" if guessed.startswith("red") else "red")
-    assert first == f"{sure}, in doubt"  # a later state that is sure decides in the first one
+    assert first == f"{sure}, in doubt"  # a later unambiguous state decides in the first state
 
 
 NOT_FOLLOWED = ("cable_yellow_wall", "wrapped_1")
@@ -286,7 +301,7 @@ def test_photographs_of_other_laboratories_are_followed(picture):
 
 
 @pictures_at_hand
-def test_a_reflection_near_the_clamp_does_not_end_the_edge_behind_it():
+def test_an_edge_continues_beyond_a_reflection_near_the_clamp():
     picture = next(picture for picture in DEVELOPMENT if picture.name == "diffcal_red_2")
     beam = picture.specimen.specimen
     x, y = picture.calibration.clamp_midpoint_px
@@ -330,16 +345,16 @@ def test_the_benchmark_of_photographs_reports_small_errors():
     assert all(outcome.rms_px < photographs.WRONG_PX for outcome in outcomes)
 
 
-def test_the_overlay_of_a_failed_search_shows_the_stated_beam_and_the_followed_path():
+def test_the_overlay_of_a_failed_search_shows_the_expected_beam_and_the_followed_path():
     case = CASES["NOT_FOLLOWED"]()
     edges = case.edges()
     followed = follow_beam(case.image, case.calibration, case.specimen)
     picture = draw_overlay(case.image, edges, case.calibration, case.specimen, followed)
     height, width = case.image.shape[:2]
-    assert picture.shape[0] > height + 40  # the words are below
+    assert picture.shape[0] > height + 40  # the text is below the picture
     assert picture.shape[1] == width
     changed = (picture[:height].astype(int) != case.image).any(axis=2)
-    assert 0.002 < changed.mean() < 0.1  # lines and no text on the picture
+    assert 0.002 < changed.mean() < 0.1  # the picture has lines and no text
     x, y = np.rint(followed.path_px[-1]).astype(int)
     assert (picture[y - 2 : y + 3, x - 2 : x + 3] == FLAG_COLOUR).all(axis=2).any()
     clamp_x, clamp_y = np.rint(case.calibration.clamp_midpoint_px).astype(int)

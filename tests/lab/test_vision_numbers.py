@@ -1,4 +1,4 @@
-"""Corrections of frames, widths, motion and the scale of a board, compared with calculations by hand."""
+"""Corrections of frames, widths, motion and the scale of a board agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_dark_frame_is_subtracted_before_the_flat_field_is_applied() -> None
 
 def test_clipped_pixels_stay_clipped_and_others_are_corrected() -> None:
     flat = np.full((20, 20), 100, np.uint8)
-    flat[:, :10] = 200  # twice as much light on the left
+    flat[:, :10] = 200  # the light on the left is twice as strong
     image = np.full((20, 20), 240, np.uint8)
     image[5] = 255
     corrected = FieldCorrection(None, flat).apply(image)
@@ -37,7 +37,7 @@ def test_clipped_pixels_stay_clipped_and_others_are_corrected() -> None:
     assert corrected[0, 0] == pytest.approx(240 * 150 / 200)
 
 
-def test_a_tenth_of_a_beam_may_have_another_width() -> None:
+def test_a_tenth_of_the_length_may_have_another_width_without_a_flag() -> None:
     widths = np.full(100, 3.0)
     widths[:8] = 4.5
     assert width_deviation(widths, 3.0) == 0.0
@@ -59,7 +59,7 @@ def test_the_anticlastic_bow_of_a_deep_strip_is_no_deviation_of_its_width():
 
 
 @pytest.mark.parametrize("straight_offset_mm", [0.0, 0.3])
-def test_the_place_of_the_clamp_is_judged_in_the_straight_state(straight_offset_mm: float):
+def test_the_position_of_the_clamp_is_checked_in_the_straight_state(straight_offset_mm: float):
     def edge_set(turn_deg: float, offset_mm: float) -> EdgeSet:
         arc, turn = np.linspace(0.0, 30.0, 40), np.radians(turn_deg)
         edge = EdgePoints(np.column_stack([arc, 0.5 * turn * arc**2 / 30.0]), np.full(40, 0.01))
@@ -74,7 +74,10 @@ def test_the_place_of_the_clamp_is_judged_in_the_straight_state(straight_offset_
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
 def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
-    """A motion of a fifth of a pixel gives a settling ratio of 2.3."""
+    """The flag of a moving beam adds the size of the motion to the standard deviation of the points.
+
+    A settling ratio of 2.3 corresponds to a motion of a fifth of a pixel.
+    """
     (flag,) = judge({finding: 2.3})
     assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)
     (further,) = judge({finding: 8.0})

@@ -20,12 +20,15 @@ from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN
 
 TRUE_PA = 50e3
 FIELDS_MT = (0.0, 3.0, 6.0)
-MESH = (13, 2)  # the same for the virtual beam and the fit, so that only the outlines differ
+MESH = (13, 2)  # virtual beam and fit have the same mesh, so that only the outlines differ
 CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges in rendered frames of a virtual beam, and the view of the lens by the calibration."""
+    """Return the edges in rendered frames of a virtual beam at several fields, and the view of the lens.
+
+    The view describes the perspective; it is None for a telecentric lens.
+    """
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
@@ -46,7 +49,7 @@ def photographed_edges(calibration):
 def fitted(edges, view):
     """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
 
-    The error is the root mean square in each state, and its mean over the states.
+    The error is the root mean square in each state, averaged over the states.
     """
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)
@@ -62,7 +65,7 @@ def fitted(edges, view):
     return float(np.exp(best.x)), float(best.fun)
 
 
-def test_the_modulus_with_and_without_the_outlines_of_both_faces():
+def test_the_modulus_is_right_only_with_the_outlines_of_both_faces():
     calibration = CALIBRATION.model_copy(update={"stand_off_mm": 150.0})
     edges, view = photographed_edges(calibration)
     without, error_without = fitted(edges, None)

@@ -22,7 +22,7 @@ def test_bilinear_sampling_is_exact_on_a_bilinear_image(x, y):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
-def test_sampling_of_an_image_one_pixel_wide(shape):
+def test_an_image_one_pixel_wide_is_sampled(shape):
     assert sample(np.full(shape, 7, dtype=np.uint8), np.array([[0.3, 0.6], [9.0, 9.0]])) == pytest.approx([7.0, 7.0])
 
 
@@ -62,7 +62,7 @@ def test_one_dirty_profile_does_not_change_the_blur():
     assert fit_steps(u, profiles).blur_px == pytest.approx(1.0, rel=1e-3)
 
 
-def test_flat_and_falling_profiles_are_not_sound():
+def test_flat_and_falling_profiles_do_not_count_as_edges():
     u = stations(5.0, 5.0)
     flat, falling = np.full(len(u), 80.0), np.linspace(200.0, 10.0, len(u))
     steps = fit_steps(u, np.array([flat, falling]))
@@ -72,7 +72,10 @@ def test_flat_and_falling_profiles_are_not_sound():
 
 @given(st.floats(0.0, 360.0), st.floats(-0.002, 0.002))
 def test_the_light_along_profiles_has_the_slope_of_the_light_beside_them(direction_deg, slope):
-    """The back-light changes linearly along the profiles. Dirt disturbs one profile in five."""
+    """The computed light along profiles has the slope of the back-light beside the edge.
+
+    The back-light changes linearly, and dirt disturbs one profile in five.
+    """
     normal = np.array([np.cos(np.deg2rad(direction_deg)), np.sin(np.deg2rad(direction_deg))])
     x, y = np.meshgrid(np.arange(200.0), np.arange(200.0))
     image = 100.0 * (1.0 + slope * ((x - 100.0) * normal[0] + (y - 100.0) * normal[1]))
@@ -84,7 +87,7 @@ def test_the_light_along_profiles_has_the_slope_of_the_light_beside_them(directi
     np.testing.assert_allclose(light, np.tile(1.0 + slope * u, (30, 1)), atol=0.004)
 
 
-def test_the_light_is_taken_as_even_if_the_picture_ends_beside_the_profiles():
+def test_the_light_counts_as_even_if_the_picture_ends_beside_the_profiles():
     points, normals = np.full((3, 1, 2), 10.0), np.tile([1.0, 0.0], (3, 1, 1))
     light = light_along(np.full((20, 20), 50.0), points, normals, stations(7.0, 7.0), [3])
     np.testing.assert_array_equal(light, 1.0)
@@ -108,7 +111,7 @@ def test_a_curve_through_points_of_a_circle_has_its_length_and_tangents():
     np.testing.assert_allclose(beyond[1] - beyond[0], 10.0 * tangent[0], atol=1e-6)
 
 
-def test_grey_takes_the_brightest_channel():
+def test_the_grey_value_is_the_value_of_the_brightest_channel():
     image = np.zeros((8, 8, 3), dtype=np.uint8)
     image[..., 2] = 200
     assert grey(image).tolist() == [[200] * 8] * 8
@@ -122,7 +125,7 @@ def test_an_array_that_is_no_image_has_no_grey_values(array):
 
 
 @pytest.mark.parametrize(("brightest", "scale"), [(0, 255), (255, 255), (256, 1023), (4095, 4095), (65535, 65535)])
-def test_full_scale_is_the_first_bit_depth_that_holds_the_image(brightest, scale):
+def test_full_scale_is_that_of_the_smallest_bit_depth_that_contains_the_image(brightest, scale):
     assert full_scale(np.array([[brightest]])) == scale
 
 

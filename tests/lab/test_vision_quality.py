@@ -1,4 +1,4 @@
-"""Pictures with a fault: each picture raises the flag of its fault, and no picture raises an exception."""
+"""A picture with a fault raises the flag of this fault, and no picture raises an exception."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -86,7 +86,7 @@ def test_a_second_body_is_flagged():
 
 def test_two_beams_in_one_clamp_give_no_edges():
     image = photograph()
-    shifted = np.minimum(image, np.roll(image, 60, axis=1))  # four fifths of a width beside the first
+    shifted = np.minimum(image, np.roll(image, 60, axis=1))  # four fifths of a width beside the first beam
     edges = find_edges(shifted, CALIBRATION, SPECIMEN)
     assert len(edges.left.points_mm) == 0
     assert "WIDTH_ANOMALY" in {flag.name for flag in edges.flags}
@@ -118,7 +118,7 @@ def test_a_round_tip_is_flagged():
         ({"length_mm": 26.0}, "LENGTH_ANOMALY", 30.0 / 26.0 - 1),
     ],
 )
-def test_another_size_than_stated_is_flagged(change, name, value):
+def test_a_beam_of_another_size_than_in_its_file_is_flagged(change, name, value):
     raised = flags(photograph(), specimen=specimen(**change))
     assert set(raised) == {name}
     assert raised[name].value == pytest.approx(value, abs=0.01)
@@ -180,7 +180,7 @@ SHORT = SpecimenFile.model_validate(
     arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 10, 90, 200, 255])),
     st.integers(1, 16),
 )
-@example(np.array([[0, 0, 90, 0], [0, 0, 90, 0], [0, 0, 0, 0]], dtype=np.uint8), 15)  # an edge of three points
+@example(np.array([[0, 0, 90, 0], [0, 0, 90, 0], [0, 0, 0, 0]], dtype=np.uint8), 15)  # an edge with three points
 def test_no_picture_raises_an_exception(tiles, enlarged):
     image = np.kron(tiles, np.ones((enlarged, enlarged), dtype=np.uint8))
     edges = find_edges(image, SMALL, SHORT)
@@ -212,4 +212,4 @@ def test_the_overlay_of_a_bad_picture_names_its_flags(name):
     picture = draw_overlay(image, edges, CALIBRATION)
     height, width = image.shape
     assert picture.shape[1] == max(width, 560)
-    assert (picture[height : height + 60, :300, 1] < 100).any()  # red words on white below the picture
+    assert (picture[height : height + 60, :300, 1] < 100).any()  # red text on white below the picture

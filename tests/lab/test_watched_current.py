@@ -1,4 +1,4 @@
-"""The measured current of a run: if it departs from its set-point, the run ends with the coil off."""
+"""If the measured current of a run departs from its set-point, the run ends with the coil off."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def restless(setup: Any) -> None:
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
     """Cause a fault at the first frame at the set-point `current_A`; return a list that collects two times (s).
 
-    They are the time of the fault and the time at which the output is off.
+    The first time is that of the fault, and the second is the time at which the output is off.
     """
     times_s: list[float] = []
     switch = setup.coil.switch
@@ -131,7 +131,10 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
 
 
 def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
-    """Return an emulated supply at 0.5 A, and its coil. Each later set-point takes `exchange_s` seconds."""
+    """Return an emulated supply at 0.5 A, and the coil of a run on this supply.
+
+    exchange_s: time (s) that each set-point takes.
+    """
     clock = SimulatedClock()
     supply = CoilSupply(clock)
     coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)

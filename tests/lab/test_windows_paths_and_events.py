@@ -1,4 +1,4 @@
-"""Paths and console events of Windows, as far as they can be tested on any system."""
+"""Paths and console events of Windows are handled, as far as this can be tested on any system."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ def test_a_long_path_of_windows_gets_the_prefix_for_long_paths(absolute: str, re
 def test_the_events_that_end_a_process_of_windows_are_handled(
     monkeypatch: pytest.MonkeyPatch, event: int, acts: bool
 ) -> None:
-    """Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved."""
+    """The program handles the console events of Windows that end a process, and ignores other events.
+
+    Event 0 is Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off and 6 shutdown; 3 is reserved.
+    """
     done: list[str] = []
     monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
     assert console.handled(event, lambda: done.append("acts")) == int(acts)

@@ -1,4 +1,4 @@
-"""Runs without any instrument: a virtual beam in an emulated coil, and pictures in place of a camera."""
+"""Runs without any instrument: a virtual beam in an emulated coil, and stored pictures in place of a camera."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def emulated() -> Iterator[tuple[CoilSupply, str]]:
 
 @pytest.fixture
 def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """Make a folder with four pictures of a beam. The beam moves by 10 px from each picture to the next."""
+    """A folder with four pictures in `shots/`, in which a beam moves by 10 px from each picture to the next."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 10.0 * number))
@@ -90,7 +90,7 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def shown(path: Path, folder: Path) -> list[int]:
-    """Return, for each state of a dataset, the number of the picture that was stored."""
+    """Return the number of the stored picture of each state of a dataset."""
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
     found = []
     with open_dataset(path) as dataset:
@@ -126,8 +126,10 @@ def test_a_virtual_beam_hangs_in_the_coil_of_an_emulated_supply(files: Path) -> 
     with open_dataset(files / "run.h5") as dataset:
         simulated = [dataset.images(state.index).mean(axis=0) for state in dataset.states]
     for mean, other in zip(means, simulated, strict=True):
-        assert np.abs(mean - other).mean() < 3.0  # noise alone: the beam is where the coil's true current puts it
-    assert np.abs(means[3] - means[0]).max() > 60.0  # and that is not where it was at rest
+        assert (
+            np.abs(mean - other).mean() < 3.0
+        )  # only noise differs: the beam has the shape of the true current of the coil
+    assert np.abs(means[3] - means[0]).max() > 60.0  # this shape is not the shape at rest
 
 
 def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
@@ -186,7 +188,7 @@ def test_instruments_that_do_not_fit_together_are_refused(
     assert str(caught.value).startswith(f"{path}: {told}")
 
 
-def test_a_picture_is_held_for_each_state(pictures: Path) -> None:
+def test_each_state_has_one_picture_on_request(pictures: Path) -> None:
     with emulated() as (_, supply):
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures)
@@ -241,16 +243,18 @@ def test_pictures_that_change_their_size_end_the_run(files: Path, frame: Callabl
     assert "is 64 x 96 uint8, the earlier frames are 128 x 96 uint8; size, bit depth and colours" in ended.said[-1]
 
 
-def test_the_transcript_of_a_run_plays_the_supply_again(pictures: Path) -> None:
+def test_the_transcript_of_a_run_replaces_the_supply_in_another_run(pictures: Path) -> None:
     with emulated() as (_, supply):
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures, "--transcript", "wire.txt")
         assert ended.status == 0, ended.said
-        assert acquire(pictures, "--force", "--transcript", "wire.txt").status == 2  # never over an older one
+        assert (
+            acquire(pictures, "--force", "--transcript", "wire.txt").status == 2
+        )  # a transcript never overwrites an older one
     with open_dataset(pictures / "run.h5") as dataset:
         kept = dataset.instruments()[0]
     again = supply_driver("scpi")(ReplayedTransport(pictures / "wire.txt"), Limits(1.0, 10.0), SimulatedClock())
-    identity = again.identify()  # in the order of a run: another message than the next one is refused
+    identity = again.identify()  # the messages must have the order of the run
     assert kept == f"{identity.driver}: {identity.text} at {identity.address}"
     assert abs(again.measure().current_A) < 0.02
     assert not again.output_on()

@@ -1,4 +1,4 @@
-"""Every module can be imported on a system without POSIX."""
+"""Every module can be imported on a system without POSIX, such as Windows."""
 
 from __future__ import annotations
 

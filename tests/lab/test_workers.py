@@ -1,4 +1,4 @@
-"""Distribution of tasks to worker processes: additional tasks, workers that die, processes that start early."""
+"""Tasks are distributed to worker processes: additional tasks, workers that die, and processes that start early."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_further_tasks_are_done_although_a_worker_dies(tmp_path: Path) -> None:
 
 
 def test_workers_get_further_tasks_before_the_result_is_yielded() -> None:
-    """The workers get further tasks first, because they would be idle while the caller uses the result."""
+    """Workers get their next tasks before a result is returned, so that they work while the caller uses the result."""
     submitted: list[int] = []
 
     class Noting(ThreadPoolExecutor):
@@ -65,7 +65,7 @@ Children = Callable[[], set[Any]]
 
 @pytest.fixture
 def children() -> Children:
-    """Return a function that returns the processes started since the test began."""
+    """Return a function that returns the processes that have started since the beginning of the test and still run."""
     before = set(multiprocessing.active_children())
     return lambda: set(multiprocessing.active_children()) - before
 
@@ -76,7 +76,7 @@ def test_processes_start_before_the_first_task(children: Children) -> None:
         (worker,) = children()
         with executor() as pool:
             assert pool.submit(os.getpid).result() == worker.pid
-        with executor() as pool:  # as after the loss of a worker
+        with executor() as pool:  # the next pool has a new process, as after the loss of a worker
             assert pool.submit(os.getpid).result() != worker.pid
     assert not children()
     with started(None, 1, "json") as executor:

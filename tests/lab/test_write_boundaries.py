@@ -1,6 +1,6 @@
-"""The dataset after every write of a run: it is readable, as a power cut or a kill may end the run there.
+"""After every single write of a run the dataset is readable, because a power cut or a kill may end the run there.
 
-A library that is preloaded into the writer traces the writes below HDF5. The tests rebuild the file from this trace.
+A library that is preloaded into the writer traces the writes below HDF5. The test rebuilds the file from this trace.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
     """Yield the kind (a letter), the offset and the bytes of each record in a trace of writes.
 
-    The letter A marks the moment at which a state was reported.
+    The letter A marks the moment at which a state was reported as stored.
     """
     at = 0
     while at < len(trace):
@@ -69,7 +69,7 @@ def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
 def test_at_every_write_boundary_each_acknowledged_state_can_be_read(
     files: Path, monkeypatch: pytest.MonkeyPatch, states: int, frames: int
 ) -> None:
-    # The probe of a file that was never closed, without its process: there are thousands of files.
+    # The check of a file that was never closed, here in the same process, because there are thousands of files.
     monkeypatch.setattr(opened_file, "why_unreadable", lambda path: read_all_but_frames(path) or "")
     library, source = files / "traced_writes.so", Path(__file__).with_name("traced_writes.c")
     subprocess.run(
