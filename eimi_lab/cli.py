@@ -155,8 +155,16 @@ def _status() -> int:
             error, "format_message"
         ):  # an error of typer's own copy of click: an unknown option, a missing argument
             message = error.format_message() + _rejected_value(error)
-            return _tell(f"{message} (eimi --help lists the commands, eimi COMMAND --help their options)", 2)
+            return _tell(f"{message} ({_help_of_command(error)})", 2)
         raise
+
+
+def _help_of_command(error: Exception) -> str:
+    """Return where the arguments of the rejected command, or the commands, are described."""
+    context = getattr(error, "ctx", None)
+    if context is None or context.parent is None:
+        return "eimi --help lists the commands, eimi COMMAND --help their options"
+    return f"eimi {context.info_name} --help lists its arguments and options"
 
 
 def _rejected_value(error: Exception) -> str:

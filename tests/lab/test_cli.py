@@ -47,7 +47,9 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
     ("arguments", "message"),
     [
         (("acqire",), "No such command 'acqire'"),
+        (("acqire",), "eimi --help lists the commands"),
         (("acquire",), "Missing argument"),
+        (("acquire",), "eimi acquire --help lists its arguments and options"),
         (("acquire", "p", "--rigg", "x"), "--rigg"),
         (("segment",), "Missing argument"),
         (("emulate", "kord"), "SUPPLY = 'kord' should be one of korad, scpi"),
