@@ -126,7 +126,9 @@ def emulate(
     coil: Annotated[
         str | None,
         typer.Option(
-            metavar="ADDRESS", help="for a gaussmeter: address of the emulated coil whose field the gaussmeter measures"
+            metavar="ADDRESS",
+            help="for a gaussmeter: address of the emulated coil whose field the gaussmeter measures; `eimi emulate "
+            "SUPPLY` prints it in a line that begins with #",
         ),
     ] = None,
     mT_per_A: Annotated[

@@ -141,6 +141,7 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         coil = RemoteCoil(line.split('source = "')[1].split('"')[0])
         assert coil.coil_current_A() == 0.0
         coil.close()
+        assert server.stdout.readline().endswith(line.split('source = "')[1].split('"')[0] + "\n")
         supply = open_supply("scpi", address, Limits(1.0, 10.0))
         supply.set_current(0.25)
         assert not supply.output_on()

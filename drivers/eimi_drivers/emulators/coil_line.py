@@ -50,7 +50,11 @@ class RemoteCoil:
     InstrumentError
         The address has another form.
     InstrumentDisconnected
-        No emulated coil answers at the address.
+        No program accepts the connection, or it ends the connection.
+    InstrumentTimeout
+        The program at the address does not answer within `ANSWER_WITHIN_S` (s).
+    ReplyNotUnderstood
+        The first answer is not a current.
     """
 
     def __init__(self, address: str) -> None:
@@ -65,6 +69,17 @@ class RemoteCoil:
             self._line = socket.create_connection((match["host"], int(match["port"])), ANSWER_WITHIN_S)
         except (OSError, OverflowError) as error:
             raise InstrumentDisconnected(f"{address}: no emulated coil answers ({error})") from error
+        try:
+            self.coil_current_A()
+        except (InstrumentTimeout, ReplyNotUnderstood) as error:
+            self.close()
+            raise type(error)(
+                f"{error}. An emulated supply and its coil have two addresses; "
+                "`eimi emulate` prints the address of the coil in a line that begins with #"
+            ) from error
+        except InstrumentDisconnected:
+            self.close()
+            raise
 
     def coil_current_A(self) -> float:
         """Return the true current in the coil, A.

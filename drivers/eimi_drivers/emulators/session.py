@@ -94,6 +94,7 @@ class EmulatedSession:
     def _say_addresses(self, address: str, coil_line: str) -> None:
         self._say(f'driver = "{self._driver}"\naddress = "{address}"')
         self._say(f'# for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{coil_line}" }}')
+        self._say(f"# for an emulated gaussmeter in its coil: eimi emulate lakeshore-425 --coil {coil_line}")
 
     def _serve(self, ports: int) -> AbstractContextManager[str]:
         if self._tcp is not None:
