@@ -1,1 +1,1 @@
-"""The tests. Code that several tests use is in `shared`."""
+"""The tests. The folder `shared` contains code that several tests use."""

@@ -1,4 +1,4 @@
-"""Fixtures and settings of all tests."""
+"""Settings of all tests, and the fixture with measured data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-# This has to precede the import of numpy. More threads do not make small matrices faster, and tests run in parallel.
+# These lines must precede the import of numpy. More threads do not speed up small matrices, and tests run in parallel.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
@@ -20,7 +20,7 @@ for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signa
     if hasattr(signal, _name) and signal.getsignal(getattr(signal, _name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _name), _handler)
 
-# Processes that a test starts inherit this variable, and the name of the test that pytest sets.
+# Processes that a test starts inherit this variable, and the variable of pytest with the name of the test.
 os.environ["EIMI_TESTS_OF"] = str(os.getpid())
 
 # Every run draws the same examples without a deadline, so that a result does not depend on chance or on the load of the
@@ -37,13 +37,13 @@ MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Use one worker more than there are processors, because many tests wait for emulated instruments."""
+    """Use one more worker than there are processors, because many tests wait for emulated instruments."""
     return (os.cpu_count() or 1) + 1
 
 
-# A worker runs whole files. The longest ones start first, so that no worker is busy with one at the end.
+# A worker runs whole files. The slowest files start first, so that no worker is still busy with a slow file at the end.
 _LONGEST = (
-    "test_aravis_faults.py",  # it waits for timeouts, and other files need the camera that it serves
+    "test_aravis_faults.py",  # this file waits for timeouts, and other files need its emulated camera
     *("test_docs.py", "test_chain.py", "test_fit_grid.py", "test_bench_view.py", "test_joint_evidence.py"),
     *("test_validate.py", "test_recovery.py", "test_examples.py", "test_off_campaign.py", "test_considered.py"),
     *("test_without_hardware.py", "test_named_causes.py", "test_guardian.py", "test_killed_runs.py", "test_study.py"),
@@ -59,9 +59,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def started_in(test: str) -> list[int]:
-    """Return the numbers of the processes that a test started, directly or indirectly; none on a system without /proc.
+    """Return the numbers of the processes that a test has started, directly or indirectly.
 
-    Processes of multiprocessing are left out. They end with their parent, and may serve another test.
+    The list is empty on a system without /proc. Processes of multiprocessing are left out, because they end with their
+    parent and may serve another test.
     """
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
     processes = []
@@ -75,7 +76,7 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """After a failed test, kill the processes that the test left behind. A guardian would otherwise run for an hour."""
+    """After a failed test, kill the processes that the test left behind; a guardian process would run for an hour."""
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):
@@ -86,7 +87,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture(scope="session")
 def measured() -> Path:
-    """Return the folder with measured data: tracked points of a beam (`real_beam`) and tensile tests (`tensile`)."""
+    """The folder with measured data: tracked points of a beam (`real_beam`) and tensile tests (`tensile`).
+
+    Tests that need the data are skipped if the folder is missing.
+    """
     if not MEASURED.is_dir():
         pytest.skip("needs ../shared/data beside the checkout: measured data that are not ours to ship")
     return MEASURED

@@ -36,7 +36,10 @@ def test_a_command_imports_the_checkout(package: str, tmp_path: Path) -> None:
 
 
 def test_every_package_is_installed() -> None:
-    """An editable install contains a folder that pyproject.toml does not list, but a wheel does not contain it."""
+    """pyproject.toml lists every package; a wheel would not contain a package that is missing in this list.
+
+    An editable install contains the package nevertheless, so that other tests do not notice a missing entry.
+    """
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"])
     rooms = set()
     for package, folder in PACKAGES.items():

@@ -21,7 +21,10 @@ FOLDERS = {
 
 
 def folder_of(package: str) -> Path:
-    """Return the folder of a package. The entry of a subpackage has precedence over the entry of its parent."""
+    """Return the folder of a package, from the entries in pyproject.toml.
+
+    The entry of a subpackage has precedence over the entry of its parent.
+    """
     parents = [name for name in FOLDERS if f"{package}.".startswith(f"{name}.")]
     if not parents:
         return ROOT / package.replace(".", "/")
@@ -29,7 +32,7 @@ def folder_of(package: str) -> Path:
 
 
 def test_every_file_of_a_package_is_in_the_wheel() -> None:
-    """A wheel omits, without a warning, every file that matches no pattern of package-data."""
+    """Every file of a package matches a pattern of package-data; a wheel silently omits all other files."""
     assert SETTINGS["include-package-data"] is False
     packages = {folder_of(package): package for package in SETTINGS["packages"]}
     left_out = []
@@ -47,7 +50,10 @@ def test_every_file_of_a_package_is_in_the_wheel() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt" or not (ROOT / ".git").exists(), reason="needs bash and a clone")
 def test_archive_and_wheel_without_a_checkout(tmp_path: Path) -> None:
-    """`.ci/package` installs a wheel built from the archive, and runs commands and tests; it needs a package index."""
+    """A wheel that is built from the source archive runs commands and tests in an empty environment.
+
+    The script `.ci/package` does this; it needs a package index.
+    """
     command = [shutil.which("bash") or "bash", str(ROOT / ".ci" / "package"), str(tmp_path / "package")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

@@ -1,8 +1,9 @@
 """The documentation: every command runs in order, generated pages are up to date, and the site builds.
 
-A comment before a block of commands states an exception: `<!-- not run: why -->`, `<!-- refused -->` if the block ends
-with status 2, `<!-- short: command -->` for a command that replaces it unless slow tests run. Blocks with a title are
-files that the reader writes. Shortened runs have three states of a coarse virtual beam; shortened fits are planar.
+A comment before a block of commands gives an exception: `<!-- not run: why -->`; `<!-- refused -->` if the block ends
+with status 2; `<!-- short: command -->` with a command that replaces the block unless slow tests run. Blocks with a
+title are files that the reader writes. Shortened runs have three states of a virtual beam with a coarse mesh, and
+shortened fits are planar.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ SHORTER = {
 
 @dataclass(frozen=True)
 class Block:
-    """A block of commands or of a file on a page of the documentation.
+    """A block of commands, or a block with the text of a file, on a page of the documentation.
 
-    note: text of the comment before the block; title: name of the file.
+    note: text of the comment before the block. title: name of the file, empty for commands.
     """
 
     note: str
@@ -59,7 +60,10 @@ def blocks(page: Path) -> list[Block]:
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Run the commands of a page in a folder that looks like a clone of the repository."""
+    """Run the commands of a page in a folder that looks like a clone of the repository, and write the page's files.
+
+    shortened: whether short runs and fits replace those of the page.
+    """
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     if shortened:
@@ -104,7 +108,7 @@ def shorten(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder in which the first tutorial was run in its shortened form."""
+    """The folder in which the first tutorial was run in its shortened form."""
     folder = tmp_path_factory.mktemp("first_beam")
     follow(DOCS / FIRST, folder, shortened=True)
     return folder
@@ -123,7 +127,7 @@ def test_every_command_of_a_page_runs(page: Path, begun: Path, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("page", sorted((DOCS / "tutorials").glob("*.md")), ids=lambda page: page.stem)
-def test_a_tutorial_says_what_it_takes_and_what_to_do_next(page: Path) -> None:
+def test_a_tutorial_names_its_requirements_and_the_next_steps(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert page in PAGES, "its commands are not run"
     assert re.search(r"^- \*\*Time\*\*: .*(minutes|hour)", text, re.M)
@@ -142,7 +146,7 @@ def test_a_notebook_is_committed_with_its_outputs(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_without_shortening(page: Path, begun: Path, tmp_path: Path) -> None:
-    """Every command of a page runs. The modulus that a tutorial identifies is that of its virtual beam."""
+    """Every command of a page runs unshortened, and the modulus of a tutorial is that of its virtual beam."""
     if page.parent.name == "howto":
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)

@@ -1,4 +1,4 @@
-"""Run every example in a docstring of the three packages."""
+"""Every example in a docstring of the three packages runs and has the printed result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The generator of mistakes: each mistake changes one place of valid code, and equal seeds draw equal mistakes."""
+"""The generator of mistakes changes one place of valid code for each mistake; equal seeds draw equal mistakes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_change_is_a_unique_fragment_of_whole_lines() -> None:
     assert text.replace(right, wrong) == "def f(a):\n    a = a + 1\n    a = a - 1\n    return a\n"
 
 
-def test_the_same_seed_draws_the_same_lines_of_the_asked_rooms() -> None:
+def test_the_same_seed_draws_the_same_lines_of_the_selected_folders() -> None:
     project = Path(__file__).parents[1]
     first = sampled(project, 15, 3, ["process"])
     assert first == sampled(project, 15, 3, ["process"])

@@ -1,4 +1,4 @@
-"""Files that a hosting service reads: they are valid, and the versions and commands in them exist."""
+"""Files that a hosting service reads are valid, and the versions and commands in these files exist."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_an_issue_form_has_its_labels_and_fields(form: Path) -> None:
 
 
 def test_a_release_has_the_same_version_everywhere() -> None:
-    """The changelog's newest release, the citation, and a clone without tags have the same version."""
+    """The changelog's newest release, the citation file, and a clone without tags have the same version."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
     citation = read("CITATION.cff")
@@ -68,8 +68,11 @@ def test_a_release_has_the_same_version_everywhere() -> None:
     assert str(citation["date-released"]) == day
 
 
-def test_zenodo_gets_what_the_citation_states() -> None:
-    """If .zenodo.json exists, Zenodo does not read CITATION.cff. It takes version and date from the tag."""
+def test_zenodo_gets_the_data_of_the_citation_file() -> None:
+    """.zenodo.json, which Zenodo reads instead of CITATION.cff, has the same title, authors, licence and keywords.
+
+    It contains no version and no date, which Zenodo takes from the tag.
+    """
     citation, record = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     assert record["title"] == citation["title"]
     assert record["license"] == citation["license"]

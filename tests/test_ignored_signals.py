@@ -1,4 +1,4 @@
-"""Tests in the background: under nohup, a process and its children ignore Ctrl-C and hang-up from the start."""
+"""Tests in the background, where processes ignore Ctrl-C and hang-up from the start, restore these signals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ def ignore() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals to pass on")
 def test_tests_started_with_ignored_signals_restore_them() -> None:
-    """One test sends itself Ctrl-C, and another checks the signals of a program that it starts."""
+    """Tests that start with ignored signals restore them for themselves and for the programs that they start.
+
+    One test sends itself Ctrl-C, and another test checks the signals of a program that it starts.
+    """
     chosen = ("tests/lab/test_contact.py::test_a_second_ctrl_c_leaves_out_the_ramp", f"{__file__}::{_HEEDED}")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *chosen]
     done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=PATIENCE_S)

@@ -1,4 +1,4 @@
-"""The map from lines to tests keeps what it contains when tests are added."""
+"""The map from lines of code to the tests that execute them keeps its contents when tests are added."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmarks.tests_by_line import TestsByLine, record
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A project with one file of code, in which recorded tests execute the lines that their names contain."""
+    """A project with one file of code and recorded tests, whose names contain the lines that they execute."""
     file = tmp_path / "eimi_lab" / "code.py"
     file.parent.mkdir()
     file.write_text("def act():\n    first = 1\n    second = 2\n    return first + second\n")
@@ -38,7 +38,7 @@ def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return file
 
 
-def test_added_tests_join_those_of_the_map(code: Path) -> None:
+def test_added_tests_are_added_to_the_map(code: Path) -> None:
     assert record(["test_2.py"]) == 0
     assert record(["test_2_3.py"], add=True) == 0
     found = TestsByLine()

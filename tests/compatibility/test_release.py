@@ -1,7 +1,7 @@
 """Files and command lines of the release 0.1.0 still work with the present version.
 
-The folder `release` holds files that the release wrote: a dataset with edges (`run.h5`), the dataset of a run that was
-killed after two of four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and command lines.
+The folder `release` contains files that the release wrote: a dataset with edges (`run.h5`), the dataset of a run that
+was killed after two of four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and command lines.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Run = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Copy the files of the release 0.1.0 to a working directory, and return the directory."""
+    """A working directory with a copy of the files of the release 0.1.0."""
     folder = shutil.copytree(RELEASE, tmp_path / "release")
     monkeypatch.chdir(folder)
     return folder
@@ -59,7 +59,10 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_its_calibration_has_the_same_hash() -> None:
-    """The hash of the release's calibration has not changed. Edges in a dataset name their calibration by this hash."""
+    """The hash of the release's calibration has not changed.
+
+    Stored edges refer to their calibration by this hash.
+    """
     with open_dataset(RELEASE / "run.h5") as dataset:
         edges, calibration = dataset.edges(), dataset.calibration
     assert edges is not None
@@ -68,7 +71,7 @@ def test_its_calibration_has_the_same_hash() -> None:
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every number and text of a JSON value, with the path of keys that leads there."""
+    """Yield every number and text of a JSON value, with the path of keys that leads to it, such as ".fits.0.model"."""
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(inner, f"{path}.{key}")
@@ -77,7 +80,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_same_numbers(now: Any, then: Any) -> None:
-    """Check that `now` contains every number of `then` under the same keys; keys that only `now` has are ignored."""
+    """Assert that `now` contains every number of `then` under the same keys; additional keys of `now` are ignored."""
     today = dict(leaves(now))
     for path, value in leaves(then):
         if isinstance(value, float) and not path.endswith("wall_s"):
@@ -121,7 +124,7 @@ def test_its_dataset_is_fitted_to_the_same_numbers(release: Path, eimi: Callable
     assert_same_numbers(fitted(release / "again.json"), fitted(release / "fits.json"))
 
 
-def test_its_edges_are_found_again(release: Path, eimi: Callable[[str], None]) -> None:
+def test_its_edges_are_detected_at_the_same_positions(release: Path, eimi: Callable[[str], None]) -> None:
     with open_dataset(release / "run.h5") as dataset:
         before = dataset.edges()
     eimi("eimi segment run.h5 --force --quiet")
@@ -134,7 +137,7 @@ def test_its_edges_are_found_again(release: Path, eimi: Callable[[str], None]) -
 
 
 def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """A checkpoint of the release, in which one generation is missing, is continued.
+    """A fit continues from a checkpoint of the release in which one generation is missing.
 
     A checkpoint is continued only by the versions that its header names. The test therefore writes the present versions
     into the header.
@@ -189,7 +192,7 @@ def test_its_command_lines_are_accepted(line: str) -> None:
     command.make_context(name, arguments)
 
 
-def test_a_command_line_of_no_release_is_refused() -> None:
+def test_a_command_line_that_no_release_accepts_is_refused() -> None:
     command: Any = typer.main.get_command(cli.app).commands["fit"]  # type: ignore[attr-defined]
     with pytest.raises(Exception, match="No such option"):
         command.make_context("fit", ["run.h5", "--model", "yeoh", "-o", "fits.json", "--mosel", "ogden"])

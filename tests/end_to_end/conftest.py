@@ -33,7 +33,7 @@ Done = Callable[..., list[str]]
 
 
 class Ended(NamedTuple):
-    """The exit status of a command and its output on stdout and stderr."""
+    """The exit status of a command, its output on stdout (`said`) and its output on stderr (`told`)."""
 
     status: int
     said: str
@@ -42,7 +42,7 @@ class Ended(NamedTuple):
 
 @pytest.fixture(scope="session")
 def eimi() -> Callable[..., Ended]:
-    """Return a function that runs a command in a folder."""
+    """Return a function that runs an `eimi` command in a folder, and returns its exit status and outputs."""
 
     def eimi(*arguments: str | Path, folder: Path) -> Ended:
         out, err = io.StringIO(), io.StringIO()
@@ -70,9 +70,9 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
 
 def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
-    """Import points on the middle line of a strip under tip forces (N), as the dataset `name`.h5.
+    """Import tracked points on the middle line of a strip under tip forces (N) as the dataset `name`.h5.
 
-    The strip has a law of the initial shear modulus `modulus_Pa`.
+    modulus_Pa: shear modulus of the neo-Hookean strip.
     """
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
@@ -94,7 +94,7 @@ def track_points(done: Done, folder: Path, name: str, forces_N: list[float], mod
 
 @pytest.fixture(scope="module")
 def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write two datasets of one strip, a fit of the first dataset, and tensile fits of a stiffer material."""
+    """A folder with two datasets of one strip, a fit of the first dataset, and tensile fits of a stiffer material."""
     folder = tmp_path_factory.mktemp("validate")
     track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
     track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)

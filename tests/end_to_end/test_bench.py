@@ -1,4 +1,4 @@
-"""A whole run over real protocols: the commands of the how-to on an emulated bench, exactly as the page has them."""
+"""A whole run over real protocols: the commands of the how-to on an emulated bench, exactly as on its page."""
 
 from __future__ import annotations
 

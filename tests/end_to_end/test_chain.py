@@ -1,4 +1,4 @@
-"""The complete chain of commands as a user runs it."""
+"""The complete chain of commands works as a user runs it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Write the shipped virtual rig with the hidden material `model`, and return the path."""
+    """Write the shipped virtual rig with a hidden material of the law `model`; return the path of the rig file."""
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
     materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'
@@ -41,7 +41,7 @@ def rig_of(folder: Path, model: str, parameters: str) -> Path:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Return the folder of a quick demonstration (`eimi demo`) and the output of the command."""
+    """The folder of a quick demonstration (`eimi demo`), and the output of the command."""
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
@@ -59,7 +59,7 @@ def test_the_quick_demonstration_writes_all_files(demonstration):
     assert "Published shear moduli of Dragon Skin 10" in page
     assert page.count('<img src="data:image/') == 8
     assert "neo-hookean" in page
-    assert "://" not in page  # self-contained
+    assert "://" not in page  # the report loads no other files
 
 
 def test_a_demonstration_does_not_overwrite_another(demonstration, eimi):
@@ -85,7 +85,7 @@ def test_a_second_fit_gives_the_same_result_and_needs_no_truth(demonstration, do
     assert (tmp_path / "bare.html").read_text(encoding="utf-8").count('<img src="data:image/') == 2
 
 
-def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_path):
+def test_every_result_names_the_omitted_states(demonstration, done, tmp_path):
     shutil.copy(demonstration[0] / "dataset.h5", tmp_path / "flagged.h5")
     with open_dataset(tmp_path / "flagged.h5") as dataset:
         edges = list(dataset.edges())
@@ -94,7 +94,7 @@ def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_pat
         edges[state] = replace(edges[state], flags=flags)
     write_edges(tmp_path / "flagged.h5", edges)
     statement = "4 of 6 states used; left out: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
-    plane = ["--section", "plane-stress"]  # for speed
+    plane = ["--section", "plane-stress"]  # plane stress is faster than a solid
     fit = done("fit", "flagged.h5", *plane, "--model", "neo-hookean", "-o", "fits.json", folder=tmp_path)
     assert fit[0] == f"flagged.h5: {statement}"
     (record,) = read_fits_file(tmp_path / "fits.json").fits
@@ -109,7 +109,7 @@ def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_pat
     done("report", "flagged.h5", "--fit", "fits.json", "-o", "report.html", folder=tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count(
         statement
-    ) == 3  # for the dataset, for the fit, and in the methods
+    ) == 3  # the text is printed for the dataset, for the fit, and in the methods
     model = ["--model", "neo-hookean"]
     all_the_same = done("fit", "flagged.h5", "--include-flagged", *plane, *model, "-o", "all.json", folder=tmp_path)
     used = "6 of 6 states used; used in spite of flags: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
@@ -143,22 +143,22 @@ def test_edges_become_labelled_arrays(demonstration):
     assert labelled.field.attrs["units"] == "mT"
 
 
-def test_a_validation_includes_the_freed_quantities(demonstration, done, tmp_path):
-    """On the dataset of the fit, the validation has the errors of the fit, because it uses the freed quantities.
+def test_a_validation_uses_the_inputs_that_the_fit_has_estimated(demonstration, done, tmp_path):
+    """On the dataset of the fit, the validation has the errors of the fit, because it uses the estimated inputs.
 
-    On any other dataset all quantities have their stated values.
+    On any other dataset, all inputs have the values in the files.
     """
     dataset = demonstration[0] / "dataset.h5"
     free = ["--free", "moment=0.02", "--free", "roll=0.1", "--free", "clamp=0.02"]
-    plane = ["--section", "plane-stress"]  # for speed
+    plane = ["--section", "plane-stress"]  # plane stress is faster than a solid
     done("fit", dataset, "--model", "neo-hookean", *plane, *free, "-o", "fits.json", folder=tmp_path)
     done("validate", dataset, *plane, "--fit", "fits.json", "-o", "v.json", folder=tmp_path)
     (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
     (judged,) = json.loads((tmp_path / "v.json").read_text())["validations"]
     assert judged["seen"]
-    # (The correction by the finer mesh is computed one step of the polish away.)
+    # (The correction by the finer mesh is computed one refinement step before the optimum.)
     assert judged["mean_error_mm"] == pytest.approx(fit["mean_error_mm"], rel=5e-3)
-    # With other contents it is a dataset that the fit does not contain.
+    # With another hash it is a dataset that the fit has not used.
     fit["datasets"][0]["sha256"] = "0" * 64
     (tmp_path / "other.json").write_text(json.dumps({"fits": [fit]}))
     done("validate", dataset, *plane, "--fit", "other.json", "-o", "w.json", folder=tmp_path)
@@ -235,7 +235,7 @@ def test_the_initial_shear_modulus_is_within_two_per_cent(
         (["demo", "--quick", "--specimen", "type9", "-o", "d"], "type9: no such file"),
     ],
 )
-def test_bad_input_is_one_line(tmp_path, eimi, arguments, culprit):
+def test_wrong_input_gives_one_line(tmp_path, eimi, arguments, culprit):
     (tmp_path / "text.h5").write_text("not hdf5")
     (tmp_path / "bad.json").write_text("{fits}")
     (tmp_path / "odd.json").write_text('{"fits": [{"model": 3}]}')

@@ -45,7 +45,7 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, dwell_s = {dwell
         pytest.param("[14, 2, 1]", 2, [0.0, 0.75, 1.5], 8.0, 0.005, 0.02, id="whole", marks=pytest.mark.slow),
     ],
 )
-def test_one_fit_finds_the_hidden_law_of_time(
+def test_one_fit_identifies_the_hidden_viscoelastic_law(
     done: Callable[..., str],
     tmp_path: Path,
     mesh: str,

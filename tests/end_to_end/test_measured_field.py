@@ -1,4 +1,4 @@
-"""A run with an emulated gaussmeter: the fit uses the measured field and not the coil constant, which is wrong."""
+"""A run with an emulated gaussmeter: the fit uses the measured field instead of the coil constant, which is wrong."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ timeout_s = 30.0
 
 
 def write_bench(folder: Path, sensors: str) -> None:
-    """Write a virtual rig whose coil constant and background field differ from those in its calibration file."""
+    """Write a virtual rig whose coil constant and background field differ from those in its calibration file.
+
+    sensors: TOML text that describes the sensors of the rig.
+    """
     rig = locate("virtual", "rigs").read_text().replace("mesh = [26, 3, 1]", "mesh = [10, 2, 1]") + sensors
     (folder / "rig.toml").write_text(rig)
     (folder / "virtual_calibration.toml").write_text(locate("virtual_calibration", "rigs").read_text())

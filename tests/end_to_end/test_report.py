@@ -123,7 +123,10 @@ def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
 
 
 def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
-    """With workers, the panels of the fits are drawn before the other panels. The page is still the same."""
+    """A report is the same with workers and without, although the panels are drawn in another order.
+
+    A panel is a part of the report; with workers, the panels of the fits are drawn first.
+    """
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
     pages, totals = [], []
@@ -155,7 +158,7 @@ def test_a_report_starts_one_worker_for_each_dataset_unless_the_option_says_othe
 
 
 class WellFormed(HTMLParser):
-    """A parser of a page that checks its form, and collects the text of the page in `text`.
+    """A parser of an HTML page that asserts its form, and collects the text of the page in `text`.
 
     All elements must be closed in order, attributes and ids must be unique, and every image must have `alt`.
     """
@@ -229,7 +232,7 @@ def test_the_references_agree_with_the_citation_file() -> None:
 def test_one_new_file_adds_a_panel_to_the_report(
     done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The panel in CONTRIBUTING.md appears in a report as soon as its file is in a folder of panels."""
+    """The panel (part of a report) in CONTRIBUTING.md appears as soon as its file is in a folder of panels."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
@@ -256,7 +259,7 @@ def test_a_report_says_which_tensile_curve_or_band_cannot_be_drawn(done: Done, f
     finally:
         (folder / "kept.csv").replace(folder / "curve.csv")
     content = json.loads((folder / "tensile.json").read_text())
-    del content["fits"][0]["draws"]  # as an earlier release wrote it
+    del content["fits"][0]["draws"]  # the format of an earlier release
     (folder / "earlier.json").write_text(json.dumps(content))
     page = page_of(done, folder, "unseen.h5", "--fit", "earlier.json")
     assert page.count("holds no draws: the figure has no band for neo-hookean, tensile 20 %.") == 1
@@ -278,7 +281,7 @@ def test_bands_of_stress_follow_from_the_intervals_of_the_parameters(folder: Pat
         low, high = shown.fit.parameters["mu"].interval_95
         ends = engineering_stress(LAWS["neo-hookean"], np.array([[low], [high]]), strain).T
         assert stress_curve(shown, strain).band_Pa == pytest.approx(ends, rel=0.02, abs=1e-6)
-    # A bending fit may determine only C10 + C01; its band then lies between a law of C10 and one of C01.
+    # A bending fit may determine only C10 + C01; its band then lies between a law with C10 and a law with C01.
     content = json.loads((folder / "fits.json").read_text())
     (fit,) = content["fits"]
     half = {"value": 10e3, "unit": "Pa", "interval_95": [0.0, 20e3]}
@@ -292,7 +295,10 @@ def test_bands_of_stress_follow_from_the_intervals_of_the_parameters(folder: Pat
 
 
 def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
-    """Compare the stresses with the Mooney-Rivlin law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
+    """The stresses in planar tension and shear agree with closed forms of the Mooney-Rivlin law.
+
+    Source: Treloar 1975, The Physics of Rubber Elasticity, chapter 5.
+    """
     law, strain = LAWS["mooney-rivlin"], np.linspace(0, 1, 11)
     c10, c01, stretch = 20e3, 4e3, 1 + strain
     uniaxial, planar, shear = (mode.stress_Pa(law, np.array([c10, c01]), strain) for mode in MODES)
@@ -301,7 +307,7 @@ def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
     assert shear == pytest.approx(2 * (c10 + c01) * strain, abs=1e-6)
 
 
-def test_two_section_assumptions_stand_side_by_side_in_a_report(done: Done, folder: Path) -> None:
+def test_fits_with_two_section_assumptions_are_side_by_side_in_a_report(done: Done, folder: Path) -> None:
     done("fit", "train.h5", "--model", "neo-hookean", "--section", "plane-strain", "-o", "strain.json", folder=folder)
     page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "strain.json")
     assert "bending, plane-stress" in page

@@ -48,14 +48,14 @@ def test_errors_on_unseen_states_rank_bending_and_tensile_fits(done: Done, folde
     (fit,) = json.loads((folder / "fits.json").read_text())["fits"]
     # The tolerance is 0.02 µm: the correction by the finer mesh is the only difference.
     assert fit["mean_error_mm"] == pytest.approx(validations[2]["mean_error_mm"], rel=5e-3, abs=2e-5)
-    # The last lines state what the planar section neglects. The table is ordered by dataset, then by error.
+    # The last lines say what the planar section neglects. The table is ordered by dataset, then by error.
     assert [line.split()[0] for line in lines[-2:]] == ["train.h5:", "unseen.h5:"]
     lines = lines[:-2]
     assert [line.split()[0] for line in lines[:3]] == ["train.h5", "fit", "fits.json:0"]
     assert [line.split()[0] for line in lines[5:8]] == ["unseen.h5", "fit", "fits.json:0"]
     assert lines[2].endswith("  seen")
     assert "unseen" in lines[7]
-    # The interval of the error is that over the draws: stiffer and softer strips have larger errors than the truth.
+    # The interval of the error is that of the draws: stiffer and softer strips have larger errors than the true one.
     for v in validations:
         low, high = v["mean_error_interval_mm"]
         assert low <= v["mean_error_mm"] <= high
@@ -80,7 +80,7 @@ def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path
     fit["parameters"]["mu"]["value"] = fit["initial_shear_modulus"]["value"] = 52e3
     (folder / "wide.json").write_text(json.dumps(content))
     fit["parameters"]["mu"]["value"] = fit["initial_shear_modulus"]["value"] = 60e3
-    fit["draws"] = None  # as an earlier release wrote it
+    fit["draws"] = None  # the format of an earlier release
     (folder / "at_end.json").write_text(json.dumps(content))
     fits = ("--fit", "wide.json", "--fit", "at_end.json")
     done("validate", "unseen.h5", *fits, "-o", "ends.json", folder=folder)
@@ -90,7 +90,7 @@ def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path
     assert at_end["mean_error_interval_mm"] is None
 
 
-def test_by_state_prints_what_the_file_holds(done: Done, folder: Path) -> None:
+def test_the_option_by_state_prints_the_contents_of_the_file(done: Done, folder: Path) -> None:
     fits = ("--fit", "fits.json", "--fit", "tensile.json")
     lines = done("validate", "unseen.h5", *fits, "--by-state", "-o", "states.json", folder=folder)
     validations = json.loads((folder / "states.json").read_text())["validations"]
@@ -128,7 +128,7 @@ def test_results_have_html_and_become_data_frames(folder: Path) -> None:
 
 def test_residuals_become_labelled_arrays(folder: Path) -> None:
     pytest.importorskip("xarray")
-    dataset = open_dataset(folder / "unseen.h5")  # no `with` in a notebook's cell
+    dataset = open_dataset(folder / "unseen.h5")  # the cell of a notebook has no `with` statement
     labelled, points = dataset.to_xarray(), dataset.points()
     dataset.close()
     assert labelled.place.sel(state=2, point="p3", axis="y").item() == points[2].points_mm[3, 1]

@@ -1,4 +1,4 @@
-"""The whole way from a film of a coloured beam to its modulus, by the steps that a user takes."""
+"""A video of a coloured beam leads to its modulus, by the steps that a user takes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 from tests.patience import PATIENCE_S
 
-FRAMES, RATE_HZ = 6, 30.0  # of each state; compressed, with noise
+FRAMES, RATE_HZ = 6, 30.0  # number of frames in each state; the video is compressed and noisy
 RED, WALL = np.array([50.0, 45.0, 205.0]), np.array([185.0, 200.0, 210.0])  # blue, green, red
 
 

@@ -1,4 +1,4 @@
-"""New kinds of load from outside the package: each is one class, bends planar and solid beams, and can be fitted."""
+"""New kinds of load are one class each, outside of the package: they bend planar and solid beams, and can be fitted."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MU_PA = 46e3
 
 @dataclass(frozen=True)
 class TipMoment:
-    """A moment (N mm) on the magnet about the axis in depth, with one value for each state."""
+    """A moment (N mm) on the magnet about the depth axis, with one value for each state."""
 
     moment_N_mm: np.ndarray
 
@@ -35,9 +35,9 @@ class TipMoment:
 
 @dataclass(frozen=True)
 class GradientForce:
-    """The force on the magnet's dipole, at its centre, in a field gradient.
+    """The force of a field gradient on the magnet, which acts on the dipole at the centre of the magnet.
 
-    The gradient has shape (K, 2): the derivatives along x and y in T/mm in each of K states.
+    numbers: the derivatives of the field along x and y in T/mm in each of K states, shape (K, 2).
     """
 
     numbers: np.ndarray
@@ -62,7 +62,7 @@ def solved(section, loads):
 def test_a_tip_moment_bends_like_a_field_with_the_same_torque(section):
     field_mT = np.array([0.0, 2.0, 4.0])
     in_field = solved(section, Loads.along(field_mT))
-    # m B sin(90 degrees - theta), the torque that the field leaves at the angle which it turned the magnet to.
+    # m B sin(90 degrees - theta), the torque of the field after the magnet has turned by theta.
     moment = 1e3 * MAGNET.moment_A_m2 * 1e-3 * field_mT * np.cos(np.radians(in_field.tip_angle_deg))
     by_moment = solved(section, Loads.along(0 * field_mT).plus(TipMoment(moment)))
     assert in_field.tip_angle_deg[-1] > 25

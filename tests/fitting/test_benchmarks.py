@@ -1,4 +1,4 @@
-"""The comparison with FElupe, an independent finite-element code, in its short form."""
+"""A short form of the comparison with FElupe, an independent finite-element program."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def test_felupe_gives_the_same_curve():
+def test_felupe_gives_the_same_rotation_of_the_tip_over_the_field():
     pytest.importorskip("felupe", reason="FElupe is not installed (pip install -e '.[bench]')")
     pytest.importorskip("tensortrax", reason="tensortrax is not installed (pip install -e '.[bench]')")
     run = subprocess.run(
         [sys.executable, "-m", "benchmarks.peer", "--short"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     worst = [float(x) for x in re.findall(r"FElupe .* at most ([0-9.]+) %", run.stdout)]
-    assert len(worst) == 2  # Neo-Hookean and Ogden
+    assert len(worst) == 2  # the laws neo-Hookean and Ogden
     assert max(worst) < 0.1

@@ -1,4 +1,4 @@
-"""`Beam(specimen).solve` is the forward model for every section of a beam, for one candidate or many."""
+"""`Beam(specimen).solve` is the forward model for every section of a beam, for one set of parameters or many."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def test_a_solid_specimen_is_solved_as_a_solid():
 
 
 def test_the_section_of_a_specimen_selects_its_model():
-    """At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 with a solid section (26 x 3 elements)."""
+    """The section of a specimen selects the planar or the solid model, with different rotations of the tip.
+
+    At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 with a solid section (26 x 3 elements).
+    """
     specimen = replace(BEAM, magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     loads = Loads.along([4.0])
     as_solid = Beam(specimen, 13, 2).solve("neo-hookean", [46e3], loads)
@@ -38,7 +41,7 @@ def test_the_section_of_a_specimen_selects_its_model():
 
 
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
-def test_one_candidate_has_the_shape_that_it_has_among_many(section):
+def test_parameters_give_the_same_shape_alone_and_among_others(section):
     beam = Beam(replace(BEAM, section=section), 8, 1)
     many = beam.solve(LAWS["neo-hookean"], [[40e3], [46e3]], LOADS, field_factor=[1.0, 1.05])
     one = beam.solve("neo-hookean", [46e3], LOADS, field_factor=1.05)
@@ -77,7 +80,7 @@ def test_a_point_in_depth_is_refused_in_a_plane():
         bent.positions([[1.0, 0.0, 1.0]])
 
 
-def test_a_planar_model_of_a_solid_names_its_plane():
+def test_a_planar_model_of_a_solid_specimen_needs_the_name_of_its_plane():
     with pytest.raises(ValueError, match="use Beam"):
         BeamModel(BEAM)
     named = BeamModel(BEAM, plane="plane-stress")

@@ -1,4 +1,4 @@
-"""Replicates of the data (bootstrap): the states that a replicate draws."""
+"""Replicates of the data (bootstrap) draw whole states at random."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_whole_states_are_drawn_with_their_loads_and_in_order():
         )
         assert points.observed.rest_mm[:, 2, 0].tolist() == points.observed.sigma_mm[:, 1].tolist() == states(points)
         assert np.rint(1e3 * points.loads.tip_force_N[:, 0] * 1e3).tolist() == [1e3 * s for s in states(points)]
-    # Each of 8 draws leaves a given state out with 7/8: 34 % of the states are in none.
+    # Each of 8 draws misses a given state with a probability of 7/8, so that 34 % of the states are in no draw.
     left_out = np.mean([1 - len(set(d)) / STATES for d in drawn])
     assert abs(left_out - (7 / 8) ** 8) < 0.02
 

@@ -1,4 +1,4 @@
-"""Unstable equilibria: a straight beam beyond its theoretical critical load is reported as buckled."""
+"""A straight beam beyond its theoretical critical load is reported as buckled (an unstable equilibrium)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]
 MU_PA = 50e3
-SHARES = np.array([0.5, 0.98, 1.02, 1.5])  # of the critical load
+SHARES = np.array([0.5, 0.98, 1.02, 1.5])  # shares of the critical load
 STATUSES = [Status.CONVERGED, Status.CONVERGED, Status.BUCKLED, Status.BUCKLED]
 MAGNETS = {
     "at the end": Magnet(4.0, 1.0, 2.0, 1.0, 7500.0),
@@ -28,7 +28,7 @@ MAGNETS = {
 
 
 def bending_N_mm2(specimen: Specimen) -> float:
-    """Return the bending stiffness E' I (N mm²) of a Neo-Hookean beam.
+    """Return the bending stiffness E' I (N mm²) of a neo-Hookean beam.
 
     With the shear modulus mu, E' is 3 mu in plane stress and 4 mu in plane strain.
     """
@@ -48,7 +48,7 @@ def test_a_beam_buckles_in_the_critical_field_against_its_magnet(section, magnet
     shapes = BeamModel(specimen).solve(
         NEO, np.full((4, 1), MU_PA), Loads.along(field, 180.0, gravity_angle_deg=None), field_factor=SHARES
     )
-    # At 1.5 times the critical field the second of three steps ends exactly there, where the tangent is singular.
+    # Up to 1.5 times the critical field, the second of three steps ends at this field, where the tangent is singular.
     assert shapes.status[: 4 if steps == 1 else 3, -1].tolist() == STATUSES[: 4 if steps == 1 else 3]
     assert not shapes.converged[2:].any()
     # The status is known after two step sizes.
@@ -62,7 +62,7 @@ def test_a_solid_buckles_in_the_critical_field_against_its_magnet():
     model = SolidModel(specimen, 8, 1)
     statuses = [
         model.solve(NEO, [[MU_PA]], Loads.along(share * critical_mT, 180.0, gravity_angle_deg=None)).status[0, 0]
-        for share in (0.97, 1.06)  # clamp and magnet hold the section
+        for share in (0.97, 1.06)  # clamp and magnet prevent a change of the section
     ]
     assert statuses == [Status.CONVERGED, Status.BUCKLED]
 
@@ -123,14 +123,14 @@ def test_a_candidate_that_buckles_is_not_valid():
 
 
 @pytest.mark.slow
-def test_a_fit_passes_moduli_for_which_the_beam_buckles():
+def test_the_search_continues_beyond_moduli_for_which_the_beam_buckles():
     fit = identify("neo-hookean", [upright()], seed=1)
-    assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # the edges are those of a coarse mesh
+    assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # the edges were computed on a coarse mesh
 
 
 @pytest.mark.parametrize("tied", [None, np.array([4]), np.array([0, 4])])
-def test_definiteness_includes_the_rigid_body(tied):
-    # Chains of five springs, some of them negative, whose ends are held by a body of three unknowns, or not.
+def test_the_check_of_definiteness_includes_the_rigid_body(tied):
+    # Chains of five springs, some with negative stiffness, with or without a rigid body (three unknowns) at the ends.
     rng = np.random.default_rng(0)
     batch, d = 200, 4
     dofs = np.arange(5)[:, None] * 2 + np.arange(d)
@@ -160,7 +160,7 @@ def test_definiteness_includes_the_rigid_body(tied):
     assert solution.sound.all()
     assert (solution.indefinite == (smallest < 0)).all()
     assert 20 < solution.indefinite.sum() < 180
-    # The other matrices have the solutions that they have separately.
+    # The other matrices have the same solutions as when they are solved separately.
     right = np.concatenate([np.ones(n), np.zeros(3)])
     solved = np.concatenate([solution.nodes, solution.body], axis=1)
     residual = np.einsum("bij,bj->bi", whole, solved) - right
@@ -174,7 +174,7 @@ def test_the_definiteness_of_an_unsymmetric_matrix_is_not_determined():
     assert not factorise(band, np.ones(3, bool), 0.5 * band).indefinite.any()
 
 
-def test_only_definite_matrices_are_solved_if_only_these_count():
+def test_on_request_only_definite_matrices_are_solved():
     band = np.tile([2.0, 0.5], (3, 4, 1))
     band[:, -1, 1] = 0.0
     band[1, 2, 0] = -1.0

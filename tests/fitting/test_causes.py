@@ -1,4 +1,4 @@
-"""The comparison of causes of residuals: virtual benches with one error each, and linear models."""
+"""The likely cause of the residuals of a fit is found, on virtual benches with one error each and in linear models."""
 
 from __future__ import annotations
 
@@ -44,9 +44,10 @@ def fit_of(
     stiffness: np.ndarray | float = 1.0,
     stated: tuple[StatedSource, ...] = (),
 ) -> Fit:
-    """Return the fit of the stated beam to the edges of a true beam, whose stiffness has the factor `stiffness`.
+    """Return the fit of the beam as its file describes it to the edges of a true beam.
 
-    The factor is one number for all states, or one for each state.
+    specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
+    stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
@@ -69,7 +70,7 @@ def fit_of(
         ("creep", 0.1, {"stiffness": CREEP}),
     ],
 )
-def test_the_one_thing_that_is_wrong_is_the_most_probable_cause(name, value, wrong):
+def test_the_only_error_of_a_bench_is_the_most_probable_cause(name, value, wrong):
     fit = fit_of(**wrong)
     first = fit.causes[0]
     assert first.name == name
@@ -80,7 +81,7 @@ def test_the_one_thing_that_is_wrong_is_the_most_probable_cause(name, value, wro
         assert corrected == pytest.approx(TRUTH_PA, rel=0.02)
 
 
-def test_a_freed_direction_of_magnetisation_is_the_cause_and_no_doubt():
+def test_an_error_that_the_fit_has_estimated_is_the_cause_and_gives_no_doubt():
     tilted = replace(BEAM, magnet=replace(MAGNET, magnetisation_angle_deg=3.0))
     fit = fit_of(tilted, stated=(StatedSource("magnetisation-angle", 3.0, "specimen"),))
     assert fit.causes[0].name == "magnetisation_angle"
@@ -89,7 +90,7 @@ def test_a_freed_direction_of_magnetisation_is_the_cause_and_no_doubt():
 
 
 @pytest.mark.parametrize("size", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
-def test_a_beam_that_is_nearer_cannot_be_told_from_a_wrong_scale(size):
+def test_a_wrong_distance_cannot_be_distinguished_from_a_wrong_scale(size):
     fit = fit_of(setup=Setup.of([("scale", 0, size)], 1))
     first, second = fit.causes[:2]
     assert {first.name, second.name} == {"scale", "distance"}
@@ -119,7 +120,9 @@ def test_collinear_causes_share_their_probability_and_others_do_not():
 @given(seed=st.integers(0, 10_000), true=st.integers(0, 4), size=st.floats(0.5, 3.0))
 def test_residuals_of_one_cause_and_noise_have_the_largest_evidence_for_that_cause(seed, true, size):
     rng = np.random.default_rng(seed)
-    columns = np.concatenate([rng.normal(size=(6, 60)), np.zeros((1, 60))])  # the law, five causes, a place-holder
+    columns = np.concatenate(
+        [rng.normal(size=(6, 60)), np.zeros((1, 60))]
+    )  # the law, five causes, and a column without effect
     y = 2.0 * columns[0] + size * columns[1 + true] + 0.1 * rng.normal(size=60)
     members = np.array([[0, 6], *([0, 1 + cause] for cause in range(5))])
     posterior = weigh(columns, members, np.tile(y, (6, 1)), np.full(60, 0.01), np.ones(60))
@@ -131,7 +134,7 @@ def test_the_evidence_is_the_normal_density_of_the_residuals():
     rng = np.random.default_rng(0)
     columns = np.concatenate([rng.normal(size=(2, 8)), np.zeros((1, 8))])
     y, noise = rng.normal(size=(1, 8)), rng.uniform(0.5, 2.0, 8)
-    posterior = weigh(columns, np.array([[0, 1]]), y, noise, np.zeros(8))  # no unnamed error, whatever eta
+    posterior = weigh(columns, np.array([[0, 1]]), y, noise, np.zeros(8))  # no error without a name, for any eta
     covariance = np.diag(noise) + columns.T @ columns
     expected = -0.5 * (y[0] @ np.linalg.solve(covariance, y[0]) + np.linalg.slogdet(covariance)[1])
     assert posterior.log_evidence[0] == pytest.approx(expected)

@@ -1,4 +1,4 @@
-"""The field of two current loops, and the torque and the force on a magnet in it, compared with textbook formulas."""
+"""The field of two current loops, and the torque and force on a magnet in this field, agree with textbook formulas."""
 
 from __future__ import annotations
 
@@ -32,12 +32,15 @@ LAW, MODULUS_PA = LAWS["neo-hookean"], np.array([[46e3]])
 
 
 def helmholtz(radius_mm: float, centre_mm: tuple[float, float] = (28.0, 0.0)) -> CoilShape:
-    """Return the field of a Helmholtz coil whose axis lies across the beam."""
+    """Return the field of a Helmholtz coil (radius and centre in mm) whose axis lies across the beam."""
     return CoilShape(ACROSS, table=FieldTable.of_loops(radius_mm, radius_mm, centre_mm, ACROSS, 34.0))
 
 
 def field_at(shape: CoilShape, points_mm: np.ndarray, rest_mm: tuple[float, float] = (28.0, 0.0)) -> np.ndarray:
-    """Return the field (x, y) at n points (n, 2) in mm, divided by the field along y at the magnet at rest."""
+    """Return the field (x, y) at n points in mm, shape (n, 2), divided by the field along y at the magnet at rest.
+
+    rest_mm: position of the magnet at rest.
+    """
     field = 1j * shape.ratio(np.asarray(points_mm, float), np.array(rest_mm))[0]
     return np.stack([field.real, field.imag], axis=1)
 
@@ -48,7 +51,7 @@ def test_a_loop_has_the_field_of_the_textbook_on_its_axis_and_of_a_dipole_far_aw
     radial, axial = loop_field(np.zeros(1), np.array([z_m]), radius_m)
     assert radial[0] == 0.0
     assert axial[0] == pytest.approx(MU0 * radius_m**2 / (2 * (radius_m**2 + z_m**2) ** 1.5), rel=1e-12)
-    # Far away: a dipole of the moment pi R^2, here at 45 degrees.
+    # Far away, the field is that of a dipole of the moment pi R^2, here at 45 degrees.
     far_m = 300 * radius_m
     radial, axial = loop_field(np.array([far_m]), np.array([far_m]), radius_m)
     dipole = MU0 * np.pi * radius_m**2 / (4 * np.pi * (far_m * np.sqrt(2)) ** 3)
@@ -56,15 +59,16 @@ def test_a_loop_has_the_field_of_the_textbook_on_its_axis_and_of_a_dipole_far_aw
     assert axial[0] == pytest.approx(0.5 * dipole, rel=1e-3)
 
 
-def test_the_radial_field_near_the_axis_joins_its_series():
+def test_the_radial_field_near_the_axis_agrees_with_its_series():
     near, beyond = (loop_field(np.array([rho]), np.array([0.02]), 0.05)[0][0] / rho for rho in (4.9e-6, 5.1e-6))
     assert near == pytest.approx(beyond, rel=1e-6)
 
 
 def test_the_table_of_a_helmholtz_coil_has_its_published_uniformity():
-    """Along the axis, B/B0 = 1 - 144/125 (z/R)^4 to fourth order; across the axis, 1 - 54/125 (rho/R)^4.
+    """The field of a Helmholtz coil decreases with the distance from its centre as published.
 
-    B0 is the field in the centre, R the radius, z and rho the distances from the centre along and across the axis.
+    Along the axis, B/B0 = 1 - 144/125 (z/R)^4 to fourth order; across the axis, 1 - 54/125 (rho/R)^4. B0 is the field
+    in the centre, R the radius, z and rho the distances from the centre along and across the axis.
     """
     shape = helmholtz(100.0)
     along = field_at(shape, [[28.0, 10.0]])[0, 1]
@@ -74,14 +78,14 @@ def test_the_table_of_a_helmholtz_coil_has_its_published_uniformity():
 
 
 @pytest.mark.parametrize("shape", [helmholtz(60.0, (20.0, 5.0)), CoilShape(ACROSS, (1.5, -0.7))])
-def test_a_field_in_the_plane_has_no_curl_and_the_stated_gradient(shape):
+def test_a_field_in_the_plane_has_no_curl_and_the_given_gradient(shape):
     points, step = np.array([[15.0, 12.0], [27.0, 6.0]]), 1e-3
     ahead, behind = (np.stack([field_at(shape, points + s * step * e) for e in np.eye(2)], axis=2) for s in (1.0, -1.0))
     gradient = (ahead - behind) / (2 * step)  # (point, component, direction)
     assert gradient[:, 0, 1] == pytest.approx(gradient[:, 1, 0], abs=1e-6)
     if shape.table is None:
         assert gradient[:, 1] == pytest.approx(np.tile([1.5e-3, -0.7e-3], (2, 1)), abs=1e-9)
-        # Without a source, and the same in both directions across the axis.
+        # The divergence is zero, and the gradient is the same in both directions across the axis.
         assert gradient[:, 0, 0] == pytest.approx(0.5 * 0.7e-3, abs=1e-9)
 
 
@@ -157,10 +161,13 @@ def test_magnetised_silicone_in_a_wide_coil_bends_as_in_a_uniform_field(model):
 
 
 def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever():
-    """A field along the moment m exerts no torque. The force F = m dB/dx bends the thin beam by F L^3 / (3 E I)."""
+    """A field gradient bends a thin beam by the force on its magnet, F = m dB/dx, by F L^3 / (3 E I).
+
+    The field is parallel to the moment m, so that it exerts no torque.
+    """
     thin = replace(BEAM, length_mm=60.0, width_mm=1.0, magnet=replace(MAGNET, length_mm=1.0, width_mm=1.0))
     field_T = 1e-4
-    shape = CoilShape((1.0, 0.0), (0.0, 5.0))  # stronger toward +y: the force is sideways
+    shape = CoilShape((1.0, 0.0), (0.0, 5.0))  # the field is stronger toward +y, so that the force acts sideways
     loads = replace(Loads.along([1e3 * field_T], 0.0, None), coil=shape)
     shapes = BeamModel(thin).solve(LAW, np.array([[1e6]]), loads)
     moment = thin.magnet.moment_A_m2
@@ -176,7 +183,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
 
 
 def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
-    """Return the estimate from the edges of a beam under the loads `hidden`, if the fit assumes the loads `told`."""
+    """Return the estimate of a fit that assumes the loads `told`, for edges of a beam under the true loads `hidden`."""
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(1).normal(0, 1e-3, sides.shape)
@@ -188,8 +195,11 @@ def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
     return refine(Problem(LAW, Unknowns(space), (seen,)), unit, 1).estimate
 
 
-def test_an_unstated_coil_moves_the_modulus_as_an_independent_solver_has_it():
-    """27-node hexahedra give a modulus error of +8.5 % for a field that is 2 % low 15 mm off the centre."""
+def test_an_ignored_coil_changes_the_modulus_as_an_independent_program_computes():
+    """A fit that ignores the shape of the coil's field has the error of the modulus that another program computes.
+
+    27-node hexahedra give +8.5 % for a field that is 2 % lower 15 mm from the centre.
+    """
     uniform = Loads.along(np.linspace(0.0, 7.05, 6))
     small = helmholtz(41.0)
     assert field_at(small, [[28.0, 15.0]])[0, 1] == pytest.approx(0.98, abs=3e-3)
@@ -197,7 +207,7 @@ def test_an_unstated_coil_moves_the_modulus_as_an_independent_solver_has_it():
     assert 100 * (modulus / MODULUS_PA[0, 0] - 1) == pytest.approx(8.5, abs=1.0)
 
 
-def test_a_stated_gradient_leaves_the_modulus_and_an_unstated_one_moves_it_as_the_budget_says():
+def test_a_given_gradient_does_not_change_the_modulus_and_an_ignored_one_changes_it_as_the_budget_says():
     uniform = Loads.along((0.0, 4.0, 7.0))
     graded = replace(uniform, coil=CoilShape(ACROSS, (5.0, 0.0)))
     stated = modulus_of(graded, graded).initial_shear_modulus
@@ -206,13 +216,13 @@ def test_a_stated_gradient_leaves_the_modulus_and_an_unstated_one_moves_it_as_th
     modulus, (entry,) = unstated.initial_shear_modulus, unstated.budget
     moved_percent = abs(100 * (modulus.value / MODULUS_PA[0, 0] - 1))
     assert moved_percent > 1.0
-    # The budget has the gradient across the beam besides the one along it.
+    # The budget contains the gradients along and across the beam.
     assert moved_percent < 1.1 * entry.effect_percent
     low, high = modulus.interval_95
     assert low < MODULUS_PA[0, 0] < high
 
 
-def test_a_background_field_acts_in_all_states_alike_and_is_freed_where_both_polarities_were_measured():
+def test_a_background_field_acts_equally_in_all_states_and_is_estimated_if_both_polarities_were_measured():
     both = Loads.along((0.0, 4.0, 7.0, -4.0, -7.0))
     under = SOURCES["background-field"].loads(both, np.array([0.1, 0.3]))
     background = np.array([under.state(k) for k in range(5)])[:, -2:]

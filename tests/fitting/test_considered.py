@@ -1,4 +1,4 @@
-"""Uncertainties of the inputs in the intervals of a fit: the effect of each source, considered or freed."""
+"""The interval of a fit contains the effect of each uncertain input, whether the fit estimates this input or not."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ def seen(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Return the noisy edges of a beam; by default the beam has a modulus of 46 kPa."""
+    """Return the noisy edges of a beam; by default a neo-Hookean beam with a modulus of 46 kPa.
+
+    scale: factor on all coordinates, as from a wrong scale of the camera.
+    """
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -48,7 +51,7 @@ def seen(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment with the dimensions of `beam` and with standard uncertainties by source."""
+    """Return an experiment with edges and the dimensions of `beam`; `stated` are standard uncertainties by source."""
     stated_sources = tuple(
         StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
     )
@@ -74,23 +77,23 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 @pytest.fixture(scope="module")
 def thicker() -> Fit:
-    """Return the fit of a beam whose width differs from the stated width by 1.5 standard uncertainties."""
+    """The fit of a beam whose width differs from the width in its file by 1.5 standard uncertainties."""
     return fitted(experiment(seen(THICKER), width=0.02))
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Fit:
-    """Return the fit of a beam with the stated values and a magnet that is known to 2 per cent."""
+    """The fit of a beam whose file is exact, with a magnet whose moment has an uncertainty of 2 per cent."""
     return fitted(experiment(seen(), remanence=0.02))
 
 
-def test_the_interval_covers_a_width_within_its_uncertainty_and_the_noise_interval_does_not(thicker):
+def test_the_interval_contains_the_truth_with_a_wrong_width_and_the_noise_interval_does_not(thicker):
     fit, modulus = thicker, thicker.initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
     (entry,) = fit.budget
     assert (entry.source, entry.standard_uncertainty, entry.unit) == ("width", 0.02, "mm")
-    # A fit with the true width finds the true modulus; the error is that of 0.03 mm.
+    # A fit with the true width gives the true modulus; the difference comes from 0.03 mm of the width.
     knows = fitted(experiment(seen(THICKER), beam=THICKER))
     error_percent = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
     assert entry.effect_percent == pytest.approx(abs(error_percent) * 2 / 3, rel=0.1)
@@ -107,7 +110,7 @@ def test_the_interval_covers_a_width_within_its_uncertainty_and_the_noise_interv
         ("remanence", 0.02, {"beam": replace(BEAM, magnet=replace(MAGNET, remanence_T=1.17))}),
     ],
 )
-def test_the_interval_covers_a_scale_and_a_moment_within_their_uncertainties(source, size, hidden):
+def test_the_interval_contains_the_truth_with_a_wrong_scale_and_moment(source, size, hidden):
     modulus = fitted(experiment(seen(**hidden), **{source: size})).initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
@@ -159,7 +162,7 @@ def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magne
     assert half_width(apart) == pytest.approx(half_width(magnetic) / np.sqrt(2), rel=0.1)
 
 
-def test_a_freed_width_is_identified_with_its_stated_uncertainty_as_the_prior():
+def test_an_estimated_width_has_its_given_uncertainty_as_the_prior():
     fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(NuisancePrior("width"),))
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
@@ -170,7 +173,7 @@ def test_a_freed_width_is_identified_with_its_stated_uncertainty_as_the_prior():
         fitted(experiment(seen()), free=(NuisancePrior("depth"),))
 
 
-def test_without_stated_sources_the_interval_is_that_of_the_noise(thicker):
+def test_without_uncertain_inputs_the_interval_is_that_of_the_noise(thicker):
     fit = fitted(experiment(seen(), width=0.0))
     modulus = fit.initial_shear_modulus
     assert fit.budget == ()
@@ -187,12 +190,12 @@ def test_intervals_are_the_quantiles_of_the_draws(magnetic):
     drawn, remanence = magnetic.draws.column("mu"), magnetic.draws.column("remanence")
     assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx(magnetic.parameters["mu"].interval_95)
     assert np.std(remanence) == pytest.approx(0.02, rel=0.1)
-    # A stronger magnet than stated needs a stiffer beam for the same edges.
+    # A magnet stronger than in the file needs a stiffer beam for the same edges.
     assert np.corrcoef(drawn, remanence)[0, 1] > 0.99
 
 
 def estimated(law: str, *seen_so: Experiment) -> Estimate:
-    """Return the estimate of a fit without a search. The fit starts at a modulus that is 10 % too large."""
+    """Return the estimate of a fit of several experiments, which starts at a modulus 10 % too large, without search."""
     space = search_space(LAWS[law])
     unit = np.full(len(space.names), 0.5)
     unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
@@ -200,8 +203,11 @@ def estimated(law: str, *seen_so: Experiment) -> Estimate:
 
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])
-def test_a_source_that_drives_the_optimum_to_a_bound_widens_the_interval_to_the_truth(off_mm):
-    """A length that is two standard uncertainties off drives the Mooney-Rivlin ratio to its bounds."""
+def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_truth(off_mm):
+    """If a wrong length drives a parameter to a bound, the interval contains the result of a fit with the right length.
+
+    The length is wrong by two standard uncertainties; the parameter is the ratio of the Mooney-Rivlin law.
+    """
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
     edges = seen(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
     stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
@@ -219,7 +225,10 @@ def test_a_source_that_drives_the_optimum_to_a_bound_widens_the_interval_to_the_
 
 
 def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
-    """A Yeoh material drives the Mooney-Rivlin ratio to a bound; the interval stays close to the value."""
+    """If the law itself is wrong and a parameter is at a bound, the uncertain inputs do not shift the interval.
+
+    A Yeoh material drives the ratio of the Mooney-Rivlin law to a bound.
+    """
     edges = seen(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
     estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))
     assert len(estimate.identifiability.at_bound) == 1
@@ -237,9 +246,9 @@ def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
     ],
 )
 def test_a_wrong_width_favours_no_law(law, parameters):
-    """Width and length that are wrong within their uncertainties cause ten times the residuals of the noise.
+    """A wrong width and length, within their uncertainties, do not change which law is chosen.
 
-    The differences between the laws are smaller than these residuals.
+    They cause residuals ten times as large as the noise, and larger than the differences between the laws.
     """
     wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
     edges = experiment(seen(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
@@ -264,11 +273,14 @@ def test_a_wrong_width_favours_no_law(law, parameters):
     if law == "yeoh":
         assert weights[law] > 0.9
     else:
-        assert weights[law] > 0.3  # the other laws contain it and fit no better
+        assert weights[law] > 0.3  # the other laws contain this law and do not fit better
 
 
-def test_laws_are_compared_with_one_error_where_datasets_share_it():
-    """One beam is wider and one is narrower than stated. Two specimens can have these errors, but one cannot."""
+def test_datasets_of_one_specimen_are_compared_with_one_error_of_its_width():
+    """Two datasets of one specimen have the same error of the width; two specimens may have different errors.
+
+    One beam is wider and one is narrower than its file says, which only two specimens can explain.
+    """
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
     one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
     apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))

@@ -1,4 +1,4 @@
-"""Choice of the states of the next run: no exchange of states improves it, and its interval is as wide as predicted."""
+"""The chosen states of the next run are the best ones, and the interval of the next fit is as wide as predicted."""
 
 from __future__ import annotations
 
@@ -30,13 +30,16 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return `count` candidate states of equally spaced fields, with the uncertainties `sources`."""
+    """Return `count` candidate states at equally spaced fields, with these sources of uncertainty."""
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
 
 def test_the_exchange_finds_the_best_of_all_choices() -> None:
-    """All 120 choices of three states in ten are computed. One source affects some states more than others."""
+    """The exchange of states finds the best of all 120 choices of three states in ten.
+
+    One source of uncertainty affects some states more than others, so that the choice matters.
+    """
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))
     assert plan.variance(exchange(plan, 3)[None])[0] == pytest.approx(plan.variance(every).min())
@@ -45,11 +48,14 @@ def test_the_exchange_finds_the_best_of_all_choices() -> None:
 
 
 def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
-    """Without gravity the edges depend on field / modulus only: 1 % of the coil constant changes the modulus by 1 %."""
+    """No choice of states reduces the effect of the coil constant without gravity: 1 % changes the modulus by 1 %.
+
+    The edges then depend only on the ratio of field and modulus.
+    """
     plan = of_fields(8, StatedSource("coil", 0.01, "coil"), gravity_angle_deg=None)
     assert plan.least_percent(1000) == pytest.approx(1.96, rel=1e-2)
     assert plan.effects_percent(exchange(plan, 3))["coil constant"] == pytest.approx(1.0, rel=5e-3)
-    # Where weight bends the beam as well, the coil matters less.
+    # If the weight also bends the beam, the coil constant matters less.
     level = of_fields(8, StatedSource("coil", 0.01, "coil"), gravity_angle_deg=90.0)
     assert level.least_percent(1000) < 0.5 * plan.least_percent(1000)
 
@@ -58,7 +64,10 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
-    """The half-width of the interval is within 20 % of the plan, which used an earlier run of equally spaced fields."""
+    """The half-width of the interval is within 20 % of the half-width that the plan predicts.
+
+    The plan uses an earlier run with equally spaced fields.
+    """
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))
@@ -87,7 +96,10 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
 
 
 def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
-    """The remaining error is a half-width. Its square is added to the squared half-width of the interval."""
+    """The square of the remaining error of the solid model is added to the squared half-width of every plan.
+
+    Both are half-widths in per cent of the modulus.
+    """
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     without, with_error = (
         candidates(NEO_HOOKEAN, replace(BEAM, section="solid"), loads, (), replace(NOISE, left_percent=left))
@@ -100,7 +112,10 @@ def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
 
 
 def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
-    """For a solid section, the remaining error of the solid model already contains the error of the mesh."""
+    """A plan for a planar section includes the error of the mesh, and a plan for a solid section does not.
+
+    The remaining error of the solid model already contains the error of its mesh.
+    """
     loads = Loads.along([2.0, 4.0])
     sources = (StatedSource("width", 0.02, "here"),)
     of_section = {
@@ -119,8 +134,11 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
     assert np.ptp(np.diff(chosen)) <= 1
 
 
-def test_the_noise_of_a_plan_is_that_of_the_earlier_fit() -> None:
-    """The noise falls with the root of the number of independent points. Student's factor is 2.2 for four states."""
+def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
+    """The noise in a plan decreases with the square root of the number of independent points of the earlier fit.
+
+    Student's factor is 2.2 for four states.
+    """
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))
         for points in (200, 800)

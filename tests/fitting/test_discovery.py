@@ -17,7 +17,10 @@ from tests.shared.hidden_laws import Hidden
 
 
 def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):
-    """Return a tensile curve with normal noise, whose standard deviation is ``noise`` times the largest stress."""
+    """Return a tensile curve of a law with normal noise; its standard deviation is ``noise`` times the largest stress.
+
+    largest: largest strain. rows: number of points of the curve.
+    """
     strain = np.linspace(largest / rows, largest, rows)
     stress = engineering_stress(law, np.array(parameters), strain)
     return TensileCurve(strain, stress + np.random.default_rng(1).normal(0, noise * stress.max(), rows))
@@ -43,7 +46,7 @@ def test_a_short_curve_gives_not_identifiable():
     assert discovery.statement.startswith("not identifiable")
 
 
-def test_a_curve_that_no_terms_follow_is_not_identified():
+def test_a_curve_that_no_sum_of_terms_describes_is_not_identified():
     strain = np.linspace(0.02, 3.0, 150)
     stress = 40e3 * np.tanh(2 * strain) + np.random.default_rng(1).normal(0, 1.0, 150)
     discovery = discover([], [TensileCurve(strain, stress)])
@@ -73,7 +76,7 @@ def test_prediction_errors_equal_those_of_a_fit_without_the_left_out_rows():
     rng = np.random.default_rng(2)
     columns, nuisances = rng.uniform(0.5, 1.5, (40, 3)), rng.normal(size=(40, 1))
     observed = columns @ [1.0, 2.0, 0.5] + 0.3 * nuisances[:, 0] + rng.normal(0, 0.1, 40)
-    rows = Rows(observed, columns, nuisances, np.arange(40) // 4)  # ten groups: ten folds
+    rows = Rows(observed, columns, nuisances, np.arange(40) // 4)  # ten groups for the cross-validation
     whole = next(s for s in supports(rows, np.array([True, True, True]), 3) if s.terms == (0, 1, 2))
     for group in range(10):
         kept = rows.groups != group

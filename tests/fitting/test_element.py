@@ -1,4 +1,4 @@
-"""The planar element: forces, tangent and predicted stress as derivatives of one energy, and its symmetries."""
+"""In the planar element, forces, tangent and predicted stress are derivatives of one energy, with its symmetries."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def one_element(name: str, section: str) -> tuple[Mesh, Operators, Batch]:
 
 
 def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return random displacements (1, 1, 2, 9) of one element, and pressures (1, 1, 3).
+    """Return random nodal displacements of one element, shape (1, 1, 2, 9), and pressures, shape (1, 1, 3).
 
     The displacements are x and y at nine nodes, and stretch the element by some tens of per cent.
     """
@@ -46,7 +46,8 @@ def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
     """Return the integral of psi(F) + p (J - 1) over the element; its derivatives at a fixed pressure are the forces.
 
-    psi is the energy of the law, F the deformation gradient, J its determinant and p the pressure.
+    psi is the energy of the law, F the deformation gradient, J its determinant and p the pressure. In plane stress
+    there is no pressure.
     """
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
@@ -121,7 +122,7 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return the forces (x, y) on the nine nodes of the element, shape (2, 9), with the nodes at `places` (2, 9)."""
+    """Return the forces (x, y) on the nine nodes of the element, shape (2, 9), if its nodes are at `places`, (2, 9)."""
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]
 
@@ -143,7 +144,7 @@ def test_the_forces_are_objective(name, section, angle, seed):
 @settings(max_examples=10)
 @given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
 def test_the_material_is_isotropic(name, section, angle, seed):
-    # The body at rest is turned, not the deformed one: the same places need the same forces.
+    # The body is rotated at rest, not after the deformation: the same deformed nodes need the same forces.
     mesh, _, batch = one_element(name, section)
     nodal, pressure = deformation(seed)
     places = mesh.nodes[mesh.elements[0]].T + nodal[0, 0]
@@ -161,9 +162,9 @@ def test_a_mirrored_deformation_has_mirrored_forces_that_are_in_balance(name, se
     mesh, ops, batch = one_element(name, section)
     nodal, pressure = deformation(seed)
     forces = element.evaluate(ops, batch, nodal, pressure).force[0, 0]
-    swap = np.arange(9).reshape(3, 3)[:, ::-1].ravel()  # nodes of the lower row for those of the upper one
+    swap = np.arange(9).reshape(3, 3)[:, ::-1].ravel()  # the nodes of the lower and the upper row are exchanged
     mirrored = nodal[..., swap] * np.array([[1.0], [-1.0]])
-    mirrored_pressure = pressure * np.array([1.0, 1.0, -1.0])  # constant, along, across
+    mirrored_pressure = pressure * np.array([1.0, 1.0, -1.0])  # the pressure modes: constant, along and across
     got = element.evaluate(ops, batch, mirrored, mirrored_pressure).force[0, 0]
     assert got == pytest.approx(forces[:, swap] * np.array([[1.0], [-1.0]]), abs=1e-10)
     places = mesh.nodes[mesh.elements[0]].T + nodal[0, 0]

@@ -1,4 +1,4 @@
-"""A candidate that cannot be computed gets a status: no hang, no NaN, and no effect on other candidates."""
+"""Parameters that cannot be computed get a status, without a hang or NaN, and do not affect other parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOUND = {
     "yeoh": [23e3, 1e3, 100.0],
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
-MOST_TANGENTS = 25 * (1 + 4 + 16)  # of one state: all iterations of all load steps after both divisions
+MOST_TANGENTS = 25 * (1 + 4 + 16)  # the iterations in one state: those of all load steps after both divisions
 END = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
 SPECIMENS = {
     "magnet at the end": Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", END),
@@ -54,7 +54,7 @@ def check_is_a_result(shapes):
 @pytest.mark.parametrize("specimen", SPECIMENS)
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("factor", [1.0, -10.0])
-def test_candidates_without_equilibrium_get_a_status_alone_and_among_others(specimen, name, factor):
+def test_parameters_without_an_equilibrium_get_a_status_alone_and_among_others(specimen, name, factor):
     model, law = BeamModel(SPECIMENS[specimen], 6), LAWS[name]
     loads = Loads.along(factor * FIELD, pressure_Pa=2.0 * factor if model.solid.face else 0.0)
     sound = np.array(SOUND[name])
@@ -64,7 +64,7 @@ def test_candidates_without_equilibrium_get_a_status_alone_and_among_others(spec
         crowd = np.where(moduli, sound * scales[:, None], sound)
     together = model.solve(law, crowd, loads)
     check_is_a_result(together)
-    assert together.converged[2]  # 10 GPa hardly moves
+    assert together.converged[2]  # a beam of 10 GPa hardly moves
     assert not together.converged[3:7].any()
     for k in range(len(crowd)):
         alone = model.solve(law, crowd[k : k + 1], loads)

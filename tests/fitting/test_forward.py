@@ -1,4 +1,4 @@
-"""The beam compared with exact and published results, and its behaviour when a computation fails."""
+"""The bent beam agrees with exact and published results, and a failed computation gives a status."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ MU = np.array([[0.05e6]])
 
 
 def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
-    """Return a beam of 30 x 3 mm with a rigid magnet of 4 mm, and a field (mT).
+    """Return a beam of 30 x 3 mm with a rigid magnet of 4 mm at its tip, and a field (mT).
 
-    In this field, moment times field is 0.0323 N mm per mm of depth.
+    In this field, the moment of the magnet times the field is 0.0323 N mm for each mm of depth. depth_share: share of
+    the depth that the magnet fills.
     """
     magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
     depth = 1.0 / depth_share
@@ -32,7 +33,7 @@ def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
 
 
 @pytest.mark.parametrize("mesh", [(13, None), (40, 4)])
-def test_magnet_tipped_beam_without_gravity(mesh):
+def test_a_beam_with_a_magnet_without_gravity_agrees_with_felupe(mesh):
     specimen, field = magnet_tipped()
     model = BeamModel(specimen, *mesh)
     shapes = model.solve(NEO, MU, Loads.along(np.linspace(0, field, 8), gravity_angle_deg=None))
@@ -41,7 +42,7 @@ def test_magnet_tipped_beam_without_gravity(mesh):
 
 
 @pytest.mark.parametrize("mesh", [(13, None), (40, 4)])
-def test_magnet_tipped_beam_with_gravity(mesh):
+def test_a_beam_with_a_magnet_and_gravity_agrees_with_felupe(mesh):
     # The magnet fills a fifth of the depth, silicone the rest; the reference counts y from the lower edge at rest.
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen, *mesh)
@@ -54,10 +55,10 @@ def test_magnet_tipped_beam_with_gravity(mesh):
 
 
 @pytest.mark.parametrize(("angle", "ratio"), [(30, 0.99891), (60, 0.99565), (90, 0.99031), (180, 0.96314)])
-def test_rivlin_flexure(angle, ratio):
+def test_pure_bending_agrees_with_rivlins_solution(angle, ratio):
     # Pure bending of a block, Rivlin 1949, Phil. Trans. A 242:173: M = (mu/alpha^2)(sinh(4k)/4 - k), sinh 2k = alpha H.
     # The field rotates with the tip, so that the moment on the magnet does not vanish at 90 degrees.
-    # Clamp and magnet hold the width of the section, which Rivlin's solution does not: the curvature is taken between
+    # Clamp and magnet prevent a change of the section, unlike Rivlin's solution. The curvature is taken between
     # two sections away from them.
     specimen, _ = magnet_tipped()
     height, length = 3.0, 26.0
@@ -94,11 +95,11 @@ def test_plane_stress_bends_by_three_quarters_of_the_plane_strain_stiffness():
         model = BeamModel(Specimen(54.0, 1.0, 1.0, 1070.0, section, magnet))
         shapes = model.solve(NEO, MU, Loads.along([0.001 / magnet.moment_A_m2 * 0.01], gravity_angle_deg=None))
         angles.append(model.tip_angle_deg(shapes)[0, 0])
-    # Clamp and magnet stiffen plane strain a little more: a per cent over 50 widths.
+    # Clamp and magnet stiffen the beam in plane strain slightly: by one per cent over a length of 50 widths.
     assert angles[1] / angles[0] == pytest.approx(4 / 3, rel=0.01)
 
 
-def test_tip_force_of_a_slender_cantilever():
+def test_a_slender_cantilever_bends_under_a_tip_force_as_in_beam_theory():
     # Small deflection F L^3 / (3 EI) with EI = 3 mu I in plane stress.
     specimen = Specimen(100.0, 2.0, 4.0, 0.0, "plane-stress")
     force = 1e-6
@@ -109,16 +110,16 @@ def test_tip_force_of_a_slender_cantilever():
     assert tip[1] == pytest.approx(force * 100.0**3 / (3 * bending), rel=0.005)
 
 
-def test_self_weight_of_a_slender_cantilever():
+def test_a_slender_cantilever_bends_under_its_weight_as_in_beam_theory():
     specimen = Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress")
     model = BeamModel(specimen, 26)
     shapes = model.solve(NEO, MU, Loads.along(0.0, gravity_angle_deg=-90.0))
     tip = model.positions(shapes, np.array([[50.0, 0.0]]))[0, 0, 0]
-    weight = 1e-9 * 1.0 * 9.80665 * 2.0 * 4.0  # N for each mm of length
+    weight = 1e-9 * 1.0 * 9.80665 * 2.0 * 4.0  # weight in N for each mm of length
     assert tip[1] == pytest.approx(-weight * 50.0**4 / (8 * 3 * 0.05 * 4.0 * 8 / 12), rel=0.005)
 
 
-def test_mooney_rivlin_depends_on_the_sum_only_in_plane_strain():
+def test_in_plane_strain_the_mooney_rivlin_beam_depends_only_on_the_sum_of_its_parameters():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen, 26, 2)
     c10 = np.array([0.0, 0.01, 0.02, 0.025]) * 1e6
@@ -169,7 +170,7 @@ def test_a_state_does_not_depend_on_the_states_before():
 
 
 @pytest.mark.parametrize("tolerance_mm", [1e-2, 1e-4, 1e-6])
-def test_every_place_is_within_the_tolerance(tolerance_mm):
+def test_the_position_of_every_node_is_within_the_tolerance(tolerance_mm):
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen)
     for loads in (Loads.along(0.5 * field), Loads.along(field * np.array([0.3, 0.6, 1.0]))):
@@ -188,7 +189,7 @@ def test_a_reversed_field_mirrors_the_beam():
     assert angle[0] > 0
 
 
-def test_the_tip_never_passes_the_field():
+def test_the_tip_never_turns_beyond_the_direction_of_the_field():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen)
     shapes = model.solve(NEO, np.array([[5e3]]), Loads.along(field * np.linspace(0, 10, 20), gravity_angle_deg=None))
@@ -226,7 +227,7 @@ def test_a_finite_bulk_modulus_softens_the_beam_and_a_large_one_does_not():
     soft, hard = shapes.rigid[:, 0, 2]
     reference = model.solve(NEO, MU, loads).rigid[0, 0, 2]
     assert hard == pytest.approx(reference, rel=1e-4)
-    # Plane strain E' = 9 K mu / (3 K + mu) / (1 - nu^2), small angles go as 1 / E'.
+    # In plane strain E' = 9 K mu / (3 K + mu) / (1 - nu^2); small angles are proportional to 1 / E'.
     k, mu = 0.1, 0.05
     nu = (3 * k - 2 * mu) / (2 * (3 * k + mu))
     stiffness = 9 * k * mu / (3 * k + mu) / (1 - nu**2)

@@ -1,4 +1,4 @@
-"""Identification of known materials from simulated edges with noise."""
+"""Known materials are identified from simulated edges with noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Return an experiment with noisy edges of a known material, simulated on a finer mesh."""
+    """Return an experiment with noisy edges of a known material, simulated on a finer mesh than that of the fit."""
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)
@@ -65,7 +65,7 @@ def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, 
 
 
 def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correction(neo_hookean):
-    """The optimum on the coarse mesh may be unstable on the finer mesh. The correction leads to a stable optimum."""
+    """If the optimum is unstable on the finer mesh, a fit still computes the correction by the finer mesh."""
 
     def compared(experiments, unstable=False):
         return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))
@@ -82,13 +82,13 @@ def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correct
     assert 1e-5 < np.abs(change).max() < 1e-2
 
 
-def test_same_seed_same_result_and_another_seed_the_same_material(neo_hookean):
+def test_the_same_seed_gives_the_same_result_and_another_seed_the_same_material(neo_hookean):
     first, again, other = (identify("neo-hookean", [neo_hookean], seed=s, most_generations=30) for s in (5, 5, 6))
     assert first.parameters == again.parameters
     assert other.values[0] == pytest.approx(first.values[0], rel=1e-2)
 
 
-def test_a_mooney_rivlin_fit_reports_that_only_the_sum_is_fixed(neo_hookean):
+def test_a_mooney_rivlin_fit_reports_that_the_data_determine_only_the_sum(neo_hookean):
     fit = identify("mooney-rivlin", [neo_hookean], seed=1)
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.identifiability.not_fixed == ("C01/(C10+C01)",)
@@ -126,7 +126,7 @@ def test_the_correlation_length_of_white_and_of_averaged_noise():
     white = rng.normal(size=(400, 200))
     weights = np.ones_like(white)
     assert correlation_length(white, weights) == pytest.approx(1.0, abs=0.1)
-    # A moving mean over m values has the triangular autocorrelation whose sum is m.
+    # A moving mean over m values has a triangular autocorrelation, whose sum is m.
     averaged = np.apply_along_axis(lambda r: np.convolve(r, np.ones(5) / 5, "valid"), 1, white)
-    # (the sum to its first negative value collects a little of the noise beyond)
+    # (the sum up to the first negative value includes a little noise)
     assert correlation_length(averaged, np.ones_like(averaged)) == pytest.approx(5.0, rel=0.2)

@@ -1,4 +1,4 @@
-"""Widths of intervals and their contributions, compared with repeated measurements and with sums by hand."""
+"""Widths of intervals and their contributions agree with repeated measurements and with sums by hand."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return correlated noise of unit variance: the moving mean of white noise over `along` points and `states` states.
+    """Return correlated noise of unit variance, shape (draws, K, 2, m): K states, left and right edge, m points.
 
-    The shape is (draws, K, 2, m): K states, left and right edge, m points.
+    The noise is the moving mean of white noise over `along` points and `states` states.
     """
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
@@ -54,7 +54,8 @@ def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Arra
 def linear_states(residuals: Array, level: Array) -> LinearStates:
     """Return K states whose m points on each edge move linearly with one unknown, by similar amounts.
 
-    `residuals`, shape (K, 2, m), are those of left and right edge. `level`, shape (K,), is the noise in each state.
+    residuals: of left and right edge, shape (K, 2, m). level: standard deviation of the noise in each state, shape
+    (K,).
     """
     slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
     counts = np.full(STATES, 2.0 * POINTS)
@@ -63,7 +64,7 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the linearisation of an objective about the optimum, with one unknown and a prior of precision `prior`."""
+    """Return the linearised objective of a fit with one unknown and a prior of precision `prior`, about its optimum."""
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,
@@ -88,7 +89,7 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 @pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
 @pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
-    """Correlated points count as one point, and a prior counts with its variance.
+    """The computed variance is that of repeated measurements, with correlated points and with a prior.
 
     share: precision of the prior relative to the precision of the data.
     """
@@ -101,7 +102,7 @@ def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, 
     scores = np.array([linear_states(r, level).score(r)[0] for r in noise])
     truth = rng.normal(0, 1 / np.sqrt(prior), DRAWS) if prior else np.zeros(DRAWS)
     estimates = (information * truth - scores) / (information + prior)
-    # tau is a sum over noisy lags, and therefore slightly too large.
+    # tau, the number of correlated points, is a sum over noisy lags, and therefore slightly too large.
     assert predicted == pytest.approx(np.var(estimates - truth), rel=0.25)
 
 
@@ -141,9 +142,10 @@ def test_tracked_points_of_a_state_share_their_stated_error() -> None:
 
 
 def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
-    """The four edges of two states determine the noise with three degrees of freedom.
+    """The interval of a fit to two states has the factor of Student's t for three degrees of freedom.
 
-    The noise is so large that the error of the mesh does not matter.
+    The four edges of two states determine the noise with three degrees of freedom. The noise is so large that the error
+    of the mesh does not matter.
     """
     model, loads = BeamModel(BEAM, 26, 2), Loads.along((3.0, 7.0))
     truth = np.array([[46e3], [46e3 * 1.01]])
@@ -154,7 +156,7 @@ def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
     fit = identify("neo-hookean", [Experiment(BeamModel(BEAM), loads, observed)])
     residuals = observed.misfit(model, shapes).residuals
-    slope_mm = (residuals[1] - residuals[0]) / np.log(1.01)  # by the modulus' logarithm
+    slope_mm = (residuals[1] - residuals[0]) / np.log(1.01)  # derivative by the logarithm of the modulus
     identifiability = fit.identifiability
     assert identifiability.noise_mm is not None
     assert identifiability.noise_points is not None
@@ -168,7 +170,11 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
-    """The unknown is the logarithm of a modulus. Two sources change the modulus by 1 % and by 3 %."""
+    """The budget, the list of sources with their effects, begins with the largest source.
+
+    It predicts the interval of the modulus if the uncertainty of this source is halved. Here, two sources change the
+    modulus by 1 % and by 3 %.
+    """
     sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
@@ -198,7 +204,7 @@ def test_draws_contain_the_sources_and_the_remaining_errors_of_the_corrections()
     drawn = draw_noise(rng, unit, covariance, ends, np.array([[0.03, 0.01]]), np.array([0.02]))
     expected = covariance + np.outer([0.03, 0.01], [0.03, 0.01]) + np.diag([0.02**2, 0.0])
     assert np.cov(drawn.T) == pytest.approx(expected, rel=0.1, abs=1e-5)
-    # A profiled coordinate has two halves, each as wide as its end.
+    # The two halves of a profiled interval have different widths.
     skewed = Ends(np.array([0.4, 0.4]), np.array([0.54, 0.6]), (0,))
     halves = draw_noise(rng, unit, covariance, skewed, np.zeros((0, 2)), np.zeros(0))[:, 0]
     assert interval_95(unit[0] + halves) == pytest.approx((0.4, 0.54), abs=2e-3)
@@ -226,8 +232,8 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
     assert [group.source for group in sources_of(problem(NuisancePrior("width"), stated=both))] == ["remanence"]
 
 
-def test_a_freed_number_is_held_by_its_prior_alone() -> None:
-    """A deviation of one standard deviation costs the same for every freed quantity."""
+def test_only_its_prior_limits_an_estimated_input() -> None:
+    """A deviation of one standard deviation costs the same for every input that the fit estimates."""
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])
@@ -257,7 +263,7 @@ def test_the_draws_of_the_sources_depend_on_the_seed() -> None:
     space = search_space(LAWS["neo-hookean"])
     problem, start = Problem(LAWS["neo-hookean"], Unknowns(space), (experiment,)), np.full(1, 0.5)
     first, again, second = (refine(problem, start, seed).estimate.draws.values for seed in (1, 1, 2))
-    assert first == again != second  # the optimum is the same, only the draws differ
+    assert first == again != second  # the optimum is the same, and only the draws differ
     assert one.initial_shear_modulus.value == pytest.approx(other.initial_shear_modulus.value, rel=1e-3)
     searched = [[generation.mean_mm for generation in fit.history] for fit in (one, other)]
     assert searched[0][0] != searched[1][0]
@@ -272,7 +278,7 @@ def test_residuals_ten_times_the_stated_noise_are_a_doubt(times: float, doubted:
     experiment = Experiment(MODEL, Loads.along(np.arange(5.0)), observed)
     final: Any = SimpleNamespace(misfits=(misfit,))
     assert bool(doubts(final, [experiment])) == doubted
-    # Flags that widen the points do not hide it.
+    # Flags that increase the uncertainty of the points do not hide the doubt.
     widened = replace(observed, sigma_mm=np.hypot(observed.sigma_mm, 0.3), noise_mm=observed.sigma_mm)
     assert bool(doubts(final, [replace(experiment, observed=widened)])) == doubted
     # One state with a far larger error is named by its number.

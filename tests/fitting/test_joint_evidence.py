@@ -1,4 +1,4 @@
-"""Fits to edges together with tensile curves, freed inputs, points or a free bulk modulus, and fits to wrong edges."""
+"""Fits to edges together with tensile curves, estimated inputs, points or a free bulk modulus, and to wrong edges."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def edges_of(
 ) -> Experiment:
     """Return an experiment with noisy edges of a known law.
 
-    The true field is `field_factor` times the stated field. The camera is rolled by `turned_deg`.
+    field_factor: true field divided by the field in the file. turned_deg: roll of the camera (degrees).
     """
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)
@@ -81,7 +81,7 @@ def test_a_tensile_curve_separates_c10_from_c01():
 
 
 def test_an_unknown_moment_widens_the_modulus_by_its_prior():
-    # Without gravity torque and stiffness scale together: the data fix the ratio of modulus and moment alone.
+    # Without gravity, the data determine only the ratio of modulus and magnetic moment.
     bent = edges_of("neo-hookean", [46e3], gravity=None)
     fixed = identify("neo-hookean", [bent], seed=1)
     freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.02)])
@@ -95,7 +95,7 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     assert "the data fix their ratio" in freed.identifiability.statement
 
 
-def test_gravity_determines_the_magnetic_moment():
+def test_with_gravity_the_data_determine_the_magnetic_moment():
     bent = edges_of("neo-hookean", [46e3], field_factor=1.05, field_mT=(0.0, 3.0, 6.0, 9.0))
     taken_for_right = identify("neo-hookean", [bent], seed=1)
     freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.1)])
@@ -154,7 +154,7 @@ def test_a_free_bulk_modulus_is_reported_as_not_fixed_and_refused_in_plane_stres
         identify("neo-hookean", [flat], free_bulk=True)
 
 
-# For other kinds see tests/lab/test_fit_auxiliary.py.
+# tests/lab/test_fit_auxiliary.py tests other wrong data.
 GARBAGE = {
     "left for right": (lambda p: p[:, ::-1], NotExplained),
     "wrong sign of the field": (lambda p: p[:, ::-1] * [1, -1], NamedCause),
@@ -183,4 +183,4 @@ def test_residuals_far_above_the_stated_noise_are_a_doubt():
     words = re.search(r"scale of the picture \(\+(\S+) %, probability (\S+),", scale.words)
     assert words
     assert float(words[1]) == pytest.approx(3.0, abs=0.2)
-    assert float(words[2]) == pytest.approx(0.5, abs=0.02)  # its rival has the same signature
+    assert float(words[2]) == pytest.approx(0.5, abs=0.02)  # another cause has the same effect on the edges

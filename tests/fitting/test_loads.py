@@ -1,4 +1,4 @@
-"""Compare the bending under each load with exact results: the equation of the elastica, and a thick cylinder."""
+"""The bending under each load agrees with exact results: the equation of the elastica, and a thick cylinder."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
     """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0; rad and mm.
 
-    couple: function of the rotation, moment (N) per mm of length. dead: force (x, y) in N/mm² per mm of length.
-    pressure: (value, start, end) on the side below the rod; with curvature this side is longer or shorter than the rod
-    by half the width times the curvature. force and end_couple act at the tip. All loads are per mm of depth. The
-    shooting method starts at the clamp, with five steps of all loads.
+    couple: function from the rotation to the moment (N) for each mm of length. dead: force (x, y) in N/mm² for each mm
+    of length. pressure: (value, start, end) on the side below the rod; the curvature makes this side longer or shorter
+    than the rod by half the width times the curvature. force, end_couple: at the tip. All loads are for each mm of
+    depth. The shooting method starts at the clamp, with five steps of all loads.
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
@@ -70,7 +70,7 @@ def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0,
 
 
 def beam(loads, **specimen):
-    """Return (rotation, x, y) at the tip of a slender plane-stress beam (rad and mm)."""
+    """Return (rotation, x, y) at the tip of a slender plane-stress beam under `loads` (rad and mm)."""
     model = BeamModel(Specimen(LENGTH, WIDTH, DEPTH, specimen.pop("density", 0.0), "plane-stress", **specimen), 40, 1)
     shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-7)
     assert shapes.converged[0]
@@ -80,7 +80,7 @@ def beam(loads, **specimen):
 
 
 def check(computed, exact, accuracy=1e-3):
-    """Check that rotation and position of the tip, (rotation, x, y), agree with the exact solution."""
+    """Assert that rotation and position of the tip, (rotation, x, y), agree with the exact solution."""
     assert abs(exact[0]) > 0.3  # a large deflection
     assert computed[0] == pytest.approx(exact[0], rel=accuracy)
     assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
@@ -97,7 +97,7 @@ def test_a_pressure_follows_its_face(start, stop, strength):
 
 @pytest.mark.parametrize(("angle", "direction"), [(30.0, 0.0), (150.0, 0.0), (100.0, 40.0)])
 def test_magnetised_silicone_in_an_oblique_field_agrees_with_the_elastica(angle, direction):
-    field, strength = np.radians(angle), 6 * BENDING / (WIDTH * LENGTH**2)  # M B, N/mm²
+    field, strength = np.radians(angle), 6 * BENDING / (WIDTH * LENGTH**2)  # magnetisation times field, N/mm²
     at_rest = np.radians(direction)
     flux = 0.02
     magnetisation = 1e6 * strength / flux * np.array([np.cos(at_rest), np.sin(at_rest)])
@@ -109,8 +109,8 @@ def test_magnetised_silicone_in_an_oblique_field_agrees_with_the_elastica(angle,
 
 @pytest.mark.parametrize("angle", [30.0, 120.0])
 def test_a_magnet_in_an_oblique_field_agrees_with_the_elastica(angle):
-    magnet = Magnet(1e-2, WIDTH, DEPTH, 1.0, 1.0)  # as good as a point at the tip
-    moment = 2.5 * BENDING / LENGTH  # m B, N mm for each mm of depth
+    magnet = Magnet(1e-2, WIDTH, DEPTH, 1.0, 1.0)  # so small that the magnet is like a point at the tip
+    moment = 2.5 * BENDING / LENGTH  # moment times field, N mm for each mm of depth
     flux = moment * DEPTH / (1e3 * magnet.moment_A_m2)
     computed = beam(Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnet=magnet)
     check(computed, elastica(end_couple=lambda theta: moment * np.sin(np.radians(angle) - theta)))
@@ -132,7 +132,7 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
     loads = Loads.along(0.0, gravity_angle_deg=angle, tip_force_N=force * DEPTH)
     arm = 0.0 if place is None else place[1]
 
-    def couple(theta):  # the arm turns with the tip
+    def couple(theta):  # the lever arm turns with the tip
         return arm * force * (-np.sin(theta) * down[1] - np.cos(theta) * down[0])
 
     check(beam(loads, tip_load_mm=place), elastica(force=force * down, end_couple=couple))
@@ -140,10 +140,10 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
 
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
 @pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
-def test_a_tip_force_on_a_magnet_has_its_lever(section, beyond_face, across):
-    """A small force F on the rigid magnet turns the tip by F l^2 / (2 E I), plus the part of the lever.
+def test_a_tip_force_on_a_magnet_acts_with_its_lever_arm(section, beyond_face, across):
+    """A small force F on the rigid magnet turns the tip by F l^2 / (2 E I), plus the effect of its lever arm.
 
-    l is the length of the flexible part. The lever gives a moment about the inner face of the magnet.
+    l is the length of the flexible part. The lever arm gives a moment about the inner face of the magnet.
     """
     magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))
@@ -169,7 +169,10 @@ def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_li
 
 
 def cylinder(n):
-    """Return a mesh of a quarter of a cylinder, from radius 1 to 2, with a pressure on the inner face."""
+    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and a pressure on its inner face.
+
+    n: number of elements over the thickness.
+    """
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
     )
@@ -194,7 +197,7 @@ def test_a_thick_cylinder_under_pressure_agrees_with_the_exact_solution(stretch,
 
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10**6))
-def test_tangent_of_the_pressure_is_the_derivative_of_its_forces(seed):
+def test_the_tangent_of_the_pressure_is_the_derivative_of_its_forces(seed):
     rng = np.random.default_rng(seed)
     face = cylinder(1).face
     e = 2
@@ -206,7 +209,7 @@ def test_tangent_of_the_pressure_is_the_derivative_of_its_forces(seed):
 
     nodal, h = rng.normal(0, 0.3, (e, 1, 18)), 1e-6
     _, tangent = forces(nodal)
-    assert np.abs(tangent - tangent.swapaxes(-1, -2)).max() > 0.01  # exact, so not symmetric
+    assert np.abs(tangent - tangent.swapaxes(-1, -2)).max() > 0.01  # the exact tangent is not symmetric
     for i in range(18):
         step = h * np.eye(18)[i]
         difference = (forces(nodal + step)[0] - forces(nodal - step)[0]) / (2 * h)

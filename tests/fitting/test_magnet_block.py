@@ -1,4 +1,4 @@
-"""A magnet with silicone beside it: compared with a very stiff part of the mesh, and in limiting cases."""
+"""A magnet with silicone beside it agrees with a very stiff part of the mesh, and in limiting cases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ FIELDS = np.linspace(0, 7.05, 8)
 
 
 def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "plane-strain") -> Specimen:
-    """Return a beam with a magnet of the given width; moment and weight of the magnet do not depend on its width."""
+    """Return a beam with a magnet of this width; moment and weight of the magnet do not depend on the width.
+
+    tip_offset_mm: length of silicone beyond the magnet.
+    """
     share = 3.0 / width_mm
     magnet = Magnet(4.0, width_mm, 2.0, 1.2 * share, 7500.0 * share, tip_offset_mm)
     return Specimen(30.0 + tip_offset_mm, 3.0, 5.0, 1070.0, section, magnet)
@@ -32,7 +35,7 @@ def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "pla
 
 @dataclass(frozen=True)
 class TwoStiffnesses(NeoHookean):
-    """A Neo-Hookean law with a separate shear modulus for each element, `mu`."""
+    """A neo-Hookean law with a separate shear modulus `mu` for each element."""
 
     mu: np.ndarray | None = None
 
@@ -53,7 +56,7 @@ def test_a_magnet_moves_like_a_very_stiff_part_of_the_mesh(section, width, offse
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
     solid = Solid(mesh, fixed)
-    # The couple of the field on the block: magnetised evenly, its energy is -B . F M.
+    # The energy of the field on a block with even magnetisation M is -B . F M.
     slopes = np.zeros((len(mesh.nodes), 2))
     np.add.at(slopes, mesh.elements[inside], solid.ops.slope[inside])
     magnet = model.specimen.magnet
@@ -138,13 +141,13 @@ def test_the_outline_is_that_of_the_silicone(width, offset):
     nodes, weights = model.place(inner)
     by_nodes = inner + np.einsum("nai,na->ni", shapes.displacement[0, -1][nodes], weights)
     assert model.positions(shapes, inner)[0, -1] == pytest.approx(by_nodes, abs=1e-9)
-    # The metric is zero for the outline of the model itself.
+    # The distance is zero for the outline of the model itself.
     observed = EdgeObservation.from_edges([(left, np.ones(len(left)), right, np.ones(len(right)))])
     last = model.solve(NEO, MU, Loads.along(FIELDS[-1:]), start=shapes.last)
     assert observed.misfit(model, last).error_mm.max() < 1e-6
 
 
-def test_points_may_lie_outside_a_bare_magnet_but_not_outside_silicone():
+def test_points_may_lie_outside_a_magnet_without_silicone_but_not_outside_silicone():
     assert BeamModel(FULL).grid.on_magnet(np.array([[30.4, 1.7], [25.9, 0.0]])).tolist() == [True, False]
     model = BeamModel(with_magnet(2.0, 1.0))
     assert model.grid.on_magnet(np.array([[28.0, 1.2], [30.5, 0.0], [28.0, 0.9]])).tolist() == [False, False, True]
@@ -153,7 +156,7 @@ def test_points_may_lie_outside_a_bare_magnet_but_not_outside_silicone():
 
 
 def test_the_whole_tangent_is_the_derivative_of_the_forces():
-    # A body with silicone around it, and a pressure across it that makes the system unsymmetric: bordered, general.
+    # Silicone around the magnet, and a pressure that makes the system unsymmetric, need a bordered, general solver.
     specimen = replace(with_magnet(2.0, 1.0), pressure_face=PressureFace("left", 5.0, 29.0))
     model = BeamModel(specimen, 4, 1)
     solid, rng = model.solid, np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""A magnet that is magnetised at an angle to the beam: its torque, its share of an interval, and both polarities.
+"""A magnet that is magnetised at an angle to the beam: its torque, its part of an interval, and both polarities.
 
 The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
 rotation of a uniform field. In an independent solid model of 27-node hexahedra, three degrees change the modulus of
@@ -39,9 +39,9 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return an experiment with the edges of a beam whose magnet is tilted, and a file that gives no tilt.
+    """Return an experiment with edges of a beam whose magnet is tilted, although the file of the beam gives no tilt.
 
-    `stated_deg` is the stated standard uncertainty of the tilt (degrees); None without one.
+    stated_deg: standard uncertainty of the tilt in the file (degrees); None if the file gives no uncertainty.
     """
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
@@ -54,7 +54,7 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return the estimate of a fit without a search. The fit starts at a modulus that is a tenth too large."""
+    """Return the estimate of a fit without a search, which starts at a modulus that is 10 % too large."""
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))
@@ -67,7 +67,7 @@ def not_stated() -> Estimate:
 
 
 @pytest.mark.parametrize("model", [BeamModel(TILTED), SolidModel(TILTED, 8, 1)])
-def test_a_turned_moment_bends_as_a_field_that_is_turned_back(model):
+def test_a_rotated_moment_bends_the_beam_as_a_field_with_the_opposite_rotation(model):
     straight = model.of(BEAM) if isinstance(model, BeamModel) else SolidModel(BEAM, 8, 1)
     turned = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), Loads.along((0.0, 4.0)))
     back = Loads.along((0.0, 4.0), 90.0 - TILT_DEG)
@@ -76,7 +76,7 @@ def test_a_turned_moment_bends_as_a_field_that_is_turned_back(model):
     assert abs(turned.rigid[0, -1, 2]) > 0.4
 
 
-def test_a_fit_that_is_not_told_the_direction_says_what_three_degrees_would_do(not_stated):
+def test_a_fit_without_the_direction_prints_the_effect_of_three_degrees(not_stated):
     (entry,) = not_stated.if_uncertain
     assert (entry.source, entry.standard_uncertainty, entry.unit) == ("magnetisation-angle", 3.0, "deg")
     moved_percent = 100 * (not_stated.initial_shear_modulus.value / TRUTH_PA - 1)
@@ -85,7 +85,7 @@ def test_a_fit_that_is_not_told_the_direction_says_what_three_degrees_would_do(n
     assert not_stated.budget == ()
 
 
-def test_a_stated_direction_widens_the_interval_by_its_effect_and_the_interval_holds_the_truth(not_stated):
+def test_an_uncertain_direction_widens_the_interval_by_its_effect_and_the_interval_contains_the_truth(not_stated):
     fit = fitted(ONE_WAY, TILT_DEG)
     (entry,) = fit.budget
     assert fit.if_uncertain == ()
@@ -95,7 +95,7 @@ def test_a_stated_direction_widens_the_interval_by_its_effect_and_the_interval_h
     assert low < TRUTH_PA < high
 
 
-def test_a_stated_direction_is_freed_where_both_polarities_were_measured():
+def test_an_uncertain_direction_is_estimated_if_both_polarities_were_measured():
     fit = identify("neo-hookean", [experiment(BOTH_WAYS, TILT_DEG)])
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation) == ("direction of magnetisation", TILT_DEG)
@@ -110,5 +110,5 @@ def test_a_stated_direction_is_freed_where_both_polarities_were_measured():
     ("loads", "stated_deg", "free"),
     [(ONE_WAY, 3.0, ()), (BOTH_WAYS, None, ()), (BOTH_WAYS, 0.0, ()), (BOTH_WAYS, 3.0, ("magnetisation-angle",))],
 )
-def test_a_direction_is_freed_neither_at_one_polarity_nor_without_an_uncertainty_nor_twice(loads, stated_deg, free):
+def test_a_direction_is_not_estimated_at_one_polarity_or_without_an_uncertainty_or_twice(loads, stated_deg, free):
     assert freed_by_polarities([experiment(loads, stated_deg)], [NuisancePrior(kind, 1.0) for kind in free]) == ()

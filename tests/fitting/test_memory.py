@@ -1,4 +1,4 @@
-"""Memory of solutions with many states: only the stored results grow with the states, not the intermediate arrays."""
+"""Memory of solutions with many states: only the results grow with the number of states, not the temporary arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_fitting.laws import LAWS
 FEW, MANY = 80, 240
 MODEL = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
 CANDIDATES = np.array([[46e3], [50e3]])
-NODE_BYTES = MODEL.mesh.nodes.nbytes  # of one candidate in one state
+NODE_BYTES = MODEL.mesh.nodes.nbytes  # memory of the nodes for one set of parameters in one state
 
 
 def solved(states: int, **more: Any) -> Shapes:
@@ -29,7 +29,10 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """Return the growth of the largest memory per state (bytes), between a run of few states and a run of many."""
+    """Return the growth of the largest memory for each additional state (bytes), between `FEW` and `MANY` states.
+
+    run: function that computes a number of states.
+    """
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()
@@ -44,13 +47,19 @@ def test_a_path_keeps_its_last_states_only() -> None:
 
 
 def test_states_solved_together_need_memory_for_a_block_only() -> None:
-    """The element stiffness matrices of all states together would need a hundred times the memory of the nodes."""
+    """States that are solved together need memory only for a block of states.
+
+    The element stiffness matrices of all states together would need a hundred times the memory of the nodes.
+    """
     every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
     assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES
 
 
 def test_states_are_compared_in_blocks() -> None:
-    """With an ordinary lens, both faces of every state are compared at several depths, and points with all stations."""
+    """Measured edges are compared with simulated edges in blocks of states, so that the memory hardly grows.
+
+    With an ordinary lens, both faces of every state are compared at several depths, which needs large arrays.
+    """
     view = View(np.array([15.0, 0.0]), 300.0)
     shapes = {states: solved(states) for states in (FEW, MANY)}
     peaks = {}

@@ -1,4 +1,4 @@
-"""The modulus that is estimated during a run, for a beam of known modulus."""
+"""The modulus that is estimated during a run is right, and its interval becomes narrower."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0
 
 
 def seen(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
-    """Return an experiment with the noisy edges of a beam in the given fields (mT)."""
+    """Return an experiment with the noisy edges of a beam in these fields (mT)."""
     is_solid = specimen.section == "solid"
     model = SolidBeside(specimen, 24, 2) if is_solid else BeamModel(specimen)
     loads = Loads.along(fields_mT, gravity_angle_deg=0.0)
@@ -31,7 +31,7 @@ def seen(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NO
     return Experiment(BeamModel(specimen, plane=specimen.planar_section), loads, observed)
 
 
-def test_the_modulus_from_few_states_is_right_and_narrows_with_more() -> None:
+def test_the_modulus_from_few_states_is_right_and_its_interval_narrows_with_more_states() -> None:
     experiment = seen([0.0, 1.0, 2.0, 3.0, 4.0])
     first = modulus_so_far(experiment.of_states(np.arange(2)))
     last = modulus_so_far(experiment, before=first)
@@ -43,7 +43,7 @@ def test_the_modulus_from_few_states_is_right_and_narrows_with_more() -> None:
     assert (first.states, last.states) == (2, 5)
     assert np.ptp(last.interval_95_Pa) < np.ptp(first.interval_95_Pa) < 0.1 * TRUE_PA
     assert last.value_Pa == pytest.approx(TRUE_PA, rel=0.01)
-    assert last.value_Pa == pytest.approx(cold.value_Pa, rel=1e-3)  # wherever it begins
+    assert last.value_Pa == pytest.approx(cold.value_Pa, rel=1e-3)  # at any start
 
 
 def test_the_modulus_of_a_solid_is_that_of_the_whole_fit_and_its_interval_does_not_grow() -> None:
@@ -53,13 +53,17 @@ def test_the_modulus_of_a_solid_is_that_of_the_whole_fit_and_its_interval_does_n
         estimates.append(modulus_so_far(experiment.of_states(np.arange(count)), estimates[-1]))
     low, high = identify("neo-hookean", [experiment]).initial_shear_modulus.interval_95
     assert low < estimates[-1].value_Pa < high
-    assert estimates[-1].error_mm == pytest.approx(0.002, rel=0.1)  # the planar model leaves more than noise
+    assert estimates[-1].error_mm == pytest.approx(
+        0.002, rel=0.1
+    )  # the noise; the residuals of the planar model are larger
     widths = [float(np.ptp(estimate.interval_95_Pa)) for estimate in estimates]
     assert all(later < 1.06 * min(widths[:k]) for k, later in enumerate(widths) if k)
     assert widths[-1] < 0.01 * TRUE_PA
 
 
-def test_the_depth_effect_is_solved_again_only_in_a_state_that_is_bent_farther(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_depth_effect_is_computed_again_only_in_a_state_with_larger_bending(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     experiment = seen([0.0, 2.0, 4.0, 3.0, 1.0], replace(BEAM, section="solid"), noise_mm=0.002)
     first = modulus_so_far(experiment.of_states(np.arange(3)))
     monkeypatch.setattr(SolidBeside, "_difference", lambda *_: pytest.fail("the solid was solved"))
@@ -68,7 +72,9 @@ def test_the_depth_effect_is_solved_again_only_in_a_state_that_is_bent_farther(m
 
 def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_noise() -> None:
     experiment = seen([0.0, 1.0, 2.0])
-    tilt = StatedSource("magnetisation-angle", 3.0, "specimen")  # it weighs more, in the third state than in the second
+    tilt = StatedSource(
+        "magnetisation-angle", 3.0, "specimen"
+    )  # the effect of the tilt is larger in the third state than in the second
     uncertain = replace(experiment, stated=(tilt,))
     first = modulus_so_far(uncertain.of_states(np.arange(2)))
     alone, after = modulus_so_far(uncertain), modulus_so_far(uncertain, first)
@@ -79,7 +85,10 @@ def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_no
 
 
 def test_the_remaining_error_of_the_solid_is_in_the_interval_however_exact_the_edges_are() -> None:
-    """The mesh of the solid model leaves a half-width of at least 0.15 per cent of the modulus."""
+    """Even with exact edges, the interval of a solid has a half-width of at least 0.15 per cent of the modulus.
+
+    This is the remaining error of the mesh of the solid model.
+    """
     experiment = seen([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
     half_width = 0.5 * float(np.ptp(modulus_so_far(experiment).interval_95_Pa))
     assert 0.0014 * TRUE_PA < half_width < 0.006 * TRUE_PA

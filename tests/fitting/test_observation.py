@@ -1,4 +1,4 @@
-"""Distances of measured points from simulated edges, compared with curves whose distances are known."""
+"""Distances of measured points from simulated edges are right for curves whose distances are known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ ARRAYS = ("displacement", "rigid", "status", "iterations", "max_stretch")
 
 
 def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
-    """Return S quadratic segments on a circle about the origin, (S, 3, 2): three nodes each, x and y."""
+    """Return S quadratic segments on a circle about the origin, shape (S, 3, 2): three nodes each, x and y.
+
+    segments: the number S. angle: angle of the arc (rad).
+    """
     ends = np.linspace(0, angle, 2 * segments + 1)
     points = radius * np.column_stack([np.cos(ends), np.sin(ends)])
     return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)
@@ -40,7 +43,7 @@ def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
 def test_distance_to_a_circle_is_the_difference_of_radii(offset, along):
     radius = 20.0
     point = (radius + offset) * np.array([[np.cos(along), np.sin(along)]])
-    # Anticlockwise: left of the direction of travel is inward.
+    # The arc runs anticlockwise, so that the left side is inward.
     assert signed_distance(arc(radius), point)[0] == pytest.approx(-offset, abs=2e-4)
 
 
@@ -65,7 +68,7 @@ def test_error_and_deviation_by_hand():
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
     x = np.array([5.0, 10.0])
     sigma = np.ones(2)
-    # Left points 0.3 mm outside, right ones 0.1 mm outside: distances 0.3, 0.3, 0.1, 0.1.
+    # The left points lie 0.3 mm outside, and the right points 0.1 mm: distances 0.3, 0.3, 0.1, 0.1.
     left, right = np.column_stack([x, [-1.8, -1.8]]), np.column_stack([x, [1.6, 1.6]])
     misfit = EdgeObservation.from_edges([(left, sigma, right, sigma)]).misfit(model, shapes)
     assert misfit.error_mm[0, 0] == pytest.approx(np.sqrt((0.09 + 0.01) / 2), abs=1e-9)
@@ -73,7 +76,10 @@ def test_error_and_deviation_by_hand():
 
 
 def test_error_and_deviation_of_points_by_hand():
-    """Distances of 0.5 and 0.1 mm give a root mean square of 0.36 mm; the standard deviation of points is 0.2 mm."""
+    """The error of tracked points is the root mean square of their distances; the deviation is the standard deviation.
+
+    Distances of 0.5 and 0.1 mm give a root mean square of 0.36 mm and a standard deviation of 0.2 mm.
+    """
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
     rest = np.array([[[20.0, 0.0], [30.0, 0.5], [40.0, 0.0]]])
@@ -107,8 +113,8 @@ def test_points_of_each_state_are_compared_in_their_own_state():
     assert np.all(misfit.error_mm[1] != misfit.error_mm[0])
 
 
-def test_many_states_are_compared_as_each_alone_is():
-    """Many states are compared in blocks. The result equals that of each state alone, also if points are missing."""
+def test_many_states_have_the_same_residuals_as_each_state_alone():
+    """Many states, compared in blocks, have the same residuals as each state alone, also if points are missing."""
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     loads = Loads.along(np.zeros(35), 90.0, 90.0, np.linspace(0, 2e-6, 35))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4], [8e4]]), loads)

@@ -49,11 +49,11 @@ def test_the_faces_lie_within_the_outline_and_touch_it(beam, view):
         places = model.positions(shapes, points.reshape(-1, 3))[0]
         image = places[..., :2] if camera is None else camera.seen(places)
         out = signed_distance(curves[:, side], image).reshape(2, 60, 41) * (-1 if side == 0 else 1)
-        assert out.max() < 1.5e-3  # quadratic segments follow the envelope as well as that
+        assert out.max() < 1.5e-3  # quadratic segments approximate the envelope to this accuracy
         assert out.max(axis=2).min() > -1.5e-3
 
 
-def test_the_convex_edge_is_the_depth_faces_and_the_concave_one_is_mid_depth():
+def test_the_convex_edge_is_that_of_the_outer_faces_and_the_concave_edge_that_of_the_middle_plane():
     model = SolidModel(BEAMS["a magnet in part of the depth"], 20, 2)
     shapes = model.solve(NEO, MODULUS, LOADS)
     curves = outline(model, shapes)[0, -1]
@@ -65,16 +65,16 @@ def test_the_convex_edge_is_the_depth_faces_and_the_concave_one_is_mid_depth():
     off_face = np.array([signed_distance(curves[s], face[s : s + 1])[0] for s in (0, 1)])
     assert off_middle[1] == pytest.approx(0, abs=1e-3)
     assert off_face[0] == pytest.approx(0, abs=1e-3)
-    assert off_middle[0] > 0.02  # inside by the bow, which is about curvature times depth² over 16
+    assert off_middle[0] > 0.02  # inside by the bow of the section, about curvature times depth² over 16
     assert off_face[1] < -0.02
 
 
-def test_with_the_depth_held_it_is_the_edge_of_plane_strain():
+def test_the_outline_in_plane_strain_is_the_edge_of_the_planar_model():
     flat, solid = BeamModel(MAGNETIC, 8, 1), held(MAGNETIC, 8, 1)
     one = edge_curves(flat, flat.solve(NEO, MODULUS, LOADS, tolerance_mm=1e-8))
     shapes = solid.solve(NEO, MODULUS, LOADS, tolerance_mm=1e-8)
     assert outline(solid, shapes) == pytest.approx(one, abs=1e-6)
-    # A flat section in perspective: the union of both faces, whichever lies farther out.
+    # A flat section in perspective: at each point the outline is the outer one of both faces.
     camera = VIEWS["aside"]
     image = outline(solid, shapes, camera)[0, -1]
     faces = [camera.centre_mm + 300 / (300 + z) * (one[0, -1] - camera.centre_mm) for z in (-2.5, 2.5)]

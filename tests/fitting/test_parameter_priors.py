@@ -1,4 +1,4 @@
-"""A prior on a parameter of the law has the weight that Bayes' rule gives it for normal errors."""
+"""A prior on a parameter of the law has the weight that Bayes' rule gives for normal errors."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ SEEN = tracked("neo-hookean", [46e3])
 
 @pytest.fixture(scope="module")
 def alone():
-    """Return the fit of a law with one parameter, without a prior."""
+    """The fit of a law with one parameter, without a prior."""
     return identify("neo-hookean", [SEEN])
 
 
 def spread(fit) -> float:
-    """Return the standard deviation of the only parameter, computed from the width of its interval."""
+    """Return the standard deviation (Pa) of the only parameter, computed from the width of its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """Return the objective (mm) at each modulus in `moduli_Pa`, for a fit with one parameter and a prior."""
+    """Return the objective (mm) of a fit with one parameter and a prior, at each modulus in `moduli_Pa`."""
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
     problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))
@@ -55,7 +55,10 @@ def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float)
 
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0], ids=["firm", "equal", "loose"])
 def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
-    """The value is the mean weighted by inverse variances. The inverse of its variance is the sum of both inverses."""
+    """Data and prior combine like two normal measurements of the parameter.
+
+    The value is the mean weighted by the inverse variances, and the inverse variances add.
+    """
     measured, noise = alone.values[0], spread(alone)
     mean, deviation = measured - 2 * noise, share * noise
     fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, deviation)])
@@ -80,8 +83,8 @@ def test_a_very_wide_prior_changes_nothing(alone):
     assert fit.parameters["mu"].interval_95 == pytest.approx(alone.parameters["mu"].interval_95, rel=1e-3)
 
 
-def test_a_prior_fixes_what_the_data_leave_open():
-    """Bending hardly distinguishes C10 from C01; a prior on C10 then determines both."""
+def test_a_prior_determines_parameters_that_the_data_do_not_distinguish():
+    """A prior on C10 determines both C10 and C01, which bending alone hardly distinguishes."""
     truth = [16e3, 7e3]
     experiment = tracked("mooney-rivlin", truth)
     without = identify("mooney-rivlin", [experiment])
@@ -95,15 +98,18 @@ def test_a_prior_fixes_what_the_data_leave_open():
     assert with_prior.values == pytest.approx(truth, rel=0.1)
 
 
-def test_a_prior_on_the_initial_shear_modulus_is_one_on_the_sum(alone):
+def test_a_prior_on_the_initial_shear_modulus_is_a_prior_on_the_sum_of_parameters(alone):
     mean = alone.values[0] - 500.0
     of_modulus = identify("neo-hookean", [SEEN], priors=[Prior("initial_shear_modulus", mean, 100.0)])
     of_parameter = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, 100.0)])
     assert of_modulus.values == pytest.approx(of_parameter.values, rel=1e-9)
 
 
-def test_a_prior_goes_with_a_freed_nuisance(alone):
-    """A change of stiffness acts like a change of width. A prior on the modulus therefore determines the width."""
+def test_a_prior_on_the_modulus_determines_an_estimated_width(alone):
+    """A prior on the modulus determines the width if the fit also estimates the width.
+
+    A change of the stiffness has the same effect as a change of the width.
+    """
     freed = [NuisancePrior("width", 0.1)]
     open_fit = identify("neo-hookean", [SEEN], free=freed)
     constrained = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])

@@ -1,4 +1,4 @@
-"""The path of load steps to an equilibrium: coarse steps lead to the same equilibrium as fine steps."""
+"""Coarse load steps lead to the same equilibrium as fine load steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Return the parameters of `count` random candidates of a law, with the moduli of common silicones."""
+    """Return the parameters of random materials of a law, shape (count, n), with the moduli of common silicones."""
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
@@ -32,7 +32,7 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Solve each stable candidate in 12, 6, 4, 3 and 2 load steps, and compare with 72 steps.
+    """Solve each stable set of parameters in 12, 6, 4, 3 and 2 load steps, and compare with 72 steps.
 
     Return how many solutions reach another equilibrium, how many fail, and how many there are.
     """
@@ -52,7 +52,7 @@ def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int
 
 
 @pytest.mark.parametrize("name", ["yeoh", pytest.param("ogden", marks=pytest.mark.slow)])
-def test_no_candidate_leaps_to_another_equilibrium(name):
+def test_coarse_steps_reach_the_same_equilibrium_as_fine_steps(name):
     elsewhere, failed, total = leaps(BeamModel(type3("plane-strain")), name, candidates(name, 30, 0))
     assert total > 100
     assert elsewhere == 0
@@ -81,8 +81,11 @@ def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(se
     np.testing.assert_allclose(back.rigid[..., 2], -alone.rigid[..., 2], atol=1e-6)
 
 
-def test_shapes_on_a_mesh_with_other_nodes_are_no_start():
-    """The states are solved in order. The mesh of a magnet that is narrower than the beam has more elements."""
+def test_shapes_on_a_mesh_with_other_nodes_are_not_used_as_a_start():
+    """Shapes on a mesh with other nodes are not used as a start; the states are then solved in order.
+
+    The mesh of a magnet that is narrower than the beam has more elements.
+    """
     law, loads, modulus = LAWS["neo-hookean"], Loads.along([0.0, 4.0]), np.array([[46e3]])
     wide = type3("plane-stress")
     assert wide.magnet is not None
@@ -99,14 +102,14 @@ def test_shapes_on_a_mesh_with_other_nodes_are_no_start():
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
 @pytest.mark.parametrize(("mesh", "count"), [((13, 1), 100), ((26, 3), 25)])
 @pytest.mark.parametrize("name", LAWS)
-def test_none_of_a_thousand_candidates_leaps_to_another_equilibrium(name, section, mesh, count):
+def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, section, mesh, count):
     elsewhere, failed, total = leaps(BeamModel(type3(section), *mesh), name, candidates(name, count, 1))
     assert elsewhere == 0
     assert failed <= 0.01 * total
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Solve each candidate of a solid beam model in 6 and in 3 load steps, and compare with 24 steps.
+    """Solve each set of parameters of a solid beam in 6 and in 3 load steps, and compare with 24 steps.
 
     Return how many solutions reach another equilibrium, how many fail, and how many there are.
     """
@@ -129,7 +132,7 @@ def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int,
     return elsewhere, failed, total
 
 
-def test_no_solid_leaps_to_another_equilibrium():
+def test_coarse_steps_of_a_solid_reach_the_same_equilibrium():
     elsewhere, failed, total = solid_leaps("yeoh", candidates("yeoh", 2, 3), Magnet(4.0, 4.0, 2.0, 1.2, 7500.0))
     assert (elsewhere, failed) == (0, 0)
     assert total >= 2
@@ -138,7 +141,7 @@ def test_no_solid_leaps_to_another_equilibrium():
 @pytest.mark.slow
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 4.0, 2.0, 1.2, 7500.0), Magnet(4.0, 4.0, 5.0, 0.5, 7500.0)])
 @pytest.mark.parametrize("name", LAWS)
-def test_none_of_a_hundred_solids_leaps_to_another_equilibrium(name, magnet):
+def test_coarse_steps_reach_the_same_equilibrium_for_a_hundred_solids(name, magnet):
     elsewhere, failed, total = solid_leaps(name, candidates(name, 15, 1), magnet)
     assert elsewhere == 0
     assert failed <= 0.01 * total
@@ -146,7 +149,10 @@ def test_none_of_a_hundred_solids_leaps_to_another_equilibrium(name, magnet):
 
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
-    """With a thin layer beside or beyond the magnet, big steps fail, and extrapolation predicts small steps badly."""
+    """With a thin layer of silicone beside or beyond the magnet, four load steps reach the same equilibrium as forty.
+
+    Big steps fail at first, and extrapolation predicts small steps badly.
+    """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
         model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
@@ -157,7 +163,10 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """Extrapolation from two states predicts too much rotation. The error is too large for small elements."""
+    """On a fine mesh, one load step reaches the same equilibrium as forty, although the rotation begins late.
+
+    Extrapolation from two states predicts too much rotation, with an error that is too large for small elements.
+    """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (
         model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)

@@ -1,4 +1,4 @@
-"""The public names of `eimi_fitting`: their documentation and examples, and the modules that an import loads."""
+"""The public names of `eimi_fitting` are documented with examples, and an import loads only the necessary modules."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def home_of(name: str) -> str:
     return getattr(eimi_fitting, name).__module__
 
 
-NAMES = [name for name in eimi_fitting.__all__ if name != "LAWS"]  # a dictionary has no documentation of its own
+NAMES = [name for name in eimi_fitting.__all__ if name != "LAWS"]  # a dictionary has no docstring of its own
 ROOMS = sorted({home_of(name) for name in NAMES if not home_of(name).startswith("eimi_fitting.laws")})
 
 

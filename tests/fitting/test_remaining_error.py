@@ -1,6 +1,6 @@
-"""The error that the correction by the solid beam model leaves in the modulus: never zero.
+"""The correction by the solid beam model leaves an error in the modulus, which is never zero.
 
-The error is a share of the effect of the correction, or of a pass that did not settle.
+The error is a share of the effect of the correction, or of its last pass if the passes do not converge.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum and the effects of a correction whose passes reach `optima` in turn, starting from 0."""
+    """Return the optimum and the effects of a correction whose passes reach `optima` in turn; the start is 0."""
     passes = iter(optima)
     problem: Any = SimpleNamespace(
         experiments=(), unknowns=SimpleNamespace(modulus_percent=lambda move: PERCENT * float(move))
@@ -35,21 +35,25 @@ def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]
     return optimum, list(effects)
 
 
-def test_a_correction_that_settles_leaves_its_share_and_at_least_a_fixed_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_correction_that_converges_leaves_a_share_of_its_effect_and_at_least_a_fixed_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     optimum, (effect,) = left(monkeypatch, at(0.5), at(0.504))
     assert optimum.unit == pytest.approx([0.504])
     assert effect.moved == pytest.approx([0.504])
     assert (effect.share, effect.least_percent) == (0.05, 0.15)
 
 
-def test_the_last_move_of_a_correction_that_does_not_settle_remains_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_change_of_a_correction_that_does_not_converge_remains_uncertain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     optimum, (effect,) = left(monkeypatch, at(0.5), at(0.9), at(0.6))
     assert optimum.unit == pytest.approx([0.6])
     assert effect.share == pytest.approx(max(0.3 / 0.6, SOLID.remaining_share))
     assert effect.least_percent == 0.15
 
 
-def test_a_pass_that_raises_the_error_is_not_accepted_and_its_move_remains_uncertain(
+def test_a_pass_that_increases_the_error_is_not_accepted_and_its_change_remains_uncertain(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     optimum, (effect,) = left(monkeypatch, at(0.5), at(0.9, error_mm=0.02))

@@ -1,4 +1,4 @@
-"""Beams that are bent, tapered or stepped at rest, against beam theory and against their own geometry."""
+"""Beams that are bent, tapered or stepped at rest agree with beam theory and keep their geometry."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def pushed(specimen: Specimen, force_N: float, along: int = 30) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("at_clamp", "at_tip"), [(2.4, 1.6), (3.0, 1.0)])
-def test_a_tapered_cantilever_deflects_as_euler_and_bernoulli_say(at_clamp, at_tip):
+def test_a_tapered_cantilever_deflects_as_an_euler_bernoulli_beam(at_clamp, at_tip):
     middle = 0.5 * (at_clamp + at_tip)
     shape = RestShape(widths=((0.0, at_clamp - middle), (1.0, at_tip - middle)))
     x, force_N = np.linspace(0, LENGTH, 20001), 1e-6
@@ -42,7 +42,7 @@ def test_a_tapered_cantilever_deflects_as_euler_and_bernoulli_say(at_clamp, at_t
     assert deflection == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_cantilever_that_becomes_shallower_deflects_as_euler_and_bernoulli_say():
+def test_a_cantilever_of_decreasing_depth_deflects_as_an_euler_bernoulli_beam():
     shape, force_N = RestShape(depths=((0.0, 0.5), (1.0, -0.5))), 1e-6
     x = np.linspace(0, LENGTH, 20001)
     second_moment = (DEPTH + 0.5 - x / LENGTH) * WIDTH**3 / 12
@@ -50,7 +50,7 @@ def test_a_cantilever_that_becomes_shallower_deflects_as_euler_and_bernoulli_say
     assert pushed(replace(STRIP, rest_shape=shape), force_N)[1] == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_quarter_of_a_circle_deflects_as_castigliano_says():
+def test_a_quarter_of_a_circle_deflects_as_castiglianos_theorem_predicts():
     radius, width, force_N = 60.0, 1.0, 2e-9
     shape = RestShape(turns=tuple((s, 0.5 * np.pi * s) for s in np.linspace(0, 1, 9)))
     quarter = replace(STRIP, length_mm=0.5 * np.pi * radius, width_mm=width, rest_shape=shape)
@@ -62,7 +62,7 @@ def test_a_quarter_of_a_circle_deflects_as_castigliano_says():
     assert pushed(quarter, force_N, 40) == pytest.approx([along_x, along_y], rel=2e-3)
 
 
-def test_a_point_of_the_straight_strip_is_found_again_from_its_place_at_rest():
+def test_a_point_of_the_straight_strip_is_recovered_from_its_position_in_the_shape_at_rest():
     strip, rng = Strip(FINGER), np.random.default_rng(1)
     points = np.column_stack([rng.uniform(0, 30, 200), rng.uniform(-0.5, 0.5, 200) * strip.straight.width_mm])
     assert strip.straightened(strip.at_rest(points)) == pytest.approx(points, abs=1e-9)
@@ -86,13 +86,13 @@ def test_the_magnet_stays_a_straight_block_in_a_bent_and_tapered_beam():
     assert np.sum(sides[:-1] * sides[1:], axis=1) == pytest.approx(0, abs=1e-6)
 
 
-def test_a_bent_beam_in_a_field_is_the_same_followed_as_a_solid_and_found_from_its_planar_model():
+def test_a_bent_beam_has_the_same_shape_from_load_steps_and_from_its_planar_model():
     loads = Loads.along([0.0, 2.0])
     beside, solid = SolidBeside(FINGER, 10, 2), SolidModel(FINGER, 10, 2)
     from_plane = beside.tip_angle_deg(beside.solve(NEO, MU, loads, tolerance_mm=1e-5))
     followed = solid.tip_angle_deg(solid.solve(NEO, MU, loads))
     assert from_plane == pytest.approx(followed, abs=1e-3)
-    assert abs(followed[0, 0]) > 1  # its weight straightens it
+    assert abs(followed[0, 0]) > 1  # the weight straightens the beam
 
 
 def test_points_of_a_centre_line_give_its_angles():
@@ -111,7 +111,7 @@ def test_points_of_a_centre_line_give_its_angles():
         ([[0, 0], [10, 0], [20, 0], [25, 0]], "25 mm long, but the beam has length_mm = 30"),
     ],
 )
-def test_a_centre_line_that_cannot_be_the_beams_is_refused(points, words):
+def test_an_impossible_centre_line_of_the_beam_is_refused(points, words):
     with pytest.raises(ValueError, match=words):
         centre_line(np.array(points, float), 30.0)
 
@@ -123,6 +123,6 @@ def test_a_step_is_a_ramp_that_ends_on_lines_of_the_mesh():
     assert grid.strip.width_mm(np.array([23.9, 24.4])) == pytest.approx([3.0, 6.0])
 
 
-def test_a_width_that_falls_to_nothing_is_refused():
+def test_a_width_that_decreases_to_zero_is_refused():
     with pytest.raises(ValueError, match="width_mm of the rest shape falls to"):
         BeamModel(replace(STRIP, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -2.5)))))

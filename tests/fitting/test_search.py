@@ -1,4 +1,4 @@
-"""The search on functions with a known optimum, and its continuation from recorded generations."""
+"""The search finds known optima of functions, and continues from recorded generations."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Return Rastrigin's function, which has many local minima around OPTIMUM (Mühlenbein et al. 1991)."""
+    """Return Rastrigin's function, which has many local minima around OPTIMUM (Mühlenbein et al. 1991).
+
+    units: coordinates of n candidates, shape (n, d), each from 0 to 1.
+    """
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 
@@ -73,7 +76,7 @@ def test_a_beam_that_hardly_moved_is_searched_to_a_smaller_error(seed):
 
 
 @pytest.mark.parametrize("bipop", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_restarts_find_an_optimum_that_one_run_misses(bipop):
+def test_restarts_find_an_optimum_that_a_single_run_does_not_find(bipop):
     alone = [search(rastrigin, 2, seed=seed).objective_mm for seed in range(1, 4)]
     assert max(alone) > 0.5  # the nearest local minima are about 1 above the optimum
     for seed in range(1, 4):
@@ -125,7 +128,7 @@ def test_the_record_of_another_search_is_refused():
 
 @dataclass(frozen=True)
 class Line:
-    """Residuals of a linear model that has two unit coordinates and one state."""
+    """The residuals of a linear model with two coordinates from 0 to 1 and one state."""
 
     residuals: Array
 
@@ -145,7 +148,7 @@ def linear(slopes: Array, target: Array) -> Callable[[Array, Line | None], Line]
 
 def test_the_polish_ends_at_the_best_point_within_the_bounds():
     slopes = np.array([[1.0, 0.5, 0.2, 0.1], [0.9, 0.7, -0.1, 0.3]])
-    # Without bounds the second coordinate would be 1.4; on its bound the first one has another best value.
+    # Without bounds the second coordinate would be 1.4; at its bound the first coordinate has another optimum.
     model = linear(slopes, np.array([0.2, 1.4]) @ slopes)
     first = (np.array([0.0, 0.4]) @ slopes @ slopes[0]) / (slopes[0] @ slopes[0]) + 0.2
     polished = polish(model, np.array([0.5, 0.5]))
@@ -155,7 +158,7 @@ def test_the_polish_ends_at_the_best_point_within_the_bounds():
 
 @pytest.mark.parametrize("start", [0.1, 0.5])
 def test_the_polish_follows_a_direction_that_the_data_hardly_determine(start: float):
-    # As a beam's modulus and a higher coefficient: 40 mm and 1 µm from bound to bound, with 0.4 µm of noise.
+    # Like the modulus and a higher coefficient of a law: they change the edges by 40 mm and 1 µm, with 0.4 µm of noise.
     slopes = np.array([[40.0, 0.0, 0.0], [0.0, 1e-3, 0.0]])
     model = linear(slopes, np.array([0.3, 0.9]) @ slopes + np.array([0.0, 0.0, 4e-4]))
     assert polish(model, np.array([0.3, start])).unit == pytest.approx([0.3, 0.9], abs=0.01)

@@ -1,4 +1,7 @@
-"""Fits with a solid section: the modulus from edges that no planar model reproduces, and the depth effect."""
+"""Fits with a solid section give the right modulus from edges that no planar model reproduces.
+
+The depth effect, the difference of the solid from its planar model, is reused if possible.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return a solid beam model on a mesh that is finer than that of a fit in all three directions."""
+    """Return a solid beam model and its shapes, on a mesh finer than the mesh of a fit in all three directions."""
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 
@@ -84,7 +87,7 @@ def test_the_depth_effect_of_few_states_predicts_the_others(specimen):
 
 
 @pytest.mark.parametrize("gravity_deg", [0.0, 90.0], ids=["hanging", "level"])
-def test_one_state_is_enough_for_a_very_similar_candidate(gravity_deg):
+def test_one_solved_state_is_enough_for_very_similar_parameters(gravity_deg):
     loads = Loads.along(np.linspace(0, 6, 7), gravity_angle_deg=gravity_deg)
     beside = SolidBeside(BEAM, 13, 1)
     effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
@@ -94,14 +97,16 @@ def test_one_state_is_enough_for_a_very_similar_candidate(gravity_deg):
     assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
     assert (
         len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1
-    )  # an effect taken from a similar candidate is not stored
+    )  # a depth effect from similar parameters is not stored
 
 
-def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monkeypatch):
+def test_parameters_of_the_same_law_with_the_same_planar_shapes_are_not_solved_again(monkeypatch):
     loads, ogden = Loads.along(np.linspace(0, 6, 7)), LAWS["ogden"]
     beside = SolidBeside(BEAM, 13, 1)
 
-    def of_two_terms(share):  # the same material for any division between terms of equal exponent
+    def of_two_terms(
+        share,
+    ):  # terms of equal exponent give the same material for any division of the modulus between them
         mu = TRUE_PA / 2 * np.array([share, 1 - share, 0.0])
         return np.array([[mu[0], 2.0, mu[1], 2.0, 0.0, 2.0]])
 
@@ -116,7 +121,7 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
     assert again.displacement == pytest.approx(expected.displacement, abs=1e-4)
     # Another law, another shape and another bulk modulus are each solved.
     for law, parameters, bulk in (
-        (NEO, np.array([[TRUE_PA / 2]]), None),  # the same material as another law
+        (NEO, np.array([[TRUE_PA / 2]]), None),  # the same material, described by another law
         (ogden, 1.002 * of_two_terms(0.2), None),
         (ogden, of_two_terms(0.2), np.array([1e3 * TRUE_PA])),
     ):
@@ -124,7 +129,7 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
             beside.solve(law, parameters, loads, bulk_modulus_Pa=bulk, options=options)
 
 
-def test_the_depth_effect_of_the_most_similar_candidate_is_used():
+def test_the_depth_effect_of_the_most_similar_parameters_is_used():
     loads = Loads.along(np.linspace(0, 6, 7))
     beside = SolidBeside(BEAM, 13, 1)
     effects = [beside.solve(NEO, np.array([[share * TRUE_PA]]), loads).effect for share in (0.8, 1.0, 1.5)]
@@ -169,7 +174,7 @@ def test_a_given_planar_shape_is_not_solved_again(monkeypatch):
     )
 
 
-def test_every_state_is_solved_if_the_loads_lie_on_no_ray():
+def test_every_state_is_solved_if_the_loads_are_not_proportional():
     loads = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003])
     beside = SolidBeside(BEAM, 13, 1)
     shapes = beside.solve(NEO, np.array([[TRUE_PA]]), loads)
@@ -195,8 +200,12 @@ def test_without_a_depth_effect_the_planar_model_predicts_the_next_solid_state(m
     assert led < beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-2).iterations.sum()
 
 
-def test_a_solid_far_from_its_planar_model_is_followed_if_allowed():
-    """The loads do not lie on one ray, so every state is solved separately. The check costs no solution."""
+def test_a_solid_far_from_its_planar_model_is_solved_in_load_steps_on_request():
+    """With the method "follow", a solid that differs much from its planar model is solved in load steps.
+
+    The loads of the states are not proportional, so that every state is solved separately. If the planar model is
+    close, "follow" needs no additional solution.
+    """
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)
     given_up = beside.solve(NEO, np.array(modulus), loads, options=SolidOptions("interpolate"))

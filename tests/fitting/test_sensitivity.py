@@ -1,4 +1,4 @@
-"""Compare sensitivities with independent differences and with physical relations."""
+"""Sensitivities agree with independent differences and with physical relations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """Return the edges of one candidate, (K, 2, m, 2): K states, left and right edge, m points, and x and y in mm."""
+    """Return the edges of one set of parameters, points (x, y) in mm, shape (K, 2, m, 2).
+
+    The axes are: K states, left and right edge, m points, x and y.
+    """
     return points_on(edge_curves(model, model.solve(law, parameters[None], loads, tolerance_mm=1e-9)), 2)[0]
 
 
@@ -35,7 +38,7 @@ def derivative(function, size: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", CANDIDATES)
 def test_the_derivative_agrees_with_curves_solved_separately(name):
-    # Fourth order, steps a hundred times larger: nothing in common but the curves themselves.
+    # Differences of fourth order with steps a hundred times larger are independent of the tested code.
     model, law, candidates = BeamModel(SPECIMEN), LAWS[name], np.array(CANDIDATES[name])
     sensitivity = edge_sensitivity(model, law, candidates, LOADS)
     assert sensitivity.converged.all()
@@ -49,7 +52,7 @@ def test_the_derivative_agrees_with_curves_solved_separately(name):
 
 
 def test_stiffness_and_field_have_opposite_effects():
-    # Without gravity only field over modulus counts: mu d(edges)/d(mu) = -B d(edges)/dB, the right side from fields.
+    # Without gravity only field over modulus matters: mu d(edges)/d(mu) = -B d(edges)/dB.
     model, law, mu, field = BeamModel(SPECIMEN), LAWS["neo-hookean"], np.array([46e3]), np.array([2.0, 4.5, 7.05])
     sensitivity = edge_sensitivity(model, law, mu, Loads.along(field, gravity_angle_deg=None))
     by_field = derivative(
@@ -63,7 +66,7 @@ def test_a_stiffer_beam_bends_less_and_both_mooney_rivlin_terms_have_the_same_ef
     sensitivity = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([18e3, 5e3]), LOADS)
     slope = sensitivity.slope[0]
     assert sensitivity.edges.shape == (1, *slope.shape[1:])
-    assert np.all(slope[:, 1:, :, -1, 1] < 0)  # the tip's deflection in the field
+    assert np.all(slope[:, 1:, :, -1, 1] < 0)  # deflection of the tip in the field
     assert slope[0] == pytest.approx(slope[1], abs=5e-3 * np.abs(slope).max())
 
 

@@ -1,4 +1,4 @@
-"""The solid element and beam model: derivatives, exact solutions, plane strain as a limit, an independent program."""
+"""The solid element and beam model agree with derivatives, exact solutions, plane strain and an independent program."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def differences(function, nodal: np.ndarray) -> np.ndarray:
 
 
 @every_law
-@pytest.mark.parametrize("size", [0.05, 1e-3, 1e-6, 0.0])  # down to equal stretches
+@pytest.mark.parametrize("size", [0.05, 1e-3, 1e-6, 0.0])  # sizes of the deformation, down to equal stretches
 @settings(max_examples=2)
 @given(seed=st.integers(0, 10**6))
 def test_forces_tangent_and_predicted_stress_are_derivatives_of_the_energy(name, size, seed):
@@ -88,7 +88,7 @@ def test_the_element_with_its_depth_held_is_in_plane_strain(name):
 
 
 @every_law
-@pytest.mark.parametrize("stretches", [(1.5, 1.5**-0.5), (1.3, 1.3)])  # uniaxial, equibiaxial
+@pytest.mark.parametrize("stretches", [(1.5, 1.5**-0.5), (1.3, 1.3)])  # uniaxial and equibiaxial tension
 def test_a_patch_of_distorted_bricks_stretches_uniformly(name, stretches):
     assert checks.even_stretch(name, *stretches) < 2e-6
 
@@ -143,7 +143,7 @@ def test_positions_are_symmetric_in_depth_and_rigid_on_the_magnet():
     x, y, turn = shapes.rigid[0, -1]
     expected = np.array([26 + x + 2 * np.cos(turn) - 1.5 * np.sin(turn), y + 2 * np.sin(turn) + 1.5 * np.cos(turn)])
     assert places[2] == pytest.approx([*expected, 0.7])
-    assert 1e-3 < np.linalg.norm(places[3, :2] - expected) < 0.3  # the silicone before the magnet is soft
+    assert 1e-3 < np.linalg.norm(places[3, :2] - expected) < 0.3  # the silicone in front of the magnet is soft
     assert places[4, 2] == pytest.approx(0.0)
     with pytest.raises(ValueError, match="z = 3 mm"):
         model.positions(shapes, np.array([[13.0, 0.0, 3.0]]))
@@ -167,7 +167,9 @@ def test_the_reactions_balance_weight_force_and_field(magnet):
     block = magnet.length_mm * magnet.width_mm * magnet.depth_mm if magnet else 0.0
     mass = 1e-9 * (1070.0 * (30 * 3 * 5 - block) + 7500.0 * block)
     expected = mass * 9.80665 + 2e-4
-    at_clamp = loads.on(model.loaded)(loads.state(0), np.ones(1)).nodal[0, clamp]  # borne by the clamp at once
+    at_clamp = loads.on(model.loaded)(loads.state(0), np.ones(1)).nodal[
+        0, clamp
+    ]  # the nodes at the clamp carry this part of the weight directly
     assert 2 * (total[clamp] - at_clamp)[:, :2].sum(axis=0) == pytest.approx(
         [0.0, expected], abs=1e-7 * expected + 1e-10
     )

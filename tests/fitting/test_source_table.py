@@ -18,7 +18,7 @@ BEAM = Specimen(
 )
 LOADS = Loads.along([-2.0, 4.0, 7.0], 80.0, 10.0, 0.003, tip_force_angle_deg=30.0)
 
-# Unit, the file that states it, its key there, the largest accepted value, the usual one, the names of its numbers.
+# Unit, the file that gives the source, its key, the largest accepted value, the usual value, the names of its numbers.
 TABLE = {
     "moment": ("1", None, "", 0.5, 0.02, 1),
     "coil": ("1", "calibration", "coil_constant_mT_per_A", 0.5, 0.01, 1),
@@ -58,7 +58,7 @@ OF_LOADS = {"axis", "gravity", "field", "background-field", "field-gradient", "o
 OF_PICTURE = {"scale", "roll", "axis", "clamp"}
 
 
-def test_the_registry_is_the_table() -> None:
+def test_the_registered_sources_are_those_of_the_table() -> None:
     assert {
         name: (s.unit, s.stated_in, s.key, s.largest, s.usual, len(s.parts)) for name, s in SOURCES.items()
     } == TABLE
@@ -80,10 +80,10 @@ def test_each_source_changes_only_what_it_concerns() -> None:
 
 
 @pytest.mark.parametrize("source", BEAM_KEYS)
-def test_a_size_of_the_specimen_grows_by_the_deviation(source: str) -> None:
+def test_a_dimension_of_the_specimen_increases_by_the_deviation(source: str) -> None:
     key = BEAM_KEYS[source]
     before, after = asdict(BEAM), asdict(specimen_under(BEAM, {source: np.array([0.3])}))
-    # The point of a tip force keeps its place relative to length and width.
+    # The point of a tip force keeps its position relative to length and width.
     assert after["tip_load_mm"] == pytest.approx(
         (27.0 * after["length_mm"] / 30.0, 0.6 * after["width_mm"] / 3.0), rel=1e-12
     )
@@ -92,7 +92,7 @@ def test_a_size_of_the_specimen_grows_by_the_deviation(source: str) -> None:
 
 
 @pytest.mark.parametrize("source", MAGNET_KEYS)
-def test_a_number_of_the_magnet_grows_by_the_deviation(source: str) -> None:
+def test_a_value_of_the_magnet_increases_by_the_deviation(source: str) -> None:
     key = MAGNET_KEYS[source]
     changed = specimen_under(BEAM, {source: np.array([0.3])})
     assert changed.magnet is not None
@@ -142,14 +142,17 @@ def turn(vector: np.ndarray, angle_deg: float) -> np.ndarray:
     ("source", "field_deg", "gravity_deg"), [("field", 3.0, 0.0), ("gravity", 0.0, 3.0), ("axis", -3.0, -3.0)]
 )
 def test_directions_turn_from_x_toward_y(source: str, field_deg: float, gravity_deg: float) -> None:
-    """Weights at the tip rotate with gravity. If the axis of the beam is rotated, field and gravity rotate back."""
+    """An error of field or gravity rotates its direction from +x toward +y; weights at the tip rotate with gravity.
+
+    An error of the axis of the beam rotates field and gravity in the opposite direction.
+    """
     turned = loads_under(LOADS, {source: np.array([3.0])})
     assert turned.field_T == pytest.approx(turn(LOADS.field_T, field_deg))
     assert turned.gravity == pytest.approx(turn(LOADS.gravity, gravity_deg))
     assert turned.tip_force_N == pytest.approx(turn(LOADS.tip_force_N, gravity_deg))
 
 
-def test_a_zero_of_the_field_is_the_same_in_every_state_and_lies_along_the_field() -> None:
+def test_an_offset_of_the_field_is_the_same_in_every_state_and_parallel_to_the_field() -> None:
     moved = loads_under(LOADS, {"offset": np.array([0.5])})  # mT
     along = LOADS.field_T[2] / np.linalg.norm(LOADS.field_T[2])
     assert moved.field_T - LOADS.field_T == pytest.approx(np.tile(0.5e-3 * along, (3, 1)))
@@ -175,7 +178,7 @@ def test_a_gradient_adds_to_that_of_the_coil() -> None:
     assert loads_under(none, {"field-gradient": np.array([2.0, 1.0])}) is none
 
 
-def test_a_stand_off_and_a_tilt_grow_by_the_deviation() -> None:
+def test_a_stand_off_and_a_tilt_increase_by_the_deviation() -> None:
     view = View(np.array([10.0, 1.0]), 150.0, tilt_deg=(0.5, -1.0))
     farther = view_under(view, {"stand-off": np.array([4.0])})
     assert (farther.stand_off_mm, farther.tilt_deg) == (154.0, (0.5, -1.0))

@@ -39,7 +39,7 @@ def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
 
 
 def gel(modulus_Pa: float) -> Experiment:
-    """Return an experiment with points on a beam of the given modulus, in fields that bend it as silicone is bent."""
+    """Return an experiment with points on a beam of this modulus (Pa), in fields that bend it like a silicone beam."""
     loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
     model = BeamModel(GEL).refined()
     rest = np.column_stack([np.linspace(3, 24, 8), np.zeros(8)])
@@ -48,9 +48,9 @@ def gel(modulus_Pa: float) -> Experiment:
     return Experiment(model, loads, PointObservation(np.tile(rest, (3, 1, 1)), places + noise, np.full((3, 8), 0.005)))
 
 
-def test_the_modulus_of_a_steel_rod_with_a_dial_gauge():
+def test_the_modulus_of_a_steel_rod_is_identified_from_a_dial_gauge():
     fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0])])
-    # Incompressible, so E = 3 mu; beam theory leaves out shear, which is worth (h/L)^2.
+    # The rod is incompressible (E = 3 mu); beam theory neglects shear, whose effect is about (h/L)^2.
     assert fit.initial_shear_modulus.value == pytest.approx(YOUNG_PA / 3, rel=5e-3)
     low, high = fit.initial_shear_modulus.interval_95
     assert low < YOUNG_PA / 3 < high < 1.2 * low
@@ -96,7 +96,7 @@ def test_a_displaced_clamp_is_a_doubt_with_its_remedy():
     freed = identify("neo-hookean", [off], free=[NuisancePrior("clamp", 0.9)])
     assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []
     assert freed.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)
-    # One state that is elsewhere is no clamp.
+    # A displacement in a single state is not a displaced clamp.
     moved = good.observed.moved_mm.copy()
     moved[2] += 3 * shift
     with pytest.raises(NotExplained):

@@ -1,4 +1,4 @@
-"""Unknowns of a fit besides the parameters of the law: a single entry in a table adds an unknown."""
+"""A fit may have unknowns besides the parameters of the law; a single entry in a table adds such an unknown."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NOISE_MM = 3e-3
 
 @pytest.fixture
 def bent() -> Experiment:
-    """Return an experiment with the noisy edges of a beam with a modulus of 46 kPa."""
+    """An experiment with the noisy edges of a beam with a modulus of 46 kPa in three fields."""
     magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
     beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)
     model, loads = BeamModel(beam, 26, 2), Loads.along((0.0, 4.0, 7.0))
@@ -36,7 +36,7 @@ def bent() -> Experiment:
     return Experiment(BeamModel(beam), loads, observed)
 
 
-def test_a_new_nuisance_needs_one_entry(bent: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_unknown_needs_only_one_entry_in_the_table(bent: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
     def magnified(deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return (1 + deviation[:, :, None]) * np.eye(2), np.zeros((len(deviation), 2))
 
@@ -53,7 +53,10 @@ def test_a_new_nuisance_needs_one_entry(bent: Experiment, monkeypatch: pytest.Mo
 
 
 def test_a_freed_tilt_of_the_camera_is_found_in_the_shapes_of_the_beam() -> None:
-    """The camera is tilted by 2 and -1 degrees. A fit without tilt has a larger error than a fit with a freed tilt."""
+    """A fit that estimates the tilt of the camera finds it, and has a smaller error than a fit without a tilt.
+
+    The camera is tilted by 2 and -1 degrees.
+    """
     beam = Specimen(40.0, 3.0, 6.0, 1070.0, "plane-strain")
     model = BeamModel(beam, 26, 2)
     loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=[0.0, 4e-3, 8e-3, 1.6e-2])
@@ -81,7 +84,7 @@ def test_the_correction_of_the_camera_inverts_its_error() -> None:
     values = [("roll", 0, np.array([12.0])), ("clamp", 0, np.array([0.4])), ("clamp", 1, np.array([-0.7]))]
     setup = Setup.of(values, 1)
     assert setup.corrected(setup.imaged(places))[0] == pytest.approx(places, abs=1e-12)
-    # Counter-clockwise, then moved along.
+    # The points are rotated counter-clockwise, and then displaced.
     assert Setup.of([("roll", 0, 90.0), ("clamp", 1, 0.5)], 1).imaged(np.array([1.0, 0.0])) == pytest.approx([0.0, 1.5])
 
 

@@ -1,4 +1,4 @@
-"""Compare the planar element and the solver with exact or published solutions, and check orders of convergence."""
+"""The planar element and the solver agree with exact or published solutions, and converge with the right orders."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Return the consistent forces (x, y) on N nodes, shape (N, 2), of a dead traction on an edge with ordered nodes.
+    """Return the consistent forces (x, y) on N nodes in N, shape (N, 2), of a dead traction on an edge of the mesh.
 
-    `traction` maps coordinates (x, y) of n points, shape (n, 2), to the traction in N/mm², shape (n, 2).
+    nodes: the nodes of the edge, in order. traction: function from a point (x, y), shape (2,), to the traction in
+    N/mm², shape (2,).
     """
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
@@ -32,7 +33,7 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the equilibrium of a Neo-Hookean body under dead nodal forces, applied in `steps` equal steps."""
+    """Return the equilibrium of a neo-Hookean body under dead nodal forces, applied in `steps` equal steps."""
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
@@ -43,7 +44,10 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
 
 
 def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh of Cook's membrane with corners (0, 0), (48, 44), (48, 60), (0, 44), clamped on the left."""
+    """Return a mesh of Cook's membrane, clamped on the left, and the nodes of its right edge; n x n elements.
+
+    The corners of this benchmark problem are (0, 0), (48, 44), (48, 60) and (0, 44).
+    """
     mesh = mapped_mesh(n, n, lambda s, t: (48 * s, 44 * s + t * (44 * (1 - s) + 16 * s)))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
@@ -51,7 +55,10 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and the nodes on its inner face."""
+    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and the nodes on its inner face.
+
+    n: number of elements over the thickness.
+    """
     mesh = mapped_mesh(
         2 * n,
         n,
@@ -83,7 +90,7 @@ def test_a_thick_cylinder_agrees_with_the_exact_solution(stretch, pressure):
     assert radius == pytest.approx(stretch, rel=2e-4)
 
 
-def test_convergence_orders_of_displacement_and_pressure():
+def test_displacement_and_pressure_converge_with_their_orders():
     # L2 norms of the errors on the inflated cylinder; quadratic displacement: 3, linear pressure: 2.
     stretch, pressure = 1.5, 0.42822836
     s, w = np.polynomial.legendre.leggauss(4)
@@ -114,7 +121,7 @@ def test_convergence_orders_of_displacement_and_pressure():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the exact hydrostatic pressure (mu = 1) at the reference radii R of the inflated cylinder of `inflate`."""
+    """Return the exact hydrostatic pressure (mu = 1) in the inflated cylinder of `inflate` at the reference radii R."""
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.
@@ -123,14 +130,14 @@ def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("n", [8, 16])
-def test_cooks_membrane_nearly_incompressible(n):
+def test_a_nearly_incompressible_cooks_membrane_has_its_published_deflection(n):
     # G = 80.1938, K = 40.0942e4, load 100: 6.92 within 0.5 % (6.9083 published at 128 x 128; finer runs rise to 6.923).
     solid, right = cooks_membrane(n)
     displacement = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 100 / 16])), 80.1938, 40.0942e4)
     assert displacement.displacement[0, right[-1], 1] == pytest.approx(6.92, rel=0.005)
 
 
-def test_cooks_membrane_incompressible():
+def test_an_incompressible_cooks_membrane_has_its_published_deflection():
     # E = 3, nu = 1/2, traction 0.05: u_y = 4.7011.
     solid, right = cooks_membrane(16)
     displacement = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 0.05])), 1.0, 1e5)
@@ -146,8 +153,8 @@ def test_cooks_membrane_incompressible():
         (10, 81.9493, 0.44500, 0.81061),
     ],
 )
-def test_hard_magnetic_elastica(q, angle, x, y):
-    # A beam magnetised along its length in a field across it, q = M B A L^2 / (E I): the inextensible thin limit.
+def test_a_magnetised_beam_bends_as_the_hard_magnetic_elastica(q, angle, x, y):
+    # A beam magnetised along its length in a field across it: the inextensible thin limit with q = M B A L^2 / (E I).
     length, width, mu = 100.0, 1.0, 0.05
     magnetisation = 1e5  # A/m
     field_T = q * (4 * mu * 1e6) * (width * 1e-3) ** 2 / 12 / (magnetisation * (length * 1e-3) ** 2)
@@ -169,7 +176,7 @@ def test_a_tip_moment_bends_a_thin_beam_to_an_arc():
     t = np.radians(np.linspace(0, 120, 13)[1:])
     moment = stiffness * t / length
     field = moment / (1e3 * magnet.moment_A_m2)
-    # The field is turned along with the tip, so that the moment on the magnet is the one that is meant.
+    # The field rotates with the tip, so that the moment on the magnet has the given value.
     loads = Loads(field[:, None] * np.column_stack([-np.sin(t), np.cos(t)]), np.zeros((12, 2)), np.zeros((12, 2)))
     model = BeamModel(Specimen(length + 1.0, width, 1.0, 0.0, "plane-strain", magnet), 40, 1)
     shapes = model.solve(NEO, np.array([[mu * 1e6]]), loads)
@@ -184,7 +191,7 @@ def test_a_patch_of_distorted_elements_stretches_uniformly():
     inside = (
         (mesh.nodes[:, 0] > 0.01) & (mesh.nodes[:, 0] < 1.99) & (mesh.nodes[:, 1] > 0.01) & (mesh.nodes[:, 1] < 0.99)
     )
-    assert np.ptp(mesh.nodes[inside, 0] % 0.25) > 0.01  # the inner nodes really are out of line
+    assert np.ptp(mesh.nodes[inside, 0] % 0.25) > 0.01  # the inner nodes are displaced from the straight lines
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0), 0] = True
     fixed[mesh.row(0), 1] = True

@@ -1,4 +1,4 @@
-"""Frequencies and damping of small vibrations, against Euler-Bernoulli beams and closed forms of one mode."""
+"""Frequencies and damping of small vibrations agree with Euler-Bernoulli beams and closed forms of one mode."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def thin(length_mm: float, magnet_density: float | None) -> Specimen:
 
 
 def euler_bernoulli_Hz(specimen: Specimen, tip_mass_kg: float) -> Array:
-    """Return the three lowest frequencies (Hz) of a cantilever with a rigid body at its tip.
+    """Return the three lowest frequencies (Hz) of a cantilever with a rigid body at its tip, shape (3,).
 
-    They solve the transcendental equation of an Euler-Bernoulli beam.
+    They are the roots of the transcendental equation of an Euler-Bernoulli beam.
     """
     magnet, width, depth = specimen.magnet, 1e-3 * specimen.width_mm, 1e-3 * specimen.depth_mm
     length, line = 1e-3 * specimen.flexible_length_mm, specimen.density_kg_m3 * width * depth
@@ -80,11 +80,13 @@ def test_frequencies_are_those_of_a_thin_beam_with_a_tip_body(
 
 @pytest.mark.parametrize("gravity", [9.80665, -0.7])
 def test_gravity_along_the_beam_changes_the_frequency_as_tension_does(gravity: float) -> None:
-    modulus_Pa, length = 10 * MU_PA, 0.080  # stiff enough to stretch by less than 0.1 %
+    modulus_Pa, length = 10 * MU_PA, 0.080  # so stiff that the beam stretches by less than 0.1 %
     line, stiffness = 1000.0 * 1e-3 * 5e-3, 3 * modulus_Pa * 5e-3 * 1e-9 / 12
     pull, inertia = line * gravity * length**3 / stiffness, line * length**4 / stiffness
 
-    def slopes(x: Array, y: Array, p: Array) -> Array:  # w, its slope and curvature, and shear force over stiffness
+    def slopes(
+        x: Array, y: Array, p: Array
+    ) -> Array:  # deflection w, its slope and curvature, and shear force over stiffness
         return np.array([y[1], y[2], y[3] + pull * (1 - x) * y[1], inertia * p[0] ** 2 * y[0]])
 
     def ends(a: Array, b: Array, p: Array) -> Array:
@@ -102,14 +104,14 @@ def test_gravity_along_the_beam_changes_the_frequency_as_tension_does(gravity: f
     assert motion.frequencies_Hz()[0, 0] == pytest.approx(solved.p[0] / (2 * np.pi), rel=1e-3)
 
 
-def test_the_first_specimen_of_the_paper_rings_at_its_known_frequencies() -> None:
+def test_the_first_specimen_of_the_paper_vibrates_at_its_known_frequencies() -> None:
     vibration, mu = Vibration(SolidModel(TYPE_1, 20, 2)), np.array([[46.4e3]])
     for loads, expected in ((Loads.along([0.0]), 5.48), (NO_LOAD, 4.31), (Loads.along([7.0]), 7.10)):
         motion, _ = vibration.about(LAWS["neo-hookean"], mu, loads)
         assert motion.frequencies_Hz()[0, 0] == pytest.approx(expected, rel=5e-3)
 
 
-def test_candidates_of_a_batch_are_the_same_alone() -> None:
+def test_parameters_give_the_same_frequencies_alone_and_among_others() -> None:
     vibration, mu = Vibration(BeamModel(TYPE_1)), np.array([[30e3], [46e3], [90e3]])
     together, _ = vibration.about(LAWS["neo-hookean"], mu, Loads.along([3.0]))
     for k in range(3):

@@ -1,4 +1,4 @@
-"""The perspective of a tilted camera, compared with a pinhole camera that is turned in space."""
+"""The perspective of a tilted camera agrees with a pinhole camera that is rotated in space."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the picture of points by a camera that is rotated about the centre, in mm at the distance of the centre.
+    """Return the picture (x, y) of n points by a pinhole camera that is rotated about the centre, shape (n, 2).
 
-    The axes are right, down and away. A rotation about the downward axis brings the right side nearer; a rotation about
-    the axis to the right brings the lower side nearer.
+    places: points (right, down, away) in mm, shape (n, 3). The picture is in mm at the distance of the centre. A
+    rotation about the downward axis brings the right side nearer; a rotation about the axis to the right brings the
+    lower side nearer.
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]

@@ -1,4 +1,7 @@
-"""The worth of an estimate: likelihood profiles, directions, comparison of laws and coverage, for known results."""
+"""Likelihood profiles, determined directions, comparisons of laws and the coverage of intervals are right.
+
+The tests use objectives and measurements whose results are known.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def test_the_ends_of_a_skewed_objective_have_the_same_rise():
 def test_the_ends_stay_within_the_bounds_also_if_the_objective_is_flat():
     def rise(unit):
         u = unit[:, :1] - 0.9
-        z = np.where(u < 0, u / 0.02, 0.0)  # nothing tells values above the optimum apart
+        z = np.where(u < 0, u / 0.02, 0.0)  # the data do not distinguish values above the optimum
         return z[:, 0] ** 2, z / 0.02
 
     ends = interval_ends(rise, np.array([0.9]), np.zeros(1), np.array([[1 / 0.02**2]]), np.array([0.04]), (0,))
@@ -68,7 +71,7 @@ def test_the_ends_stay_within_the_bounds_also_if_the_objective_is_flat():
 
 def test_directions_name_a_determined_sum_or_ratio():
     names, prior = ("a", "b", "c"), np.diag([1.0, 1.0, 1.0])
-    slopes = np.array([1.0, -1.0, 0.0]) * 50  # only a - b is seen
+    slopes = np.array([1.0, -1.0, 0.0]) * 50  # the data depend only on a - b
     best, *others = directions(names, np.outer(slopes, slopes), prior)
     assert best.words in ("a against b", "b against a")
     assert best.remaining == pytest.approx(1 / np.sqrt(5001), rel=1e-6)
@@ -99,21 +102,21 @@ def test_the_statement_on_a_parameter_follows_its_interval(interval, remaining, 
 
 
 def test_information_criteria_follow_their_definition():
-    # -2 log L = 2 N log(error); one more unknown that explains nothing costs 2 + the small-sample term.
+    # -2 log L = 2 N log(error); an additional unknown without effect costs 2 + the small-sample term.
     one, two = choose([Candidate("a", 1, ((30.0, 0.01),)), Candidate("b", 2, ((30.0, 0.01),))])
     assert one.aicc == one.bic == 0.0
     assert two.aicc == pytest.approx(2 + 2 * 3 * 4 / 26 - 2 * 2 * 3 / 27)
     assert two.bic == pytest.approx(np.log(30))
     assert one.weight / two.weight == pytest.approx(np.exp(0.5 * two.aicc))
-    # Half the error with 30 points is worth 60 log 2.
+    # With 30 points, half the error improves the criterion by 60 log 2.
     worse, better = choose([Candidate("a", 1, ((30.0, 0.02),)), Candidate("b", 1, ((30.0, 0.01),))])
     assert worse.aicc == pytest.approx(60 * np.log(2))
     assert better.weight > 0.999
     assert choose([Candidate("a", 6, ((5.0, 0.02),))])[0].aicc is None
-    # six unknowns and a noise level need nine points: with fewer, the correction would be any number
+    # six unknowns and a noise level need nine points: with fewer points the correction is not defined
     assert choose([Candidate("a", 6, ((8.9, 0.02),))])[0].aicc is None
     assert choose([Candidate("a", 6, ((9.0, 0.02),))])[0].aicc == 0.0
-    # A law for which the data are too few has no weight, and one law alone has none either.
+    # A law with too few data has no weight, and a single law has no weight.
     few, *enough = choose([Candidate("a", 6, ((8.0, 0.02),)), *(Candidate(n, 1, ((8.0, 0.02),)) for n in "bc")])
     assert (few.aicc, few.weight) == (None, None)
     assert [choice.weight for choice in enough] == [0.5, 0.5]
@@ -126,10 +129,10 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """Draw every source of uncertainty in several measurements, and count the intervals that contain the truth.
+    """In simulated measurements with every source of uncertainty drawn, enough intervals contain the truth.
 
     With a probability of 1 in 1000, fewer than 6 of 8 or 88 of 100 correct 95 % intervals contain the truth. The short
-    test uses Neo-Hookean beams, one of them with a solid section; the long test uses all laws.
+    test uses neo-Hookean beams, one of them with a solid section; the long test uses all laws.
     """
     numbers = (0, 4, 8, 12, 16, 20, 24, 36) if experiments == 8 else range(experiments)
     coverage = row("all", [outcome(Case(number, seed=7)) for number in numbers])

@@ -51,7 +51,7 @@ def wait_for(path: Path) -> None:
 
 @contextmanager
 def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run code in another process, and keep this process alive until the context ends."""
+    """Run code in another process; yield this process after the code, and keep it alive until the context ends."""
     process = subprocess.Popen(
         [sys.executable, "-c", code + "\nopen('ready', 'w').close(); input()"], cwd=folder, stdin=-1
     )
@@ -73,7 +73,7 @@ def test_the_whole_chain_runs_in_a_folder_with_an_umlaut(tmp_path: Path) -> None
     assert sorted(path.name for path in (folder / "eimi-demo").iterdir()) == ["dataset.h5", "fits.json", "report.html"]
 
 
-def test_a_file_that_is_open_for_a_moment_is_replaced(tmp_path: Path) -> None:
+def test_a_file_that_another_program_has_open_for_a_moment_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "fits.json"
     path.write_bytes(b"old")
     scanned = path.open("rb")
@@ -82,7 +82,9 @@ def test_a_file_that_is_open_for_a_moment_is_replaced(tmp_path: Path) -> None:
     assert path.read_bytes() == "neu: µ".encode()
 
 
-def test_a_file_that_stays_open_is_named_and_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_about_a_file_that_stays_open_names_it_and_no_temporary_file_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(replacing, "TRY_FOR_S", 0.3)
     path = tmp_path / "fits.json"
     path.write_bytes(b"old")
@@ -104,7 +106,7 @@ def test_a_second_writer_is_refused_until_the_first_has_died(tmp_path: Path) -> 
     assert not lock_file(path).exists()
 
 
-def test_a_full_pipe_does_not_hold_up_its_writer() -> None:
+def test_a_full_pipe_does_not_delay_its_writer() -> None:
     reading, writing = os.pipe()
     assert not readable(reading, 0.0)
     never_wait_to_write(writing)
@@ -119,7 +121,7 @@ def test_a_full_pipe_does_not_hold_up_its_writer() -> None:
     os.close(writing)
     while os.read(reading, 4096):
         pass
-    assert readable(reading, 0.0)  # the end of the pipe
+    assert readable(reading, 0.0)  # the other end of the pipe
     os.close(reading)
 
 
@@ -147,7 +149,7 @@ def test_the_guardian_of_a_run_that_was_killed_switches_the_coil_off(tmp_path: P
         supply.set_output(True)
         supply.close()
         assert coil.state.output
-        run.kill()  # TerminateProcess
+        run.kill()  # on Windows, this calls TerminateProcess
         run.wait()
         until = time.monotonic() + PATIENCE_S
         while coil.state.output:

@@ -1,4 +1,4 @@
-"""The laws under test: a test with the argument ``row`` runs once for each row of ROWS."""
+"""The laws under test: a test with the argument ``row`` runs once for each law in ROWS."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ ROWS = [
         energy=[0.03, 1.7, 0.001, 8.0, -0.01, -2.5],
         silicone=[20e3, 1.7, 300.0, 5.0, -6e3, -2.0],
         candidates=st.tuples(coefficient, exponent, coefficient, exponent, coefficient, exponent),
-        recovered=None,  # a curve does not distinguish the terms
+        recovered=None,  # one tensile curve does not distinguish the terms
         refused=("sofa",),
     ),
     Row(

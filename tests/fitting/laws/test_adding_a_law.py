@@ -1,4 +1,4 @@
-"""A law from outside the package is registered as CONTRIBUTING.md describes, and every part of the suite accepts it."""
+"""A user's law is registered as CONTRIBUTING.md describes, and every part of the suite accepts this law."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_intervals_of_a_tensile_fit_contain_the_truth(law: ArrudaBoyce, truth: l
         low, high = fit.initial_shear_modulus_interval_Pa
         inside += low <= modulus <= high, fit.intervals[1, 0] <= truth[1] <= fit.intervals[1, 1]
     print(truth, inside)
-    assert np.all(inside >= 35)  # 38 of 40 are expected
+    assert np.all(inside >= 35)  # 38 of 40 intervals are expected to contain the truth
 
 
 def test_a_tensile_curve_with_stresses_that_the_law_cannot_produce_is_refused(law: ArrudaBoyce) -> None:
@@ -87,8 +87,8 @@ def test_a_tensile_curve_with_stresses_that_the_law_cannot_produce_is_refused(la
             fit_tensile(nonlinear, strain, 0.0 * strain)
 
 
-def test_a_parameter_limited_only_by_the_bounds_is_reported_as_not_fixed(law: ArrudaBoyce) -> None:
-    # Chains far from locking are Gaussian, so a short curve does not determine the locking stretch.
+def test_a_parameter_that_only_the_bounds_limit_is_reported_as_not_determined(law: ArrudaBoyce) -> None:
+    # Polymer chains far from their locking stretch are Gaussian, so that a short curve does not determine this stretch.
     strain = np.linspace(0.02, 0.2, 30)
     noise = np.random.default_rng(0).normal(0, 500.0, 30)
     fit = fit_tensile(law, strain, engineering_stress(law, np.array([40e3, 9.0]), strain) + noise)

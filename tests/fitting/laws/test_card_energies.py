@@ -1,10 +1,10 @@
-"""Read every material card back: the energy that a program computes from a card is the energy of the law.
+"""The energy that a finite-element program computes from a material card is the energy of the law.
 
 This file takes the energies of the programs from their manuals, not from the code that writes the cards: Abaqus
 Analysis User's Guide, hyperelastic behavior of rubberlike materials (CalculiX reads the same cards); ANSYS Material
 Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic materials; FEBio User's Manual,
-uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField. The letter s stands for the three isochoric
-principal stretches.
+uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField. In the formulas, s is the three isochoric principal
+stretches.
 """
 
 from __future__ import annotations
@@ -51,19 +51,22 @@ def arruda_boyce(mu: float, locking: float, s: np.ndarray) -> float:
 
 
 def two_over(numbers: Numbers) -> float:
-    """Return the bulk modulus K = 2/D of a volume energy (J - 1)²/D, from the constants D of a card."""
+    """Return the bulk modulus K = 2/D (MPa) of a volume energy (J - 1)²/D; D is the last constant of a card."""
     return 2 / numbers[-1]
 
 
 def two_over_first_of_three(numbers: Numbers) -> float:
-    """Return the bulk modulus 2/D_1 of the volume energy sum (J - 1)^(2i)/D_i; D_2 and D_3 must be absent."""
+    """Return the bulk modulus 2/D_1 (MPa) of the volume energy sum (J - 1)^(2i)/D_i; assert that D_2 and D_3 are 0.
+
+    D_1, D_2 and D_3 are the last three constants of a card.
+    """
     assert list(numbers[-2:]) == [0.0, 0.0]
     return 2 / numbers[-3]
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The material that a program reads in a card: isochoric energy, bulk modulus (MPa) and number of constants."""
+    """The material that a program reads from a card: isochoric energy, bulk modulus (MPa) and number of constants."""
 
     energy: Energy
     bulk: Callable[[Numbers], float]
@@ -73,9 +76,10 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return one `Reading` for each law, from the constants of a card as Abaqus or ANSYS reads them.
+    """Return one `Reading` for each law, as Abaqus or ANSYS interprets the constants of a card.
 
-    The two programs scale some constants differently. `of_yeoh` and `of_ogden` return the bulk modulus of these laws.
+    The two programs scale some constants differently. `of_yeoh` and `of_ogden` return the bulk moduli of these laws
+    from the constants.
     """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)
@@ -100,7 +104,7 @@ READINGS: dict[tuple[str, str], Reading] = {
     **{("abaqus", name): reading for name, reading in zip(_NAMES["abaqus"], _ABAQUS, strict=True)},
     **{("calculix", name): reading for name, reading in zip(_NAMES["abaqus"], _ABAQUS, strict=True)},
     **{("ansys", name): reading for name, reading in zip(_NAMES["ansys"], _ANSYS, strict=True)},
-    # COMSOL's table has no name of a law: a person chooses it, by the names of the constants.
+    # COMSOL's table has no name of a law: a person chooses the law by the names of the constants.
     ("comsol", "mu"): Reading(lambda c, s: neo_hooke(c[0] / 2, s), lambda c: c[-1], 2),
     ("comsol", "C10 C01"): Reading(lambda c, s: c[0] * (first(s) - 3) + c[1] * (second(s) - 3), lambda c: c[-1], 3),
     ("comsol", "c1 c2 c3"): Reading(yeoh, lambda c: c[-1], 4),
@@ -148,7 +152,7 @@ def read(solver: str, card: str) -> tuple[str, Numbers]:
 def febio_expression(card: str, s: np.ndarray) -> float:
     """Return the energy (MPa) of FEBio's material "uncoupled hyperelastic" at the stretches s.
 
-    The card gives the energy as an expression.
+    The card of this material contains the energy as a formula.
     """
     text = (ET.fromstring(card).findtext("W") or "").replace("^", "**")
     assert re.fullmatch(r"[-+*() .\dI]+", text)
@@ -171,7 +175,7 @@ def test_the_energy_of_a_card_is_that_of_the_law(solver: str, row) -> None:
         assert numbers == pytest.approx([1e-6 * BULK_PA], rel=1e-9)
         assert [febio_expression(card, s) for s in SHAPES] == pytest.approx(law, rel=1e-8)
         return
-    reading = READINGS[solver, name]  # a card of another law needs its energy in this table
+    reading = READINGS[solver, name]  # a card of a new law needs its energy in this table
     assert len(numbers) == reading.count
     assert reading.bulk(numbers) == pytest.approx(1e-6 * BULK_PA, rel=1e-9)
     assert [reading.energy(numbers, s) for s in SHAPES] == pytest.approx(law, rel=1e-8)

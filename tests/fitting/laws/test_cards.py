@@ -1,4 +1,4 @@
-"""Material cards: exact conversions, refusals, and runs of CalculiX with the cards written for it."""
+"""Material cards: exact conversions, refusals, and runs of CalculiX with the cards that were written for it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eimi_fitting.laws.prony import Prony
 from eimi_fitting.laws.tensile import engineering_stress
 from tests.patience import PATIENCE_S
 
-PARAMETERS = {  # Pa; typical of a soft silicone, no constant is zero
+PARAMETERS = {  # in Pa; typical of a soft silicone; no constant is zero
     "neo-hookean": [46e3],
     "mooney-rivlin": [20e3, 4e3],
     "yeoh": [19.5e3, 3e3, 400.0],
@@ -47,7 +47,7 @@ def numbers(lines: list[str]) -> list[float]:
 
 
 def keyword_constants(card: str) -> list[float]:
-    """Return the constants below the line *HYPERELASTIC of a card."""
+    """Return the constants of a card below the line *HYPERELASTIC."""
     return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
 
 
@@ -66,11 +66,15 @@ UNIT_CUBE = """*NODE, NSET=ALL
 2, 3, 6, 7
 """
 STRETCHES = np.array([1.2, 1.5, 2.0])
-HELD = {1: (1, 4, 5, 8), 2: (1, 2, 5, 6), 3: (1, 2, 3, 4)}  # axis: nodes of the face that is fixed along the axis
+HELD = {
+    1: (1, 4, 5, 8),
+    2: (1, 2, 5, 6),
+    3: (1, 2, 3, 4),
+}  # for each axis, the nodes of the face that is fixed along this axis
 
 
 def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
-    """Run CalculiX, and return the forces (N) that pull a cube of 1 mm to the stretches in STRETCHES."""
+    """Run CalculiX; return the forces (N) that pull a cube of 1 mm to the stretches in STRETCHES."""
     held = "".join(f"{node}, {axis}\n" for axis, face in HELD.items() for node in face)
     steps = "".join(
         "*STEP, NLGEOM, INC=1000\n*STATIC\n0.05, 1.0, 1e-5, 0.1\n*BOUNDARY\n"
@@ -100,7 +104,7 @@ def test_calculix_reproduces_the_stress_of_the_incompressible_law(tmp_path: Path
 
 
 @NEEDS_CCX
-def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) -> None:
+def test_calculix_uses_the_volume_term_that_the_card_contains(tmp_path: Path, row) -> None:
     if "calculix" in row.refused:
         pytest.skip("has no such law")
     chosen = card_of(row.law, row.silicone, ratio=20.0)
@@ -111,9 +115,10 @@ def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) 
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Return the engineering stress (Pa) in uniaxial tension of a compressible material.
+    """Return the engineering stress (Pa) of a compressible material in uniaxial tension, whose sides carry no stress.
 
-    The free sides carry no stress. `pressure` is the derivative of the volume term in the card.
+    pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative of the card's volume energy
+    (Pa).
     """
 
     def kirchhoff(side: float) -> np.ndarray:
@@ -126,7 +131,7 @@ def compressible_force(chosen: Material, pressure: Callable[[float, float], floa
     return float(kirchhoff(side)[0] / stretch)
 
 
-def test_abaqus_constants() -> None:
+def test_a_card_for_abaqus_has_the_constants_of_its_manual() -> None:
     mu, c = 46e-3, 2 / (2000 * 46e-3)
     assert keyword_constants(material_card("abaqus", material("neo-hookean"))) == pytest.approx([mu / 2, c])
     card = material_card("abaqus", material("ogden"))
@@ -140,7 +145,7 @@ def test_abaqus_constants() -> None:
     assert yeoh == pytest.approx([19.5e-3, 3e-3, 0.4e-3, 2 / (2000 * 39e-3), 0, 0])
 
 
-def test_ansys_constants() -> None:
+def test_a_card_for_ansys_has_the_constants_of_its_manual() -> None:
     card = material_card("ansys", material("ogden"))
     rows = [line.split(",") for line in card.splitlines() if line.startswith("TBDATA")]
     assert [row[1] for row in rows] == ["1", "7"]
@@ -149,7 +154,7 @@ def test_ansys_constants() -> None:
     assert "TB,HYPER,1,1,3,OGDEN" in card
 
 
-def test_comsol_table_has_three_columns_and_units() -> None:
+def test_the_table_for_comsol_has_three_columns_and_units() -> None:
     rows = [shlex.split(line) for line in material_card("comsol", material("yeoh")).splitlines()]
     assert {len(row) for row in rows} == {3}
     values = {name: value for name, value, _ in rows}
@@ -157,7 +162,7 @@ def test_comsol_table_has_three_columns_and_units() -> None:
     assert values["kappa"] == "78000000[Pa]"
 
 
-def test_febio_yeoh_is_its_energy() -> None:
+def test_the_yeoh_card_for_febio_contains_the_energy() -> None:
     element = ET.fromstring(material_card("febio", material("yeoh")))
     assert element.get("type") == "uncoupled hyperelastic"
     assert (element.findtext("pressure_model"), element.findtext("k")) == ("2", "78")
@@ -167,13 +172,13 @@ def test_febio_yeoh_is_its_energy() -> None:
         assert eval(energy, {"I1": first}) == pytest.approx(19.5e-3 * x + 3e-3 * x**2 + 0.4e-3 * x**3)
 
 
-def test_febio_ogden_constants() -> None:
+def test_the_ogden_card_for_febio_has_the_constants_of_its_manual() -> None:
     element = ET.fromstring(material_card("febio", material("ogden")))
     got = [float(element.findtext(tag) or "nan") for tag in ("c1", "m1", "c2", "m2", "c3", "m3")]
     assert got == pytest.approx([34e-3, 1.7, 1.5e-3, 5.0, 12e-3, -2.0])
 
 
-def test_sofa_constants_and_refusals() -> None:
+def test_a_card_for_sofa_has_the_constants_of_its_source_or_is_refused() -> None:
     def parameters(chosen: Material) -> list[float]:
         return [float(x) for x in (ET.fromstring(material_card("sofa", chosen)).get("ParameterSet") or "").split()]
 
@@ -189,8 +194,12 @@ def test_sofa_constants_and_refusals() -> None:
         material_card("sofa", material("yeoh"))
 
 
-def test_the_sofa_card_names_versions_and_the_later_element() -> None:
-    """SOFA v25.12 changed its Ogden law and the order of the constants; v26.06 is the last without the new element."""
+def test_a_card_for_sofa_names_the_versions_for_which_it_is_valid() -> None:
+    """A card for SOFA names the versions of SOFA for which it is valid.
+
+    SOFA v25.12 changed its Ogden law and the order of the constants; v26.06 is the last version without the new
+    element.
+    """
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     for chosen, component in (
         (material("neo-hookean"), "NeoHookeanMaterial"),
@@ -204,7 +213,10 @@ def test_the_sofa_card_names_versions_and_the_later_element() -> None:
 
 
 def test_the_young_modulus_for_sofa_gives_the_constants_of_the_card() -> None:
-    """Lamé's constants of linear elasticity (any textbook): mu = E/2/(1 + nu), lambda = E nu/(1 + nu)/(1 - 2 nu)."""
+    """Young's modulus and Poisson's ratio in a card for SOFA agree with the Lamé constants in the card.
+
+    In linear elasticity, mu = E/2/(1 + nu) and lambda = E nu/(1 + nu)/(1 - 2 nu).
+    """
     card = material_card("sofa", material("neo-hookean"))
     mu, lame = (float(x) for x in (ET.fromstring(card).get("ParameterSet") or "").split())
     young, poisson = (float(x) for x in re.findall(r"(?:youngModulus|poissonRatio) = ([0-9.e-]+)", card))
@@ -272,8 +284,11 @@ def test_a_bulk_modulus_below_two_thirds_of_the_shear_modulus_is_refused() -> No
         ("sofa", ["no Prony series", 'ParameterSet="0.04 ']),
     ],
 )
-def test_a_card_holds_the_prony_series_or_states_that_the_program_takes_none(solver: str, lines: list[str]) -> None:
-    """Abaqus and ANSYS take instantaneous moduli. FEBio and programs without a Prony series take long-term moduli."""
+def test_a_card_contains_the_prony_series_or_says_that_the_program_has_none(solver: str, lines: list[str]) -> None:
+    """A card contains the Prony series, or says that the program has no Prony series.
+
+    Abaqus and ANSYS take instantaneous moduli; FEBio and programs without a Prony series take long-term moduli.
+    """
     series = Prony(np.array([0.2]), np.array([1.5]))
     material = Material(LAWS["neo-hookean"], np.array([50e3]), 50e6, "SILICONE", (), series)
     card = material_card(solver, material)

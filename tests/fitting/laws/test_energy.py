@@ -28,7 +28,7 @@ def test_derivatives_match_central_differences(row, section, stretch, J, seed):
     law, parameters = row.law, random_parameters(row, seed)
     a = np.array(stretch**2 + (J / stretch) ** 2)
     J = np.array(J)
-    a = np.maximum(a, 2 * J * (1 + 1e-3))  # real stretches need a >= 2 J, also in the central differences
+    a = np.maximum(a, 2 * J * (1 + 1e-3))  # the stretches are real only if a >= 2 J, also in the central differences
     h = 1e-5
 
     def energy(da, dJ):
@@ -89,7 +89,7 @@ def test_ogden_is_smooth_through_equal_stretches(excess):
     parameters = OGDEN
     e = law.planar(parameters, np.array(2 * (1 + excess)), np.array(1.0), "plane-strain")
     assert all(np.isfinite(x).all() for x in e)
-    # Compare with the energy as a function of the stretches.
+    # The reference is the energy as a function of the stretches.
     c = 1 + excess
     l1 = np.sqrt(c + np.sqrt(c * c - 1))
     direct = sum(m / al * (l1**al + l1**-al + 1 - 3) for m, al in zip(parameters[0::2], parameters[1::2], strict=True))

@@ -1,4 +1,4 @@
-"""Conversion of coordinates between 0 and 1, which the search uses, into parameters of a law."""
+"""Coordinates between 0 and 1, which the search uses, are converted to parameters of a law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drucker's criterion, compared with limits derived by hand and with a dense grid of isochoric states."""
+"""Drucker's stability criterion agrees with limits derived by hand and with a dense grid of isochoric states."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BASIS = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
 
 
 def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.ndarray:
-    """Return whether Drucker's criterion holds for three log principal stretches, shape (..., 3).
+    """Return whether Drucker's criterion holds for three log principal stretches, shape (..., 3); the result is (...).
 
     The criterion holds if the Hessian of the energy, restricted to isochoric changes, has positive eigenvalues only.
     """
@@ -25,7 +25,10 @@ def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.
 
 
 def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, float]:
-    """Return two stretches of a grid: the last one up to which the law is stable, and the first unstable one."""
+    """Return two stretches of a grid: the last one up to which the law is stable, and the first unstable one.
+
+    If the law is stable up to the largest stretch `most`, they are `most` and inf.
+    """
     largest = np.linspace(0, np.log(most), GRID)[:, None]
     share = np.linspace(-0.5, 1, SHARES)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -46,7 +49,7 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
         assert limit == 0.0
         return
     last_stable, first_unstable = grid_limit(law, parameters, most)
-    # The limit never lies beyond an unstable state. It may lie below the grid's limit only if the grid overlooks a
+    # No unstable state lies below the limit. The limit may be below that of the grid only if the grid overlooks a
     # narrow unstable range. The smallest eigenvalue is then nearly zero.
     assert limit <= first_unstable * (1 + 1e-9)
     if limit < last_stable * (1 - 1e-5):
@@ -54,7 +57,10 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Return the smallest eigenvalue over the largest, if the largest stretch is at most 1 % beyond the limit."""
+    """Return the smallest eigenvalue of the Hessian over the largest, at largest stretches up to 1 % beyond `limit`.
+
+    The states are isochoric; an eigenvalue near zero shows that the limit is right.
+    """
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -100,7 +106,7 @@ def test_yeoh_with_negative_c20_is_stable_up_to_the_maximum_equibiaxial_stress()
 def narrow_pocket() -> tuple[np.ndarray, float]:
     """Return Yeoh parameters that are unstable in a very narrow range of stretches, and the start of this range."""
     law, c20 = LAWS["yeoh"], -0.1
-    stiff, soft = 0.1, 0.001  # C30 that makes the law stable everywhere, and C30 that does not
+    stiff, soft = 0.1, 0.001  # values of C30 with which the law is stable everywhere, and not stable everywhere
     for _ in range(40):
         c30 = 0.5 * (stiff + soft)
         if stable_up_to(law, np.array([1.0, c20, c30])) is None:
@@ -209,7 +215,7 @@ def test_a_scan_agrees_with_the_exact_limit(name):
     with np.errstate(all="ignore"):
         scanned = np.minimum(scanned_limit(law, parameters, most), most)
     assert (scanned == 0).tolist() == (exact == 0).tolist()
-    # A scan may overlook unstable states between its own, so its limit is never below the exact one.
+    # A scan may overlook unstable states between its points, so that its limit is never below the exact limit.
     assert np.all(scanned >= exact * (1 - 1e-4))
     assert np.mean(np.abs(scanned / np.maximum(exact, 1e-9) - 1)[exact > 0] < 1e-3) > 0.9
     assert name == "neo-hookean" or ((exact > 1) & (exact < most)).sum() > 5

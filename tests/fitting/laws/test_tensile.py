@@ -1,4 +1,4 @@
-"""Tensile fits: stresses in closed form, recovery of parameters, intervals, and reference values for published data."""
+"""Tensile fits: stresses in closed form, recovered parameters, intervals, and reference values for published data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXAMPLES = {
 
 @settings(max_examples=60)
 @given(stretch=st.floats(0.3, 6.0), c=st.tuples(*[st.floats(-1e5, 1e5)] * 3))
-def test_engineering_stress_has_its_closed_forms(stretch: float, c: tuple[float, float, float]) -> None:
+def test_the_engineering_stress_agrees_with_closed_forms(stretch: float, c: tuple[float, float, float]) -> None:
     def stress(model: str, *parameters: float) -> float:
         return float(engineering_stress(LAWS[model], np.array(parameters), np.array([stretch - 1]))[0])
 
@@ -56,7 +56,7 @@ def test_a_fit_to_a_curve_of_the_law_recovers_its_parameters(row, relative: bool
 @pytest.mark.parametrize("model", ["neo-hookean", "mooney-rivlin", "yeoh"])
 @pytest.mark.parametrize("rows_alike", [1, 5])
 def test_intervals_contain_the_truth(model: str, rows_alike: int) -> None:
-    """In 200 repetitions with white or correlated noise, 88 to 99 % of the 95 % intervals contain the truth."""
+    """In 200 repetitions with white or correlated noise, 88 to 99 % of the 95 % intervals contain the true modulus."""
     law, truth = LAWS[model], np.array(EXAMPLES[model])
     strain = np.linspace(0.02, 1.0, 200)
     clean = engineering_stress(law, truth, strain)
@@ -121,14 +121,14 @@ ecoflex_00-50 full: 87.18 [223]; 62.40 -220.8 [123]; 13.86 0.1109 -8.76e-5 [4.8]
 
 
 def as_printed(value: float, printed: str) -> bool:
-    """Return whether a number, rounded to the digits of `printed`, equals `printed`; a tie may round up or down."""
+    """Return whether `value`, rounded to the digits of `printed`, equals `printed`; a tie may round up or down."""
     mantissa, _, exponent = printed.partition("e")
     last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(value - float(printed)) <= 0.51 * last
 
 
 @pytest.mark.parametrize("line", REFERENCE.split("\n")[1:-1], ids=lambda line: line.partition(":")[0])
-def test_reference_tables(measured: Path, line: str) -> None:
+def test_fits_of_published_curves_have_the_reference_values(measured: Path, line: str) -> None:
     heading, _, laws = line.partition(": ")
     material, window = heading.split()
     table = np.genfromtxt(measured / "tensile" / f"{material}.csv", delimiter=";", skip_header=18)

@@ -1,4 +1,4 @@
-"""Widths of the intervals of a tensile fit, compared with calculations by hand.
+"""Widths of the intervals of a tensile fit agree with calculations by hand.
 
 The tests vary the noise, its correlation and the degrees of freedom.
 """
@@ -21,8 +21,8 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
     """The half-width is t sigma sqrt(tau) / |slope|, with Student's t for n/tau - 1 degrees of freedom.
 
-    n is the number of rows of the curve, tau the number of rows that count as one independent row, and sigma² the sum
-    of the squared residuals divided by n - 1.
+    n is the number of rows of the curve, and tau the number of rows that count as one independent row. sigma² is the
+    sum of the squared residuals divided by n - 1.
     """
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
@@ -44,7 +44,10 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """The curve has one Ogden term. The interval of another term's modulus is as wide as the noise could hide."""
+    """If a curve has only one Ogden term, the modulus of another term has an interval of finite width.
+
+    The interval is as wide as the largest modulus that the noise could hide.
+    """
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
     truth = np.array([30e3, 2.0, 0.0, 6.0, 0.0, -2.0])
@@ -65,7 +68,10 @@ def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
 
 
 def test_exponents_that_the_data_do_not_determine_are_limited_by_their_range() -> None:
-    """Small strains hardly depend on the Ogden exponents, but they determine the initial shear modulus."""
+    """With small strains, which hardly depend on the Ogden exponents, the range of the exponents limits the moduli.
+
+    The initial shear modulus is determined by these data.
+    """
     law = LAWS["ogden"]
     strain = np.linspace(0.005, 0.06, 30)
     noise = np.random.default_rng(6).normal(0, 40, 30)

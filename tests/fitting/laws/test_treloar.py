@@ -1,9 +1,9 @@
-"""Ogden's law and Treloar's measurements of rubber in simple tension.
+"""Ogden's law describes Treloar's measurements of rubber in simple tension.
 
 Data: L. R. G. Treloar 1944, Trans. Faraday Soc. 40:59, vulcanised rubber, nominal stress in kgf/cm², as tabulated in
 the documentation of FElupe (after P. Neff's group, Universität Duisburg-Essen). Constants of the three terms: Ogden
 1972, Proc. R. Soc. Lond. A 326:565, chosen for simple tension, equibiaxial tension and pure shear together. Sets of
-constants are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484), so the tests compare the curves.
+constants are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484), so that the tests compare the curves.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STRESS_PA = KGF_PER_CM2 * 9.80665e4
 
 
 def test_ogdens_constants_give_treloars_curve():
-    # Within 14 % up to a stretch of 7.4; Ogden's constants miss the first bend and the last upturn.
+    # The error is at most 14 % up to a stretch of 7.4; Ogden's constants miss the first bend and the last rise.
     used = STRETCH <= 7.4
     ratio = engineering_stress(OGDEN, OGDEN_1972_PA, STRETCH[used] - 1) / STRESS_PA[used]
     assert np.all(np.abs(ratio - 1) < 0.14)

@@ -1,4 +1,4 @@
-"""Frequency and loss from recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
+"""Frequency and loss follow from recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ def recorded(
     rising_loss: float = 0.0,
     seed: int = 0,
 ) -> Motion:
-    """Return the motion of ten points on a cantilever that vibrates in its first mode, released at ``begins_s``."""
+    """Return the motion of ten points on a cantilever that vibrates in its first mode and is released at ``begins_s``.
+
+    hidden: share of the positions that are missing (NaN). row_s: time between the exposures of the first and the last
+    point (s).
+    """
     rng, points = np.random.default_rng(seed), 10
     x = np.linspace(6, LENGTH_MM, points)
     omega = 2 * np.pi * frequency_Hz

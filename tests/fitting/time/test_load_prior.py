@@ -1,6 +1,6 @@
-"""The prior of the factor on the magnetic loads in the fit of a viscoelastic (Prony) law.
+"""The prior of the factor on the magnetic loads, in the fit of a viscoelastic (Prony) law, is right.
 
-The prior contains the stated uncertainty of the magnetic moment. It affects the moduli of the Prony law.
+The prior contains the given uncertainty of the magnetic moment, and affects the moduli of the Prony law.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def stated(**sigmas: float) -> list[StatedSource]:
     return [StatedSource(key.replace("_", "-"), sigma, "specimen") for key, sigma in sigmas.items()]
 
 
-def test_stated_uncertainties_of_the_moment_and_the_coil_are_relative(specimen: Specimen) -> None:
+def test_given_uncertainties_of_the_moment_and_the_coil_are_relative(specimen: Specimen) -> None:
     assert specimen.magnet is not None
     remanence_T = specimen.magnet.remanence_T
     sigmas = relative_load_sigmas(stated(remanence=0.02 * remanence_T, coil=0.01, width=0.05), specimen)
@@ -38,7 +38,7 @@ def test_stated_uncertainties_of_the_moment_and_the_coil_are_relative(specimen: 
     assert relative_load_sigmas(stated(moment=0.03), specimen) == {"moment": 0.03}
 
 
-def test_an_exact_moment_has_no_uncertainty_and_a_moment_that_is_not_stated_is_free(specimen: Specimen) -> None:
+def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specimen: Specimen) -> None:
     assert relative_load_sigmas(stated(remanence=0.0), specimen) == {}
     assert relative_load_sigmas(stated(coil=0.01), specimen) is None
     assert relative_load_sigmas(stated(remanence=0.01), replace(specimen, magnet=None)) is None
@@ -46,7 +46,7 @@ def test_an_exact_moment_has_no_uncertainty_and_a_moment_that_is_not_stated_is_f
 
 @dataclass(frozen=True)
 class Normal:
-    """Normally distributed evidence for ln(modulus) + `of_load` ln(load factor), with `mean` and `sigma`."""
+    """Evidence for ln(modulus) + `of_load` ln(load factor) with a normal distribution of `mean` and `sigma`."""
 
     of_load: float
     mean: float

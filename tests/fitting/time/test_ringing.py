@@ -1,4 +1,4 @@
-"""The table of complex frequencies that a fit interpolates, and the effect of the exposure on the amplitude."""
+"""The table of complex frequencies that a fit interpolates is exact, and exposure reduces amplitudes as computed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_table_gives_the_roots_of_the_whole_matrices_in_a_field() -> None:
     assert roots.real == pytest.approx(expected.real, rel=3e-4)
 
 
-def test_the_table_holds_for_a_material_that_is_eight_times_as_stiff_in_vibrations() -> None:
+def test_the_table_is_exact_for_a_material_that_is_eight_times_as_stiff_in_vibrations() -> None:
     strong = Prony(np.array([0.45, 0.425]), np.array([2.0, 20.0]))
     of_table = table(0.0)
 
@@ -68,7 +68,7 @@ def test_a_factor_on_the_moment_changes_a_ring_down_as_a_stronger_field_does() -
 
 def test_amplitudes_are_those_of_the_beam_and_not_of_exposed_frames() -> None:
     frequency, exposure_s, frames = 6.0, 0.05, np.arange(300)[:, None] / 60
-    # The mean of each exposure, which ends at the time of the frame.
+    # Each value is the mean over an exposure, which ends at the time of the frame.
     inside = frames[..., None] - exposure_s * (np.arange(200) + 0.5) / 200
     across = np.mean(np.exp(-1.0 * inside) * np.cos(2 * np.pi * frequency * inside), axis=-1)
     places = np.stack([np.full_like(across, 30.0), across], axis=-1)

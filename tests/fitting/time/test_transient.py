@@ -1,4 +1,4 @@
-"""The motion of a beam in time, with inertia and internal variables, compared with the theory of small vibrations."""
+"""The motion of a beam in time, with inertia and internal variables, agrees with the theory of small vibrations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SERIES = Prony(np.array([0.12, 0.10]), np.array([0.05, 2.0]))
 
 
 @pytest.mark.parametrize("field_mT", [0.0, 7.0])
-def test_a_small_release_rings_with_the_complex_frequency_of_small_vibrations(field_mT: float) -> None:
+def test_after_a_small_release_the_beam_vibrates_with_its_complex_frequency(field_mT: float) -> None:
     model, step_s = BeamModel(BEAM, 10, 1), 0.003
     motion = Transient(model, NEO, np.array([INSTANTANEOUS_PA]), SERIES, Loads.along([field_mT + 0.1]))
     after = Loads.along([field_mT])
@@ -39,7 +39,7 @@ def test_a_small_release_rings_with_the_complex_frequency_of_small_vibrations(fi
     assert mode.frequency_Hz == pytest.approx(root.imag / (2 * np.pi), rel=2e-3)
     assert mode.loss == pytest.approx(
         -2 * root.real / root.imag, rel=1e-2
-    )  # 2 % too high if all shapes are modes at rest
+    )  # the frequency is 2 % too high if all shapes are modes at rest
 
 
 def test_creep_of_the_tip_follows_the_internal_variables_of_the_finite_elements() -> None:
