@@ -1,4 +1,4 @@
-"""Power supplies, cameras and sensors: their interfaces, their drivers, and emulators that stand in for them.
+"""Power supplies, cameras and sensors: their interfaces, their drivers, and emulators that replace the instruments.
 
 interfaces    what a supply, a camera and a sensor must offer, and the errors that they raise
 contract      check a driver against the interfaces
@@ -7,13 +7,13 @@ supplies      drivers of power supplies; `open_supply` opens one by name
 cameras       drivers of cameras; `open_camera` opens one by name
 sensors       drivers of gaussmeters and other sensors; `open_sensor` opens one by name
 emulators     emulated supplies with a coil, and emulated sensors, for tests and for work without hardware
-testing       conformance suites for drivers of other packages
+testing       checks that test a driver, also a driver of another package
 serial_ports  list the serial ports of this computer
 lan_instruments  list the instruments that announce themselves on the network
 discovery     list the instruments that are attached
-clock         the time on a bench and on the virtual rig
+clock         a clock of real seconds for real instruments, and a clock of simulated seconds for the virtual rig
 
-This package handles currents, voltages and pixels only. It imports neither `eimi_lab` nor `eimi_fitting`.
+This package handles set-points, measured values and pixels only. It imports neither `eimi_lab` nor `eimi_fitting`.
 """
 
 import logging

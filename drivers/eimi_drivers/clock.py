@@ -1,4 +1,7 @@
-"""Measure time on a bench (real seconds) and on the virtual rig (simulated seconds)."""
+"""Measure time in real seconds for real instruments, and in simulated seconds for the virtual rig.
+
+The virtual rig is a simulated supply, coil, beam and camera.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import time
 
 
 class WallClock:
-    """Clock of a bench, which follows the monotonic clock of the operating system."""
+    """Clock of real instruments, which follows the monotonic clock of the operating system."""
 
     def now(self) -> float:
         """Return the time since an arbitrary zero, s."""
@@ -19,7 +22,13 @@ class WallClock:
 
 
 class SimulatedClock:
-    """Clock of the virtual rig, whose time advances only by calls of `sleep`, without any real wait."""
+    """Clock of simulated instruments, whose time advances only by calls of `sleep`, without any real wait.
+
+    Parameters
+    ----------
+    start_s : float
+        The simulated time at the start, s.
+    """
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now = start_s
@@ -29,5 +38,5 @@ class SimulatedClock:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Advance the simulated time by `seconds` (s) without waiting."""
+        """Advance the simulated time by `seconds` (s) without waiting; a negative value leaves the time unchanged."""
         self._now += max(seconds, 0.0)

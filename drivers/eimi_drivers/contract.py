@@ -1,6 +1,6 @@
 """Check that drivers and instruments have the members that `eimi_drivers.interfaces` requires.
 
-All faults of a driver are reported together in one line.
+If a driver lacks several members, one error with a message of one line names all of them.
 """
 
 from __future__ import annotations
@@ -21,13 +21,30 @@ from eimi_drivers.interfaces import (
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `SupplyDriver`, or is a class without a needed member."""
+    """Raise UnusableDriver if a driver cannot be called like `SupplyDriver`, or is a class without a needed member.
+
+    Parameters
+    ----------
+    name : str
+        The name of the driver in the message.
+    driver : object
+        The class or the function that opens a supply. A class must have the methods of `PowerSupply`. Its optional
+        method `connect` must accept one argument, the address.
+    """
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `CameraDriver`, or is a class without a needed member."""
+    """Raise UnusableDriver if a driver cannot be called like `CameraDriver`, or is a class without a needed member.
+
+    Parameters
+    ----------
+    name : str
+        The name of the driver in the message.
+    driver : object
+        The class or the function that opens a camera. A class must have the methods of `Camera`.
+    """
     _raise(
         "camera",
         name,
@@ -37,23 +54,41 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_sensor_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `SensorDriver`, or is a class without a needed member."""
+    """Raise UnusableDriver if a driver cannot be called like `SensorDriver`, or is a class without a needed member.
+
+    Parameters
+    ----------
+    name : str
+        The name of the driver in the message.
+    driver : object
+        The class or the function that opens a sensor. A class must have the methods of `Sensor`. Its optional method
+        `connect` must accept one argument, the address.
+    """
     faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
     _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])
 
 
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
-    """Check an open supply. If a member of `PowerSupply` is missing, close the supply and raise UnusableDriver."""
+    """Check an open supply. If a member of `PowerSupply` is missing, close the supply and raise UnusableDriver.
+
+    `name` is the name of the driver, and `driver` is the driver that opened the supply. Both are for the message.
+    """
     _check_opened("supply", name, driver, supply, PowerSupply)
 
 
 def check_camera(name: str, driver: object, camera: Camera) -> None:
-    """Check an open camera. If a member of `Camera` is missing, close the camera and raise UnusableDriver."""
+    """Check an open camera. If a member of `Camera` is missing, close the camera and raise UnusableDriver.
+
+    `name` is the name of the driver, and `driver` is the driver that opened the camera. Both are for the message.
+    """
     _check_opened("camera", name, driver, camera, Camera)
 
 
 def check_sensor(name: str, driver: object, sensor: Sensor) -> None:
-    """Check an open sensor. If a member of `Sensor` is missing, close the sensor and raise UnusableDriver."""
+    """Check an open sensor. If a member of `Sensor` is missing, close the sensor and raise UnusableDriver.
+
+    `name` is the name of the driver, and `driver` is the driver that opened the sensor. Both are for the message.
+    """
     _check_opened("sensor", name, driver, sensor, Sensor)
 
 
@@ -84,13 +119,13 @@ def _name(driver: object) -> str:
 
 
 def _class_faults(driver: object, protocol: type) -> Iterator[str]:
-    """Yield the missing and wrong members of a driver that is a class; yield nothing for a function."""
+    """Yield a description of each missing or wrong method of a driver that is a class; yield nothing for a function."""
     if not inspect.isclass(driver):
         return
     for name in sorted(getattr(driver, "__abstractmethods__", ())):
         yield f"{name} is missing"
     for name, fault in _faults(driver, protocol):
-        if name not in protocol.__annotations__:  # an attribute, which only an instance has
+        if name not in protocol.__annotations__:  # an attribute may exist only in an instance, not in the class
             yield fault
 
 
@@ -110,7 +145,19 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a description of the fault if `subject` does not accept the arguments of the protocol's `member`."""
+    """Yield a description of the fault if `subject` does not accept the arguments of a method of the protocol.
+
+    Parameters
+    ----------
+    name : str
+        The name of the method.
+    subject : object
+        The driver's object that is called like the method.
+    member : callable
+        The method in the protocol, which defines the arguments.
+    owner : object
+        The class or the instrument that has `subject` as its method. A method of a class also takes ``self``.
+    """
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):
         yield f"{name} is {subject!r}, but should be {_called(name, member)}"

@@ -1,4 +1,4 @@
-"""List the attached instruments and the driver for each instrument.
+"""List the instruments that are attached to this computer, and the driver for each instrument.
 
 The search opens no supply, because another program may be using the supply.
 """
@@ -26,7 +26,10 @@ from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
 
 KORAD_USB_IDS = frozenset({(0x0416, 0x5011)})
-"""USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies, and in some printers."""
+"""USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies.
+
+Some printers contain the same chip.
+"""
 
 SENSOR_USB_IDS = {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
 """The driver for each gaussmeter, by USB vendor and product number (source: Linux, drivers/usb/serial/cp210x.c)."""
@@ -35,7 +38,10 @@ BOARD_USB_VENDORS = {
     **{0x2341: "Arduino", 0x2A03: "Arduino", 0x239A: "Adafruit", 0x1B4F: "SparkFun"},
     **{0x2E8A: "Raspberry Pi", 0x303A: "Espressif", 0x16C0: "Teensy"},
 }
-"""Makers of microcontroller boards by USB vendor number. A board may be a sensor that answers in lines of text."""
+"""Makers of microcontroller boards by USB vendor number.
+
+Such a board may carry a sensor that answers queries in lines of text (driver "text-line").
+"""
 
 SERIAL_DRIVERS = "korad, genesys, aim-tti, a SCPI driver or the driver of a sensor"
 SCPI_DRIVERS = "scpi or the driver of the family"
@@ -50,7 +56,7 @@ class Found:
     kind : "supply", "camera" or "sensor"
         The kind of instrument.
     driver : str
-        The name of the driver. If the port does not identify the instrument, the possible drivers in words.
+        The name of the driver. If the port does not identify the instrument, a text that lists the possible drivers.
     address : str
         The value for the rig file: `address` of a supply or a sensor, `source` of a camera.
     text : str
@@ -72,8 +78,8 @@ class Discovery:
     found : tuple of Found
         The attached instruments.
     notes : tuple of str
-        Sentences for the user: searches that failed, ports without permission, missing kinds of instruments, and
-        drivers that other packages or this program add.
+        Sentences for the user about: searches that failed, ports that this user may not open, kinds of instruments of
+        which none was found, and drivers that other packages or this program add.
     """
 
     found: tuple[Found, ...]
@@ -111,10 +117,14 @@ def discover() -> Discovery:
 
 
 def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Call `search`; return the instruments, and a note for the user if `search` raised an error."""
+    """Call `search`, and return the instruments that it finds and the notes for the user.
+
+    If `search` raises an error, the first tuple is empty, and the second tuple contains one note. The note begins with
+    `kind`, the name of the search. Without an error the second tuple is empty.
+    """
     try:
         return search(), ()
-    except Exception as error:  # these libraries belong to others and can raise anything
+    except Exception as error:  # the libraries of other projects can raise any exception
         return (), (f"{kind}: the search failed: {raised(error)}",)
 
 
@@ -150,9 +160,10 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """Return the serial ports of this computer, with the driver of each instrument that its USB numbers identify.
+    """Return the serial ports of this computer. Each port has a driver if its USB numbers identify the instrument.
 
-    Nothing is sent to a port. The instrument at the port may be in use, and may take any message for a command.
+    For the other ports, `Found.driver` is a text that lists the possible drivers. No message is sent to a port, because
+    the instrument at the port may be in use and may treat any message as a command.
     """
     ports = sorted(attached_ports(), key=lambda port: str(port.device))
     return tuple(_serial_instrument(port) for port in ports)
@@ -197,12 +208,15 @@ def _described(description: str | None, serial_number: str | None) -> str:
 
 
 def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Return the VISA resources other than serial ports, and notes about buses that could not be searched."""
+    """Return the instruments that VISA lists, without serial ports, and notes for the user.
+
+    Each note describes a part of the search that failed, such as a bus that could not be searched.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             names = pyvisa.ResourceManager(visa_library()).list_resources("?*::INSTR")
-        except Exception as error:  # a VISA library can raise anything
+        except Exception as error:  # a VISA library can raise any exception
             return (), (f"VISA: the search failed: {raised(error)}",)
     notes = [f"VISA: {warning.message}" for warning in caught if warning.category is UserWarning]
     resources = tuple(
@@ -217,7 +231,10 @@ VIDEO_DEVICES = Path("/sys/class/video4linux")
 
 
 def list_cameras(devices: Path = VIDEO_DEVICES) -> tuple[Found, ...]:
-    """Return the cameras that Linux lists, without the device nodes that deliver metadata instead of images."""
+    """Return the cameras that Linux lists, without the device nodes that deliver metadata instead of images.
+
+    `devices` is the folder in which Linux lists video devices. The result is empty if this folder does not exist.
+    """
     if not devices.is_dir():
         return ()
     cameras = []

@@ -1,7 +1,7 @@
 """Look up drivers by name.
 
-A driver comes from one of three places: this package, another installed package that announces it, or a program that
-adds it.
+A driver comes from one of three places: this package, another installed package that announces the driver, or a program
+that adds the driver.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
     own : Mapping
         The drivers of this package by name.
     reserved : Collection of str
-        Further names that no driver can have.
+        Names that no added driver can have, in addition to the names in `own`.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:
@@ -68,7 +68,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
             raise self._unknown(name) from None
         try:
             return cast(Driver, announced.load())
-        except Exception as error:  # the module of another package can raise anything
+        except Exception as error:  # the module of another package can raise any exception
             raise UnusableDriver(
                 f"the {self._kind} driver {name!r} is announced as {announced.value} but cannot be imported: "
                 f"{raised(error)}"

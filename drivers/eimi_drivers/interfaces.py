@@ -1,12 +1,12 @@
 """Define the interfaces of power supplies, cameras and sensors, and the errors that they raise.
 
-The suite uses an instrument only through these interfaces. A supply is any object with the members of `PowerSupply`. A
+eimi-lab uses an instrument only through these interfaces. A supply is any object with the members of `PowerSupply`. A
 camera is any object with the members of `Camera`, and a sensor is any object with the members of `Sensor`. Inheritance
 is not needed. A driver is a class or a function that opens an instrument and returns the object for it. The arguments
 of a driver are defined by `SupplyDriver`, `CameraDriver` and `SensorDriver`.
 
 The members listed in a protocol are required. The protocol's docstring lists the optional members. For each optional
-member it gives the value that the suite assumes if the member is absent.
+member it gives the value that eimi-lab assumes if the member is absent.
 
 `open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members. They
 report all missing members in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing`
@@ -59,8 +59,8 @@ class SwitchOffFailed(InstrumentError):
     Parameters
     ----------
     message : str
-        The outcome of every stage of switching off, or the current that still flows, or the doubt about the identity of
-        the supply.
+        The outcome of every stage of switching off, or the current that still flows, or the reason why the instrument
+        at the address may be another supply.
     current_A : float, optional
         The measured current, A. None if no current was measured.
     limit_A : float, optional
@@ -82,7 +82,10 @@ class AnotherSensor(InstrumentError):
 
 
 def raised(error: BaseException) -> str:
-    """Return the type and the message of an error as one line, which becomes part of an InstrumentError's message."""
+    """Return the type and the message of an error as one line of text, such as "OSError: no such device".
+
+    The line becomes part of the message of an InstrumentError.
+    """
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
@@ -197,8 +200,8 @@ class PowerSupply(Protocol):
     Optional members:
 
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. The suite stores this
-        text in the dataset. Absent: the suite stores that this behaviour is not known.
+        A text that describes what the output does if the cable is pulled or the computer fails. eimi-lab stores this
+        text in the dataset. Absent: eimi-lab stores that this behaviour is not known.
     reads_zero_within_A: float
         The largest current (A) that `measure` of a healthy supply returns when no current flows. Absent: 0.
     measures_current: bool
@@ -212,13 +215,31 @@ class PowerSupply(Protocol):
         """Return the identity that the supply reports."""
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken.
+
+        The compliance voltage is the largest voltage that the supply applies in order to reach the set current.
+
+        Raises
+        ------
+        SetPointRefused
+            The voltage is outside the limits. Nothing was sent.
+        SetPointNotTaken
+            The supply reports another set-point.
+        """
 
     def set_current(self, current_A: float) -> None:
-        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken.
+
+        Raises
+        ------
+        SetPointRefused
+            The current is outside the limits. Nothing was sent.
+        SetPointNotTaken
+            The supply reports another set-point.
+        """
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off, and verify that it has switched."""
+        """Switch the output on or off, and verify that the output has switched."""
 
     def output_on(self) -> bool:
         """Return whether the supply reports that its output is on."""
@@ -237,8 +258,8 @@ class PowerSupply(Protocol):
         Returns
         -------
         Off or None
-            The measured current and its limit. None if the driver does not measure the current in this call. The suite
-            then calls `measure`.
+            The measured current and the largest current with which the supply counts as off. None if the driver does
+            not measure the current in this call. eimi-lab then calls `measure`.
 
         Raises
         ------
@@ -247,7 +268,7 @@ class PowerSupply(Protocol):
         """
 
     def close(self) -> None:
-        """Release the port and leave the output as it is. Closing twice is allowed. `safe_off` switches off."""
+        """Release the port, and leave the output on or off as it is. Closing twice is allowed."""
 
 
 class SupplyDriver(Protocol):
@@ -258,13 +279,14 @@ class SupplyDriver(Protocol):
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the supply. The driver is then called with the line instead of the address. With `connect` the
-        suite can record every message (`eimi acquire --transcript`), and a second stop signal (Ctrl-C) takes effect
-        between two messages. Absent: the driver is called with the address, and no call of the supply is interrupted.
+        Opens the line (the serial, USB or network connection) to the supply. The driver is then called with the line
+        instead of the address. With `connect`, eimi-lab can record every message (`eimi acquire --transcript`), and a
+        second stop signal (Ctrl-C) takes effect between two messages. Absent: the driver is called with the address,
+        and no call of the supply is interrupted.
     bipolar: bool
         True if negative currents can be set. Absent: False.
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. Absent: the suite
+        A text that describes what the output does if the cable is pulled or the computer fails. Absent: eimi-lab
         reports that this behaviour is not known.
     channels: tuple[int, int]
         The lowest and the highest channel number that an address may have after `#`. Absent: (1, 1).
@@ -287,8 +309,8 @@ class Camera(Protocol):
         The settings that were read back from the camera when it was opened. Absent: the camera has no settings, and the
         suite refuses to open the camera if a setting is requested.
     lost_frames: Mapping[str, int]
-        For each reason, the number of frames that were exposed for a `grab` but did not arrive completely. The count
-        begins when the camera is opened. Absent: the suite counts the missing frame numbers instead.
+        For each reason, the number of frames that did not arrive completely since the camera was opened. Frames that
+        `flush` discards do not count. Absent: eimi-lab counts the missing frame numbers instead.
     """
 
     def identify(self) -> Identity:
@@ -298,7 +320,15 @@ class Camera(Protocol):
         """Discard the frames that were exposed before this call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame within `timeout_s` (s). Raises InstrumentTimeout, InstrumentDisconnected."""
+        """Return the next frame within `timeout_s` (s). Raises InstrumentTimeout, InstrumentDisconnected.
+
+        Raises
+        ------
+        InstrumentTimeout
+            No complete frame arrived in time.
+        InstrumentDisconnected
+            The camera was unplugged or closed, or a recording has no more frames.
+        """
 
     def close(self) -> None:
         """Release the camera. Closing twice is allowed."""
@@ -308,7 +338,11 @@ class CameraDriver(Protocol):
     """The arguments of a camera driver, which is a class or a function that opens a camera."""
 
     def __call__(self, source: str | int, settings: Any, /) -> Camera:
-        """Open a camera, apply the `CameraSettings` and return it. `source` is a device number or a path."""
+        """Open a camera, apply the `CameraSettings`, and return the camera.
+
+        `source` identifies the camera. The driver defines its meaning, such as a device number, a serial number or the
+        path of a recording.
+        """
 
 
 @dataclass(frozen=True)
@@ -351,7 +385,17 @@ class Sensor(Protocol):
         """Return the identity that the sensor reports."""
 
     def read(self) -> SensorReading:
-        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
+        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood.
+
+        Raises
+        ------
+        InstrumentTimeout
+            No complete answer arrived within `timeout_s`.
+        InstrumentDisconnected
+            The line was cut or closed.
+        ReplyNotUnderstood
+            The answer does not have the form that the sensor's protocol defines.
+        """
 
     def close(self) -> None:
         """Release the port. Closing twice is allowed."""
@@ -363,8 +407,8 @@ class SensorDriver(Protocol):
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the sensor. The driver is then called with the line instead of the address. Absent: the
-        driver is called with the address.
+        Opens the line (the serial, USB or network connection) to the sensor. The driver is then called with the line
+        instead of the address. Absent: the driver is called with the address.
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:
@@ -372,7 +416,7 @@ class SensorDriver(Protocol):
 
 
 class Clock(Protocol):
-    """The clock of a rig: real time on a bench, simulated time on the virtual rig."""
+    """The clock of a rig: real time with real instruments, simulated time with simulated instruments."""
 
     def now(self) -> float:
         """Return the time since an arbitrary zero, s. The time never decreases."""

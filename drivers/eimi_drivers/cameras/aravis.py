@@ -42,6 +42,8 @@ ANSWER_WITHIN_S = 0.4
 """Additional time (s) for the answer to a command, if the camera sent no frame within the timeout."""
 
 CLOSE_WITHIN_S = 2.0
+"""Time (s) for which `AravisCamera.close` waits until the camera is released."""
+
 CONTROL_FREE_WITHIN_S = 4.0
 """Time limit (s) for taking control of the camera.
 
@@ -49,13 +51,29 @@ If a program ended without releasing the camera, the camera ends this control af
 """
 
 LOOK_EVERY_S = 0.05
+"""Longest wait (s) for a frame, before the answer of the camera to the last command is checked again."""
+
 LARGEST_ID = 65535
 """The largest frame number in GigE Vision 1, which numbers the frames from 1 to 65535 and then begins at 1 again."""
 
 
 @dataclass(frozen=True)
 class Attached:
-    """A camera that Aravis lists: identifier for Aravis, serial number, IP address, protocol, maker and model."""
+    """A camera that Aravis lists.
+
+    Parameters
+    ----------
+    identifier : str
+        The text with which Aravis opens the camera.
+    serial_number : str
+        The serial number of the camera.
+    address : str
+        The IP address; empty for a camera on USB.
+    protocol : str
+        The protocol of the camera, such as "GigEVision".
+    model : str
+        The maker and the model, separated by a space.
+    """
 
     identifier: str
     serial_number: str
@@ -94,8 +112,8 @@ class AravisCamera:
     - With a trigger input, the camera exposes at each signal on this input.
 
     In the last two cases `grab` returns the frames in the order of their exposure and discards incomplete frames.
-    Aravis requests missing packets again if the camera can send them again. The emulated camera cannot do so. This
-    function was therefore not tested.
+    Aravis requests missing packets again if the camera can send them again. The emulated camera cannot send packets
+    again. These requests were therefore not tested.
 
     Parameters
     ----------
@@ -109,7 +127,7 @@ class AravisCamera:
     settings : CameraSettings
         The settings that were read back from the camera.
     lost_frames : Counter
-        For each reason, the number of frames that were exposed for a `grab` but did not arrive completely.
+        For each reason, the number of frames that did not arrive completely. Frames that `flush` discards do not count.
     """
 
     name = "aravis"
@@ -230,7 +248,8 @@ class AravisCamera:
     def _discard_late_frames(self, until_s: float) -> None:
         """Discard the frames of earlier triggers that no `grab` returned.
 
-        Frames that have not arrived yet are awaited until `until_s` (s, clock of `time.monotonic`).
+        The method waits for frames that have not arrived yet, at most until the time `until_s` (s, on the clock of
+        `time.monotonic`).
         """
         self.flush()
         while self._awaited and (left_s := until_s - time.monotonic()) > 0:
@@ -317,7 +336,7 @@ class AravisCamera:
         Returns
         -------
         Frame or None
-            None if the frame is incomplete. The reason is then counted.
+            None if the frame is incomplete. The method then adds 1 to the count of the reason.
 
         Raises
         ------
@@ -395,9 +414,9 @@ class AravisCamera:
 
 
 class _ControlChannel:
-    """A thread that makes calls to a camera one after the other.
+    """A thread that makes calls to a camera one after the other, so that the caller does not wait for their ends.
 
-    The thread is needed because Aravis waits up to 5 s for the answer of a camera that was disconnected.
+    Aravis waits up to 5 s for the answer of a camera that was disconnected.
     """
 
     def __init__(self, name: str) -> None:

@@ -23,6 +23,8 @@ _CONTINUOUS, _AUTO_OFF, _CHECK_RANGES = 0, 0, 1
 def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSettings:
     """Write the settings to an open camera and return the settings that are read back from the camera.
 
+    `camera` is the pointer to the camera in the library Aravis.
+
     Raises
     ------
     SetPointRefused
@@ -55,9 +57,9 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
 
 @contextmanager
 def _named(key: str, value: object) -> Iterator[None]:
-    """Put the key of the rig file and its value before the message of an error.
+    """Put the key in the rig file and its value before the message of an error that is raised in the context.
 
-    The message of Aravis contains only the name of the camera's feature.
+    The message of Aravis alone names only the feature of the camera, not the key in the rig file.
     """
     try:
         yield

@@ -149,13 +149,13 @@ class BaslerCamera:
         if settings.gamma is not None:
             camera.Gamma.Value = settings.gamma
         if settings.frame_rate_Hz is not None:
-            if self._readable(camera.AcquisitionFrameRateEnable):  # some cameras have the rate without this switch
+            if self._readable(camera.AcquisitionFrameRateEnable):  # some cameras have a frame rate but not this switch
                 camera.AcquisitionFrameRateEnable.Value = True
             self._node(FRAME_RATE_NODES).Value = settings.frame_rate_Hz
 
     def _set_region(self, left: int, top: int, width: int, height: int) -> None:
         camera = self._camera
-        camera.OffsetX.Value = camera.OffsetY.Value = 0  # otherwise a larger size may not fit with the old offset
+        camera.OffsetX.Value = camera.OffsetY.Value = 0  # with another offset the size may not fit
         camera.Width.Value, camera.Height.Value = width, height
         camera.OffsetX.Value, camera.OffsetY.Value = left, top
 

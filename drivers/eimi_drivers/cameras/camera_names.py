@@ -56,15 +56,34 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
 def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
     """Open a camera with a driver that is given as an object, and return the camera.
 
-    The driver need not be in `CAMERAS`. `name` is the name of the driver in messages. The other parameters and the
-    errors are those of `open_camera`.
+    The driver need not be in `CAMERAS`.
+
+    Parameters
+    ----------
+    driver : CameraDriver
+        The class or the function that opens the camera.
+    name : str
+        The name of the driver in messages.
+    source : str or int
+        The camera, in the form that the driver expects.
+    settings : CameraSettings
+        The settings that are applied before the first frame.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver or the camera lacks a member.
+    InstrumentError
+        The camera cannot be opened, or does not have a requested setting.
+    SetPointNotTaken
+        A value that was read back differs from the requested value.
     """
     check_camera_driver(name, driver)
     try:
         camera = driver(source, settings)
     except (InstrumentError, KeyboardInterrupt):
         raise
-    except Exception as error:  # a camera's library raises errors of its own
+    except Exception as error:  # the library of a camera can raise any exception
         raise InstrumentError(f"{name} camera {source}: its driver raised {raised(error)} on opening") from error
     check_camera(name, driver, camera)
     try:

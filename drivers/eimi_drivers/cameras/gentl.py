@@ -56,8 +56,8 @@ class GenTLCamera:
 
     If the camera has a software trigger, and neither a frame rate nor a trigger input is set, every `grab` triggers an
     exposure. Otherwise the camera exposes at its frame rate or at the signals on its trigger input. `grab` then returns
-    the frames in the order of their exposure. harvesters discards incomplete frames. `lost_frames` counts the frame
-    numbers that are missing for this reason.
+    the frames in the order of their exposure. The package harvesters discards incomplete frames. `lost_frames` counts
+    the frame numbers that are missing for this reason.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class GenTLCamera:
     settings : CameraSettings
         The settings that were read back from the camera.
     lost_frames : Counter
-        The number of frames that were exposed for a `grab` but did not arrive completely.
+        The number of frames that did not arrive completely, by reason. Frames that `flush` discards do not count.
     """
 
     name = "gentl"
@@ -155,7 +155,7 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first feature in `names` that can be read from the camera; None if none can be read."""
+        """Return the first feature in `names` that can be read from the camera; None if no feature can be read."""
         for name in names:
             if self._nodes.has_node(name) and self._api.is_readable(node := self._nodes.get_node(name)):
                 return node
@@ -326,11 +326,11 @@ class GenTLCamera:
                 f"frame {number} has {size[0]} x {size[1]} pixels, but the region is {self.settings.region}"
             )
         offset = 0
-        with suppress(self._errors):  # a producer need not give the offset
+        with suppress(self._errors):  # some producers do not report the offset
             offset = int(buffer.image_offset)
         image = decode(int(buffer.pixel_format), memoryview(buffer.raw_buffer)[offset:], *size)
         stamp_s = time.monotonic()
-        with suppress(self._errors):  # a producer need not have time stamps
+        with suppress(self._errors):  # some producers do not report time stamps
             stamp_s = int(buffer.timestamp_ns) / 1e9
         if self._counting and self._last_number is not None:
             self.lost_frames += Counter({"no complete frame": number - self._last_number - 1})

@@ -54,10 +54,10 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
 
 
 def recording_length(source: str) -> int | None:
-    """Return the number of frames of a recording: a folder of images, a pattern, or a video file.
+    """Return the number of frames of a recording, or None if `source` is not a recording that can be opened.
 
-    For a video, the number is taken from the header of the file. The result is None if `source` is the index of a
-    camera device or cannot be opened.
+    A recording is a folder of images, a pattern such as ``f_%03d.png``, or a video file. For a video, the number comes
+    from the header of the file. The index of a camera device, such as "0", is not a recording.
     """
     if source.isdecimal():
         return None
@@ -73,13 +73,19 @@ def recording_length(source: str) -> int | None:
 
 
 def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
-    """Raise InstrumentError if any setting is requested, because a recording has no settings."""
+    """Raise InstrumentError if any setting is requested, because a recording has no settings.
+
+    `recording` is the name of the recording in the message.
+    """
     if names := ", ".join(settings.chosen()):
         raise InstrumentError(f"{recording}: a recording has no {names} to set")
 
 
 class ImageSeries:
-    """A series of image files that are read one after the other, without a change of grey values or bit depth."""
+    """A series of image files that are read one after the other, without a change of grey values or bit depth.
+
+    `paths` are the files in the order of the frames.
+    """
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
         self._paths = paths

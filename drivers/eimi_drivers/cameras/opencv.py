@@ -76,7 +76,7 @@ class _Capture:
             refuse_on_recording(str(self._name), settings)
             return NO_SETTINGS
         capture, read_back = self._capture, NO_SETTINGS
-        if settings.bit_depth is not None:  # must be the first setting, because it may change the mode of the device
+        if settings.bit_depth is not None:  # the first setting, because the bit depth may change the mode of the device
             read_back = replace(read_back, bit_depth=self._set_bit_depth(settings.bit_depth))
         if settings.exposure_s is not None:
             read_back = replace(read_back, exposure_s=self._set_exposure(settings.exposure_s))
@@ -136,7 +136,7 @@ class _Capture:
     def _stamp(self) -> float:
         """Return the time at which the Linux kernel received the frame, s on the clock of `time.monotonic`.
 
-        The result is 0 if there is no such time.
+        The result is 0 if the kernel reports no time.
         """
         if self._capture.getBackendName() != V4L2:
             return 0.0
@@ -270,7 +270,11 @@ class OpenCVCamera:
             raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s")
 
     def close(self) -> None:
-        """Release the device within `CLOSE_WITHIN_S` (s), or later, when OpenCV has returned from its last read."""
+        """Release the device. Closing twice is allowed.
+
+        The method waits for at most `CLOSE_WITHIN_S` (s). If OpenCV is still reading a frame after this time, the
+        device is released when this read ends.
+        """
         with self._changed:
             self._closing = True
             self._changed.notify_all()

@@ -33,8 +33,8 @@ class PixelFormat:
     Parameters
     ----------
     kind : str
-        "Mono" for grey values, "RGB" or "BGR" for colours, or the colours of the first two pixels in the first row of a
-        Bayer mosaic: "RG", "GR", "GB" or "BG".
+        "Mono" for grey values, "RGB" or "BGR" for colours. For a Bayer mosaic, the colours of the first two pixels in
+        the first row: "RG", "GR", "GB" or "BG".
     bits : int
         The number of bits of one value.
     packing : str
@@ -177,11 +177,11 @@ def decode(code: int, data: bytes | memoryview, width: int, height: int) -> NDAr
 
 
 def _unpack(pixel_format: PixelFormat, data: NDArray[np.uint8], count: int) -> NDArray[Any] | None:
-    """Return the first `count` values in the data as a new array; None if the data are too short."""
+    """Return the first `count` pixel values in the data as a new array, shape (count,); None if data are too few."""
     if pixel_format.packing == "":
         values = data.view(np.uint8) if pixel_format.bits == 8 else data[: len(data) // 2 * 2].view("<u2")
         return values[:count].astype(values.dtype.newbyteorder("=")) if len(values) >= count else None
-    bits = 12 if pixel_format.packing == "Packed" else pixel_format.bits  # a packed 10-bit value takes 12 bits, too
+    bits = 12 if pixel_format.packing == "Packed" else pixel_format.bits  # "Packed" also stores a 10-bit value in 12
     if 8 * len(data) < bits * count:
         return None
     bytes_in_group, values_in_group = {10: (5, 4), 12: (3, 2)}[bits]

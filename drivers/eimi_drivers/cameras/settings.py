@@ -9,15 +9,17 @@ from typing import Any
 from eimi_drivers.interfaces import SetPointNotTaken, UnusableDriver
 
 WITHIN = 0.02
-"""Largest permitted difference between a value read back and the requested value, divided by the larger one.
+"""Largest permitted difference between a value read back and the requested value, divided by the larger value.
 
-Cameras round exposure, gain and gamma.
+A difference is permitted because cameras round exposure, gain and gamma.
 """
 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """The settings of a camera. None means that a setting is not changed, or that it was not read back.
+    """The settings of a camera, either requested settings or settings that were read back.
+
+    None means that a requested setting is not changed, or that a setting was not read back.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from typing import TypeVar
 from eimi_drivers.cameras.settings import settings_of
 from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentError, InstrumentTimeout, raised
 
-OPEN_WITHIN_S = 60.0  # finding a network camera takes long
+OPEN_WITHIN_S = 60.0  # a long time, because the search for a camera on the network is slow
 ANSWER_WITHIN_S = 5.0
 GRACE_S = 0.5
 """Time (s) after the timeout of `grab` within which the driver must return."""
@@ -35,7 +35,7 @@ class TimedCamera:
     """A camera whose calls are made in a separate thread and have a time limit.
 
     If a call does not return within its time limit, InstrumentTimeout is raised. Every later call then raises
-    InstrumentTimeout at once. The separate thread is left alone, and the process can end while this thread still runs.
+    InstrumentTimeout at once. The separate thread continues, and the process can end while this thread still runs.
     """
 
     def __init__(
@@ -127,7 +127,9 @@ class TimedCamera:
             try:
                 answer_of_call, error = answers.get(timeout=LOOK_EVERY_S)
             except queue.Empty:
-                if self._meanwhile:  # before the time limit: after a sleep of the computer, the driver is not the cause
+                # Called before the check of the time limit: if the computer was asleep, the time limit is exceeded
+                # although the driver is not slow, and the function can report this.
+                if self._meanwhile:
                     self._meanwhile()
                 if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not return from {what} within {seconds:g} s"

@@ -20,7 +20,7 @@ channel_selected   SCPI families in which one channel is selected at a time
 hislip             the HiSLIP protocol for an emulated SCPI supply
 sensors            emulated gaussmeters and thermometers
 faults             the faults of emulated instruments and of their lines
-spoiling           begin and end a fault of a supply, its coil or its line
+spoiling           begin and end a fault of an emulated supply, its coil or its line
 serial_port        a serial port that can be unplugged and plugged in again
 session            serve a supply whose fault begins after its output was switched on
 sensor_session     serve a sensor in the field of an emulated coil

@@ -1,7 +1,7 @@
 """Emulate families of SCPI supplies that have several channels and apply each message to the selected channel.
 
-The coil is connected to one channel. A message for another channel causes an error. The messages in this
-module were written independently of the drivers' profiles.
+The coil is connected to one channel. A message for another channel causes an error. The messages in this module were
+written independently of the drivers' profiles, so that the tests find a wrong message in a profile.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Emulate Delta Elektronika's SM15K, and an SM supply with a PSC-ETH card.
 
-The messages in this module were written independently of the drivers' profiles. Each word of a message can be
-shortened to three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
+The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
+in a profile. Each word of a message can be shortened to three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _WORDS = (
     *("WATCHDOG", "MAXIMUM", "STATUS", "CV", "CC"),
 )
 SOURCES = {"REMOTE": "Ethernet", "ETHERNET": "Ethernet", "FRONT": "Front", "LOCAL": "Front", "WEB": "Web"}
-"""The words for the source of a set-point in answers, by the words in commands."""
+"""The names of the sources of set-points in answers, by the names of the same sources in commands."""
 
 
 class DeltaPscEthDialect(ScpiDialect):

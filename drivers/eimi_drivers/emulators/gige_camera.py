@@ -34,12 +34,20 @@ _Fill = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_uint32, c_uint32, c_uint32)
 
 
 class GigECamera:
-    """An emulated GigE Vision camera that `serve_gige` serves."""
+    """An emulated GigE Vision camera that `serve_gige` serves.
+
+    Parameters
+    ----------
+    gv_camera : int
+        The pointer to the fake GigE Vision camera (ArvGvFakeCamera) of Aravis.
+    fake : int
+        The pointer to the fake camera (ArvFakeCamera) that produces the pictures.
+    """
 
     def __init__(self, gv_camera: int, fake: int) -> None:
         self._gv_camera, self._fake = gv_camera, fake
         self.failure: Exception | None = None
-        """The error that the function `picture` raised; None without an error. After it all pictures are black."""
+        """The error that the function `picture` raised; None without an error. All later pictures are black."""
 
     def lose_packets(self, share: float) -> None:
         """Lose a share of the packets of all further pictures. A share of 1 loses all packets."""
@@ -126,7 +134,7 @@ def serve_gige(
         received = c_size_t()
         ctypes.memmove(aravis.buffer_get_data(buffer, byref(received)), data, len(data))
 
-    callback = _Fill(fill)  # this name keeps it alive, because Aravis holds no reference to it
+    callback = _Fill(fill)  # this name keeps the callback alive, because Aravis holds no reference
     aravis.fake_camera_set_fill_pattern(fake, callback, None)
     try:
         if not aravis.gv_fake_camera_is_running(gv_camera):

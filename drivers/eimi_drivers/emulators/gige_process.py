@@ -116,5 +116,5 @@ def _serve(
         return
     except InstrumentError as error:
         line.send(str(error))
-    except Exception as error:  # the function of the caller can raise anything
+    except Exception as error:  # the function of the caller can raise any exception
         line.send(raised(error))

@@ -1,6 +1,7 @@
 """Emulate Keithley's supplies of the series 2200 (one channel) and 2260B.
 
-The messages in this module were written independently of the drivers' profiles.
+The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
+in a profile.
 """
 
 from __future__ import annotations

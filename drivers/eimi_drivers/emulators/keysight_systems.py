@@ -1,6 +1,7 @@
 """Emulate Keysight's power systems N6700, N6900 and RP7900, which have a watchdog for their outputs.
 
-The messages in this module were written independently of the drivers' profiles.
+The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
+in a profile.
 """
 
 from __future__ import annotations

@@ -6,14 +6,14 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class OutputWatchdog:
-    """Timer that switches the output of an emulated supply off if a time has passed since the last restart.
+    """Timer that switches the output of an emulated supply off if it is not restarted in time.
 
     Parameters
     ----------
     supply : CoilSupply
         The model of the supply and its coil.
     seconds : float
-        The time of the timer after power-up, s. `set_seconds` changes the time.
+        The duration of the timer after power-up, s. `set_seconds` changes the duration.
 
     Attributes
     ----------
@@ -34,14 +34,14 @@ class OutputWatchdog:
         self._restarted_s = self._supply.clock.now()
 
     def switch(self, on: bool) -> bool:
-        """Start or stop the timer, and return True, as a command that was accepted."""
+        """Start or stop the timer. Return True, which means that the supply accepted the command."""
         self.on, self.expired = on, False
         return True
 
     def set_seconds(self, seconds: float, least: float, most: float) -> bool:
-        """Set the time (s) of the timer, and return True. If the time is not between `least` and `most`, return False.
+        """Set the duration (s) of the timer, and return whether the supply accepted the duration.
 
-        A time that is out of range is not set.
+        A duration below `least` or above `most` is not accepted and not set.
         """
         if not least <= seconds <= most:
             return False
@@ -49,7 +49,7 @@ class OutputWatchdog:
         return True
 
     def watch(self) -> bool:
-        """Switch the output off if the time has passed, and return whether this call switched the output off."""
+        """Switch the output off if the timer has expired, and return whether this call switched the output off."""
         age_s = self._supply.clock.now() - self._restarted_s
         if not self.on or age_s <= self.seconds or not self._supply.output_on():
             return False

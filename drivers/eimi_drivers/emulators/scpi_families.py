@@ -1,7 +1,7 @@
 """Emulate families of SCPI supplies that have one channel or expect the channel in each message.
 
-The messages in this module were written independently of the drivers' profiles. The coil is connected to one channel. A
-message for another channel causes an error.
+The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
+in a profile. The coil is connected to one channel. A message for another channel causes an error.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class KepcoBopDialect(ScpiDialect):
         self._limits_A = {"POS": supply.max_current_A, "NEG": supply.max_current_A}
         self._bounds_V = {"POS": supply.max_voltage_V, "NEG": supply.max_voltage_V}
         del self.commands["VOLT"]
-        self.questions["VOLT?"] = lambda: "0.000E+00"  # set-point of voltage mode, which drives no coil
+        self.questions["VOLT?"] = lambda: "0.000E+00"  # set-point of voltage mode, which has no effect on the coil
         self.questions["DIAG:TST?"] = lambda: "0"
         self.questions["FUNC:MODE?"] = lambda: {"VOLT": "0", "CURR": "1"}[self._mode]
         self.commands["FUNC:MODE"] = self._set_mode

@@ -198,7 +198,7 @@ SENSOR_DIALECTS: dict[str, Callable[[EmulatedQuantity], SensorDialect]] = {
     "fwbell-5080": FWBellDialect,
     "text-line": TextLineDialect,
 }
-"""The emulated sensor for the driver with the same name."""
+"""The emulated sensors by the names of the drivers that read them."""
 
 
 def emulate_sensor(driver: str, quantity: EmulatedQuantity) -> Responder:

@@ -66,7 +66,7 @@ DIALECTS: dict[str, Callable[..., Responder]] = {
     "bk-xln": XlnDialect,
     "owon-spe": OwonSpeDialect,
 }
-"""The class of emulated supplies for the driver with the same name."""
+"""The emulated supplies by the names of the drivers that control them. Each value makes an emulated supply."""
 
 
 def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:

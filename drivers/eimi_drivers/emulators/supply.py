@@ -21,7 +21,7 @@ LEAST_A = 1e-12
 
 @dataclass(frozen=True)
 class SupplyState:
-    """The state of an emulated supply and its coil since the last command or trip.
+    """The settings of an emulated supply and the state of its coil since the last command or trip.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class SupplyState:
     output : bool
         True if the output is on.
     armed : bool
-        True if the over-current protection trips at the current set-point.
+        True if the over-current protection is on, which trips when the current reaches its set-point.
     tripped : bool
         True if a protection has switched the output off.
     coil_current_A : float
@@ -224,7 +224,10 @@ class CoilSupply:
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
-        """Let the current rise to `to_A` (A) at the given rate while the output is on. A rate of 0 ends the drift."""
+        """Let the current rise to `to_A` (A) at the rate `rate_A_per_s` (A/s) while the output is on.
+
+        A rate of 0 ends the rise.
+        """
         self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 
     def trip(self) -> None:
@@ -232,7 +235,10 @@ class CoilSupply:
         self._change(output=False, tripped=True)
 
     def reset(self, current_A: float = 0.0) -> bool:
-        """Obey ``*RST``: switch off, set 0 V and `current_A` (A), and clear a trip. Return False if locked."""
+        """Switch the output off, set 0 V and `current_A` (A), and clear a trip, as after the message ``*RST``.
+
+        Return False, without any change, if the supply is locked.
+        """
         return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
 
     def restart(self) -> None:

@@ -33,7 +33,7 @@ class SensorBase(ABC):
     Parameters
     ----------
     link : Transport
-        The line to the sensor. The constructor sends nothing.
+        The line (the serial, USB or network connection) to the sensor. The constructor sends nothing.
     clock : Clock
         The clock of the rig.
 
@@ -74,7 +74,10 @@ class SensorBase(ABC):
         return VisaTransport(address)
 
     def identify(self) -> Identity:
-        """Return the identity from the answer to ``*IDN?``. Raises AnotherSensor if the answer has changed."""
+        """Return the identity from the answer to ``*IDN?``.
+
+        Raises AnotherSensor if the answer differs from the first answer since the driver was opened.
+        """
         text = self._ask(IDENTITY).strip()
         if not text.isprintable() or not text:
             raise self._not_understood(IDENTITY, text, "a line of text")
@@ -88,7 +91,17 @@ class SensorBase(ABC):
 
     @abstractmethod
     def read(self) -> SensorReading:
-        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
+        """Return a new value of the sensor.
+
+        Raises
+        ------
+        InstrumentTimeout
+            No complete answer arrived within `timeout_s`.
+        InstrumentDisconnected
+            The line was cut or closed.
+        ReplyNotUnderstood
+            The answer does not have the form that the sensor's protocol defines.
+        """
 
     def close(self) -> None:
         """Release the line. Closing twice is allowed."""
@@ -98,7 +111,7 @@ class SensorBase(ABC):
         return SensorReading(value, unit, self._clock.now(), standard_uncertainty)
 
     def _ask(self, question: str) -> str:
-        """Send a query, and return its answer as text without the line end."""
+        """Send a query, and return its answer as text without the characters that end the line."""
         if self._cut:
             if not self._link.reopen():
                 raise InstrumentDisconnected(f"{self._link.address}: the connection was lost; check the sensor's cable")

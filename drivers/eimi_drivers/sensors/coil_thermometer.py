@@ -16,9 +16,9 @@ COPPER_PER_K = 0.00393
 COEFFICIENT_AT_DEGC = 20.0
 
 STEP_V, STEP_A = 0.01, 0.001
-"""Resolution of the measured voltage (V) and current (A).
+"""Assumed resolution of the measured voltage (V) and current (A).
 
-These values are assumed: they are right for a Korad, and most other supplies have a finer resolution.
+A Korad supply has this resolution. Most other supplies have a finer resolution.
 """
 
 READINGS_AT_REST = 10
@@ -108,9 +108,10 @@ class CoilThermometer:
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the relative standard uncertainty of a resistance that the resolution of the supply causes.
+    """Return the relative standard uncertainty of a resistance, as far as the resolution of the supply causes it.
 
-    A resolution d causes the standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
+    `reading` contains the voltage and the current from which the resistance is computed. A resolution d causes the
+    standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
     """
     return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 

@@ -12,7 +12,10 @@ from eimi_drivers.interfaces import SensorReading
 from eimi_drivers.sensors.base import SensorBase
 
 MILLITESLA: dict[str, float] = {"1": 0.1, "2": 1000.0, "3": 0.1, "4": 4e-4 * 3.141592653589793}
-"""One unit of the field in mT, by the answer to ``UNIT?``: gauss, tesla, oersted and A/m (in air)."""
+"""The size of the sensor's unit in mT, by the answer to ``UNIT?``.
+
+"1" is gauss, "2" is tesla, "3" is oersted, and "4" is A/m (in air).
+"""
 
 
 class LakeShore425(SensorBase):
@@ -44,8 +47,8 @@ class LakeShore425(SensorBase):
 class LakeShore475(LakeShore425):
     """Driver of a Lake Shore 475 gaussmeter on a serial port (9600 bit/s, 7 data bits, odd parity) or on GPIB.
 
-    The queries are the same as for the 425. The serial port has the same commands as GPIB (Model 475 User's Manual,
-    sections 6.0 and 6.3, pages 6-1 and 6-37 f.).
+    The queries are ``*IDN?``, ``UNIT?`` and ``RDGFIELD?``, as for the Lake Shore 425. The serial port has the same
+    commands as GPIB (Model 475 User's Manual, sections 6.0 and 6.3, pages 6-1 and 6-37 f.).
     """
 
     name: str = "lakeshore-475"

@@ -52,10 +52,29 @@ def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor
 
 
 def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Sensor:
-    """Open a sensor with a driver that is given as an object, and return the sensor.
+    """Open a sensor with a driver that is given as an object, and return the sensor. No message is sent.
 
-    The driver need not be in `SENSORS`. `name` is the name of the driver in messages. The other parameters and the
-    errors are those of `open_sensor`.
+    The driver need not be in `SENSORS`.
+
+    Parameters
+    ----------
+    driver : SensorDriver
+        The class or the function that opens the sensor.
+    name : str
+        The name of the driver in messages.
+    address : str
+        A serial port or a VISA resource, in the form that the driver expects.
+    clock : Clock
+        The clock of the rig.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver or the sensor lacks a member.
+    InstrumentDisconnected
+        The address cannot be opened.
+    InstrumentError
+        The driver raised another error.
     """
     check_sensor_driver(name, driver)
     connect = getattr(driver, "connect", None)

@@ -29,7 +29,7 @@ class TextLine(SensorBase):
         """Return the identity from the answer to ``*IDN?``.
 
         The first query after opening is repeated for about `STARTS_WITHIN_S` (s), until the board has started. Raises
-        AnotherSensor if the answer has changed.
+        AnotherSensor if the answer differs from the first answer since the driver was opened.
         """
         if self._bound is None:
             for _ in range(STARTS_WITHIN_S - 1):

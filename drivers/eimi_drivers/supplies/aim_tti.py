@@ -27,7 +27,7 @@ LAST_HARDWARE_ERROR = 99
 """The largest error number that means a hardware fault; the smallest is 1."""
 
 OUT_OF_RANGE = frozenset({100, 120})
-"""Numbers of the errors that a set-point outside the present range causes."""
+"""Numbers of the errors that a set-point outside the present range of the output causes."""
 
 ERRORS: Mapping[int, str] = {
     100: "the number is outside the permitted range",
@@ -143,7 +143,7 @@ class AimTtiSupply(SupplyBase):
         Raises
         ------
         AnotherSupply
-            The identity has changed.
+            The identity differs from the first identity since the driver was opened.
         InstrumentError
             The supply belongs to none of the series in `SERIES`.
         """

@@ -39,9 +39,9 @@ LATE_ANSWER_S = 1.0
 """Time (s) after the timeout of a query within which a late answer is expected and discarded."""
 
 PROTECTION_MARGIN = 1.1
-"""Level of the protection inside the supply, divided by the limit of the driver.
+"""Level at which a protection inside the supply switches the output off, divided by the limit of the driver.
 
-The level is above the limit, because this protection acts only if the regulator of the supply fails.
+The level is above the limit, because this protection is needed only if the regulator of the supply fails.
 """
 
 MEASURING_ATTEMPTS = 2
@@ -54,7 +54,8 @@ STAYS_ON = "nothing switches the output off, it stays as it was set"
 def armed_in_words(protections: str) -> str:
     """Return the last part of a text `without_contact`, which lists the armed protections; empty without protections.
 
-    `protections` describes the armed protections.
+    The text `without_contact` describes what the output does if the cable is pulled or the computer fails.
+    `protections` describes the armed protections, the protections inside the supply that the driver has switched on.
     """
     return f"; armed in the supply: {protections}" if protections else ""
 
@@ -131,7 +132,7 @@ class SupplyBase(ABC):
         self._unanswered = False
         self._late_until_s = 0.0
         self._bound: Identity | None = None
-        self._unconfirmed = False  # the line was reopened and the instrument was not identified since
+        self._unconfirmed = False  # True after a reopening of the line, until the instrument is identified again
         channel = split_address(link.address)[1]
         self._channel = self.default_channel if channel is None else channel
         first, last = self.channels
@@ -147,7 +148,10 @@ class SupplyBase(ABC):
 
     @abstractmethod
     def identify(self) -> Identity:
-        """Return the identity that the supply reports. Raises AnotherSupply if the identity has changed."""
+        """Return the identity that the supply reports.
+
+        Raises AnotherSupply if the identity differs from the first identity since the driver was opened.
+        """
 
     @abstractmethod
     def output_on(self) -> bool:
@@ -176,9 +180,10 @@ class SupplyBase(ABC):
         """Read the error queue of the supply, and raise InstrumentError if the queue contains errors."""
 
     def _enabled(self) -> bool:
-        """Return whether the output is switched on, even if the driver counts a set-point of zero as off.
+        """Return whether the output itself is switched on.
 
-        For most supplies the result is equal to `output_on`.
+        For most supplies the result is equal to `output_on`. For a supply that is switched off by a current of zero,
+        `output_on` can be False while the output itself is on.
         """
         return self.output_on()
 
@@ -196,21 +201,37 @@ class SupplyBase(ABC):
         """Stop the watchdog inside the supply, after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the compliance voltage (V), the largest voltage of the output, and verify the set-point.
+
+        Raises
+        ------
+        SetPointRefused
+            The voltage is outside the limits. Nothing was sent.
+        SetPointNotTaken
+            The supply reports another set-point.
+        """
         self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
         sent = set_point_text(voltage_V, self.voltage_step_V)
         self._send_voltage(sent)
         self._verify("voltage", sent, self.voltage_step_V, "V", self._voltage_set)
 
     def set_current(self, current_A: float) -> None:
-        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken."""
+        """Set the current (A) and verify the set-point.
+
+        Raises
+        ------
+        SetPointRefused
+            The current is outside the limits. Nothing was sent.
+        SetPointNotTaken
+            The supply reports another set-point.
+        """
         lowest = -self.limits.current_A if self.bipolar else 0.0
         self._refuse_outside("current", current_A, lowest, self.limits.current_A, "A")
         self._send_current(set_point_text(current_A, self.current_step_A))
         self._verify_current(current_A)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off and verify that it has switched.
+        """Switch the output on or off, and verify that the output has switched.
 
         The protections and the watchdog inside the supply are armed before the output is switched on.
 
@@ -252,8 +273,9 @@ class SupplyBase(ABC):
         """Set the current to zero, switch the output off, verify both settings, and measure until no current flows.
 
         The stages are: set zero, switch off, verify zero, verify that the output is off. Every stage is tried even if
-        an earlier stage fails. If a stage fails, the line is reopened and all stages are tried once more. Zero is
-        verified after the output is switched off, because the query takes long on a slow line.
+        an earlier stage fails. If a stage fails, the line is reopened and all stages are tried once more. The current
+        set-point of zero is verified only after the output is switched off, because the query takes long on a slow
+        line.
 
         Returns
         -------
@@ -284,9 +306,10 @@ class SupplyBase(ABC):
         return off
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the line, check the supply with `_compare`, and return whether its output is off already.
+        """Reopen the line, check that the same supply answers, and return whether its output is off already.
 
-        The check is left out, and False is returned, if the line cannot be reopened or no supply was identified before.
+        Without a check, False is returned if the line cannot be reopened or no supply was identified before. The
+        method also raises the errors of `_compare`.
         """
         try:
             if not self._link.reopen() or self._bound is None:
@@ -391,8 +414,9 @@ class SupplyBase(ABC):
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
         """Send a query, wait `pause_s` (s), and return the answer.
 
-        `size` and `end` are passed to `Transport.read`. If the previous query had no answer, the method waits before it
-        sends the query. A late answer to the previous query is then not taken for the answer to this query.
+        The answer has at most `size` bytes, and ends earlier at the byte `end`. If the previous query had no answer,
+        the method waits before it sends the new query. A late answer to the previous query is then not taken for the
+        answer to the new query.
         """
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
             self._clock.sleep(remaining_s)
@@ -430,7 +454,7 @@ class SupplyBase(ABC):
         sent : str
             The set-point that was sent, as text.
         step : str
-            The step of the set-points. The difference may be one step.
+            The step of the set-points, as text. A difference of one step is permitted.
         unit : str
             The unit, for the message.
         ask : callable
@@ -485,10 +509,21 @@ class SupplyBase(ABC):
         return None
 
     def _verify_level(self, question: str, level: float, limit: float, answer: float) -> None:
-        """Raise SetPointNotTaken if `answer`, the level that the supply reports, differs too much from `level`.
+        """Raise SetPointNotTaken if the level of a protection in the supply differs too much from the level sent.
 
         A difference of ``PROTECTION_MARGIN - 1`` times `limit` is allowed, because a supply may round the level. If
         `level` is `PROTECTION_MARGIN` times `limit`, the level in the supply is then 1 to 1.2 times `limit`.
+
+        Parameters
+        ----------
+        question : str
+            The query for the level, for the message.
+        level : float
+            The level that was sent, A or V.
+        limit : float
+            The limit of the driver for the same quantity, A or V.
+        answer : float
+            The level that the supply reports, A or V.
         """
         if abs(answer - level) > (PROTECTION_MARGIN - 1) * limit:
             raise SetPointNotTaken(
@@ -507,7 +542,7 @@ class SupplyBase(ABC):
 
     def _line(self, question: str, reply: bytes) -> str:
         text = line_in(reply)
-        if text is None or text == question:  # a line that returns what is sent to it
+        if text is None or text == question:  # the answer equals the query if the line only echoes messages
             raise self._not_understood(question, reply, "a line of text")
         return text
 

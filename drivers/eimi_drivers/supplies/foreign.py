@@ -23,13 +23,13 @@ _Value = TypeVar("_Value")
 class Interruptions:
     """Wrapper of the function that `open_supply` calls between two messages.
 
-    The function may raise an error in order to interrupt a call of the supply. The wrapper stores this error, so that
-    it can be distinguished from an error of the driver.
+    The function may raise an error in order to interrupt a call of the supply. The wrapper stores this error. The
+    caller can then distinguish this error from an error of the driver.
 
     Parameters
     ----------
     between_messages : callable
-        The function that is called between two messages, see `open_supply`.
+        The function that is called, without arguments, between two messages.
     """
 
     def __init__(self, between_messages: Callable[[], None]) -> None:
@@ -50,11 +50,11 @@ class Interruptions:
 
 
 class ForeignSupply:
-    """Wrapper of another package's supply, which raises the errors of its driver as InstrumentError.
+    """Wrapper of another package's supply, which raises the errors of the package's driver as InstrumentError.
 
-    Three kinds of errors are raised unchanged: an InstrumentError, an error that interrupts between two messages, and a
-    KeyboardInterrupt or another error that is not a subclass of `Exception`. An error in `safe_off` is raised as
-    SwitchOffFailed.
+    Three kinds of errors are raised unchanged: an InstrumentError, the error of the function that `open_supply` calls
+    between two messages, and an error that is not a subclass of `Exception`, such as KeyboardInterrupt. An error in
+    `safe_off` is raised as SwitchOffFailed.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class ForeignSupply:
         self._call("set_current", lambda: self._supply.set_current(current_A))
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off, and verify that it has switched."""
+        """Switch the output on or off, and verify that the output has switched."""
         self._call("set_output", lambda: self._supply.set_output(on))
 
     def output_on(self) -> bool:
@@ -122,7 +122,8 @@ class ForeignSupply:
         Returns
         -------
         Off or None
-            The measured current and its limit; None if the driver does not measure the current in this call.
+            The measured current and the largest current with which the supply counts as off. None if the driver does
+            not measure the current in this call.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Drive TDK-Lambda Genesys supplies over a serial line.
 
-Every message ends with a carriage return. The supply answers every command with ``OK``. Compare the form of the answer
-to ``STT?`` and the bits of its fault register with the manual of your supply.
+Every message ends with a carriage return. The supply answers every command with ``OK``. Before the first use, compare
+the form of the answer to ``STT?`` and the bits of the fault register in this answer with the manual of your supply.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class GenesysSupply(SupplyBase):
         """Return the identity of the supply, from its answers to ``IDN?`` and ``SN?``.
 
         The serial number in the identity also contains the number of the supply on the line. Raises AnotherSupply if
-        the identity has changed.
+        the identity differs from the first identity since the driver was opened.
         """
         return self._bind(self._model(), f"{self._line('SN?', self._ask('SN?'))}#{self._channel}")
 
@@ -144,7 +144,7 @@ class GenesysSupply(SupplyBase):
         try:
             return self._question(message.encode("ascii") + b"\r", LONGEST_LINE, end=b"\r")
         except (InstrumentTimeout, InstrumentDisconnected):
-            self._selected = False  # a unit that lost its mains, or another unit, must be addressed again
+            self._selected = False  # a supply that was without mains, or another supply, must be selected again
             raise
 
     def _ask(self, question: str) -> bytes:
@@ -189,7 +189,7 @@ class GenesysSupply(SupplyBase):
         """Return the level (V) of the over-voltage protection.
 
         The level is `PROTECTION_MARGIN` times the voltage limit, but at least the voltage limit plus 5.1 % of the rated
-        voltage, because the supply refuses a level closer than 5 % (error E04).
+        voltage. The supply refuses a level that is less than 5 % of the rated voltage above the set-point (error E04).
         """
         identity = self._model()
         rating = _RATING.search(identity)

@@ -27,12 +27,15 @@ class InterruptibleTransport:
         self._between_messages = between_messages
 
     def write(self, message: bytes) -> None:
-        """Call the function, then send the message. Raises the errors of the function."""
+        """Call the function, then send the message. If the function raises an error, the message is not sent."""
         self._between_messages()
         self._link.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes that `Transport.read` of the line returns."""
+        """Return the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
         return self._link.read(size, timeout_s, end)
 
     def reopen(self) -> bool:

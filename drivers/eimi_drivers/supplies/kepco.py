@@ -29,7 +29,7 @@ Assumed: 0.2 % of the rated current of a BOP 36-28, which is 28 A.
 class KepcoBopSupply(ScpiSupply):
     """Driver of a Kepco BOP supply, whose current can be positive or negative.
 
-    The driver switches such a supply off by setting the current to zero; the output itself stays on. `output_on`
+    The driver switches a Kepco BOP off by setting the current to zero; the output itself stays on. `output_on`
     therefore returns True only if the output is on and the current set-point is not zero. `set_voltage` limits the
     positive and the negative voltage (VOLT:PROT).
 
@@ -72,7 +72,7 @@ class KepcoBopSupply(ScpiSupply):
         if not self.protections:
             return
         reply = self._line("VOLT:PROT:MODE?", self._ask("VOLT:PROT:MODE?"))
-        if not reply.startswith("FIX"):  # FIX or FIXED, by firmware
+        if not reply.startswith("FIX"):  # FIX or FIXED, depending on the firmware
             raise SetPointNotTaken(
                 f"{self._link.address}: the voltage limit of the supply does not follow VOLT:PROT: the answer to "
                 f"VOLT:PROT:MODE? must be FIX, but it is {reply}"

@@ -20,7 +20,10 @@ from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 MESSAGE_GAP_S = 0.08
-"""Wait (s) after each message. Messages have no terminator, and the supply ignores messages without a pause between."""
+"""Wait (s) after each message.
+
+Messages have no terminator, and the supply ignores two messages between which there is no pause.
+"""
 
 OUTPUT_BIT = 0x40
 PROTECTION_BITS = 0x20 | 0x80
@@ -61,7 +64,7 @@ class KoradSupply(SupplyBase):
         """Return the identity of the supply, from its answer to ``*IDN?``.
 
         The answer has no terminator. It is complete when no byte has arrived for 50 ms. Raises AnotherSupply if the
-        identity has changed.
+        identity differs from the first identity since the driver was opened.
         """
         reply = self._ask("*IDN?", 1)
         with suppress(InstrumentTimeout):
@@ -70,7 +73,10 @@ class KoradSupply(SupplyBase):
         return self._identity(reply)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off, and verify that it has switched. Raises SetPointNotTaken."""
+        """Switch the output on or off, and verify that the output has switched.
+
+        Raises SetPointNotTaken if the output has not switched.
+        """
         super().set_output(on)
         if on:
             self._armed_bits = self._status() & PROTECTION_BITS
@@ -87,7 +93,10 @@ class KoradSupply(SupplyBase):
         )
 
     def check(self) -> None:
-        """Raise ProtectionTripped if the output is off without a command, or if a further protection bit is set."""
+        """Raise ProtectionTripped if the supply reports a trip, or if its output is off without a command.
+
+        A trip is a protection bit of the status byte that was not set when the output was switched on.
+        """
         if not self._switched_on:
             return
         status = self._status()

@@ -16,7 +16,10 @@ def is_logged() -> bool:
 
 
 class LoggedTransport:
-    """A line that writes its messages to the log at level DEBUG, and its faults and a summary at level INFO."""
+    """A line to an instrument that logs its messages at level DEBUG, and its faults and a summary at level INFO.
+
+    `link` is the line over which the messages are sent. `clock` measures the durations in the log.
+    """
 
     def __init__(self, link: Transport, clock: Clock) -> None:
         self.address = link.address
@@ -26,7 +29,7 @@ class LoggedTransport:
         self._sent_s = self._slowest_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """Log the message and send it; see `Transport.write`."""
+        """Log the message, discard all unread bytes of the line, and send the message."""
         _log.debug("%s > %r", self.address, message)
         self._messages += 1
         self._sent_s = self._clock.now()
@@ -37,7 +40,10 @@ class LoggedTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes that `Transport.read` of the line returns, and log them."""
+        """Return and log the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
         try:
             received = self._link.read(size, timeout_s, end)
         except InstrumentError as error:

@@ -25,8 +25,8 @@ MEASURE_EVERY_S = 0.05
 def off_limit_A(supply: PowerSupply) -> float:
     """Return the largest measured current (A) with which a supply counts as off.
 
-    The limit is `Limits.off_below_A` if a value is given. Otherwise the limit is the larger one of `LEAST_OFF_A` and
-    `reads_zero_within_A` of the supply.
+    The limit is `Limits.off_below_A` if a value is given. Otherwise the limit is `LEAST_OFF_A` or
+    `reads_zero_within_A` of the supply, whichever is larger.
     """
     if supply.limits.off_below_A is not None:
         return supply.limits.off_below_A

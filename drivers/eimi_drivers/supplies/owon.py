@@ -25,7 +25,10 @@ REFUSED = b"ERR"
 """The answer to a message that the supply does not accept."""
 
 MOST_REFUSALS = 3
-"""Number of ERR answers after which the query itself counts as refused, because at most two commands precede it."""
+"""Number of ERR answers after which the query itself counts as refused.
+
+At most two ERR answers can belong to the commands before the query.
+"""
 
 
 class OwonSpeSupply(ScpiSupply):

@@ -1,5 +1,7 @@
 """Describe one family of SCPI supplies: its commands and queries, its protections and its watchdog.
 
+A watchdog is a timer inside the supply that switches the output off if no message arrives.
+
 The messages contain placeholders. ``{value}`` is a set-point, ``{channel}`` is the channel in use, and ``{limit}`` is
 the current limit of the driver. ``{voltage}`` and ``{current}`` are the limits of the driver times `PROTECTION_MARGIN`.
 """
@@ -68,7 +70,6 @@ class Profile:
         The speed of a serial line, bit/s.
     stop_bits : int
         The number of stop bits on a serial line.
-    remote : str
     remote : str
         Message that brings the supply into remote mode on a serial line. It is sent before the first message and again
         after the line was reopened. Empty if the family needs no such message.

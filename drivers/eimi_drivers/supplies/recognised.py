@@ -45,7 +45,10 @@ MODELS: tuple[tuple[str, Recognised], ...] = (
     (r"\bGENH?\d", Recognised("genesys")),
     (r"\b(KORAD|TENMA|VELLEMAN|RND)", Recognised("korad")),
 )
-"""Patterns of identification texts, each with the driver of the supplies whose texts contain the pattern."""
+"""Regular expressions, each with the driver of the supplies whose identification texts contain a match.
+
+The first expression that matches determines the driver.
+"""
 
 
 def recognise(text: str) -> Recognised | None:

@@ -48,7 +48,10 @@ class ScpiSupply(SupplyBase):
         return self.profile.reads_zero_within_A
 
     def identify(self) -> Identity:
-        """Return the identity from the answer to ``*IDN?``. Raises AnotherSupply if the identity has changed."""
+        """Return the identity from the answer to ``*IDN?``.
+
+        Raises AnotherSupply if the identity differs from the first identity since the driver was opened.
+        """
         return self._identity(self._ask("*IDN?"))
 
     def output_on(self) -> bool:
@@ -81,7 +84,10 @@ class ScpiSupply(SupplyBase):
         return super()._reopen_and_compare()
 
     def _go_remote(self) -> None:
-        """Bring a supply on a serial line into remote mode before its first message, see `Profile.remote`."""
+        """Bring a supply on a serial line into remote mode before its first message.
+
+        The method sends nothing if the profile of the family has no message for remote mode.
+        """
         if self._is_local:
             self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
             self._is_local = False
@@ -177,7 +183,10 @@ class ScpiSupply(SupplyBase):
         self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Correct the settings on which a set-point depends, see `Profile.modes`. Raises SetPointNotTaken."""
+        """Correct the settings without which a set-point would have another meaning (`Profile.modes`).
+
+        Raises SetPointNotTaken if a setting is still wrong after its correction.
+        """
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))
             if self._mode(question).startswith(beginnings):
@@ -232,7 +241,7 @@ class ScpiSupply(SupplyBase):
 
 
 def scpi_driver(family: Profile) -> type[ScpiSupply]:
-    """Return a driver class for a family of SCPI supplies."""
+    """Return a driver class for the family of SCPI supplies that `family` describes."""
 
     class FamilySupply(ScpiSupply):
         __doc__ = ScpiSupply.__doc__

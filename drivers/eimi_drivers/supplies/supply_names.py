@@ -80,7 +80,8 @@ def supply_driver(driver: str) -> SupplyDriver:
 def is_bipolar(driver: str) -> bool:
     """Return whether the supplies of the driver with this name can set negative currents.
 
-    Raises the errors of `supply_driver`.
+    Raises UnknownDriver if no driver has this name, and UnusableDriver if the driver cannot be imported or lacks a
+    member.
     """
     return bool(getattr(supply_driver(driver), "bipolar", False))
 
@@ -142,10 +143,34 @@ def open_with(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open a supply with a driver that is given as an object, and return the supply.
+    """Open a supply with a driver that is given as an object, and return the supply. No message is sent.
 
-    The driver need not be in `SUPPLIES`. `name` is the name of the driver in messages. The other parameters and the
-    errors are those of `open_supply`.
+    The driver need not be in `SUPPLIES`.
+
+    Parameters
+    ----------
+    driver : SupplyDriver
+        The class or the function that opens the supply.
+    name : str
+        The name of the driver in messages.
+    address : str
+        A serial port or a VISA resource, in the form that the driver expects.
+    limits : Limits
+        The largest permitted current (A) and voltage (V).
+    clock : Clock
+        The clock of the rig.
+    transcript : Path, optional
+        A new file that records every message.
+    between_messages : callable, optional
+        A function that is called before each message if the driver has the member `connect`. It may raise an error in
+        order to interrupt a call of the supply.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver or the supply lacks a member, or a transcript is requested and the driver has no `connect`.
+    InstrumentError
+        The address cannot be opened, or contains a channel number that supplies of this family do not have.
     """
     check_supply_driver(name, driver)
     connect = getattr(driver, "connect", None)
@@ -170,7 +195,10 @@ def open_with(
 
 
 def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
-    """Call `open_it` and return the line or supply that it opens; raise each of its errors as InstrumentError."""
+    """Call `open_it`, and return the line or the supply that this function opens.
+
+    An exception of `open_it` is raised as an InstrumentError whose message contains `name` and `address`.
+    """
     try:
         return open_it()
     except InstrumentError:

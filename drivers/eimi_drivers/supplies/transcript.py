@@ -22,7 +22,7 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """Report that a driver sends or reads something else than the transcript contains."""
+    """Report that a driver sends another message than the transcript, or reads where the transcript has no answer."""
 
 
 class RecordingTransport:
@@ -47,7 +47,7 @@ class RecordingTransport:
         self._note(kind, f"{type(error).__name__} {error}".encode("unicode_escape").decode("ascii"))
 
     def write(self, message: bytes) -> None:
-        """Record the message and send it; see `Transport.write`."""
+        """Record the message, discard all unread bytes of the line, and send the message."""
         self._note(">", escaped(message))
         try:
             self._link.write(message)
@@ -56,7 +56,10 @@ class RecordingTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes that `Transport.read` of the line returns, and record them."""
+        """Return and record the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
         try:
             received = self._link.read(size, timeout_s, end)
         except InstrumentError as error:
@@ -106,7 +109,7 @@ class ReplayedTransport:
         kind : str
             The kind of event that the driver expects.
         doing : str
-            What the driver does, for the message.
+            A description of the driver's action, for the message.
 
         Returns
         -------
@@ -146,7 +149,10 @@ class ReplayedTransport:
         self._raise_fault(">!")
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes of the next event. Raises TranscriptMismatch if the next event is not an answer."""
+        """Return the bytes of the next event. Raises TranscriptMismatch if the next event is not an answer.
+
+        If the next event is an error that was recorded while reading, this error is raised again.
+        """
         self._raise_fault("<!")
         received = self._take("<", f"read {size} bytes")
         if received is None:

@@ -21,7 +21,7 @@ import serial
 
 try:
     import termios
-except ImportError:  # Windows has none, and pyserial does without it there
+except ImportError:  # Windows has no termios, and pyserial does not need this module there
     termios = None  # type: ignore[assignment]
 
 from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout, raised
@@ -36,7 +36,8 @@ _sharing = False
 def share_ports() -> None:
     """Let this process open ports that another process has locked.
 
-    The guardian needs this function to switch off the supply of a run that no longer responds.
+    The guardian calls this function. The guardian is a process that watches a measurement and switches the supply off
+    if the process of the measurement no longer responds. That process may still have the port locked.
     """
     global _sharing
     _sharing = True
@@ -58,7 +59,10 @@ class Transport(Protocol):
     """A line that carries bytes to and from one instrument."""
 
     address: str
-    """The address in the rig file. The line ignores a channel at its end, such as ``#2``, which the driver uses."""
+    """The address in the rig file.
+
+    A channel at the end of the address, such as ``#2``, is for the driver. The line ignores it.
+    """
 
     def write(self, message: bytes) -> None:
         """Discard all unread bytes, then send the whole message."""
@@ -111,10 +115,10 @@ def split_address(address: str) -> tuple[str, int | None]:
 
 
 def usb_serial_number(address: str) -> str:
-    """Return the serial number of the USB device behind a serial port.
+    """Return the serial number of the USB adapter or instrument to which a serial port belongs.
 
-    The result is empty if the device has no serial number, if the port is not a USB device, or if the serial ports
-    cannot be listed.
+    The result is empty if the USB device has no serial number, if the port does not belong to a USB device, or if the
+    serial ports cannot be listed.
     """
     port = serial_port(address)
     name = os.path.realpath(port) if port.startswith("/") else port.upper()
@@ -130,7 +134,7 @@ def usb_serial_number(address: str) -> str:
 
 def serial_port(address: str) -> str:
     """Return the name under which pyserial opens an address: a port, or a VISA resource of a serial port or socket."""
-    place = split_address(address)[0].removeprefix("\\\\.\\")  # how Windows writes COM10 and above; pyserial adds it
+    place = split_address(address)[0].removeprefix("\\\\.\\")  # Windows prefix of COM10 and above; pyserial adds it
     if match := _VISA_SERIAL.fullmatch(place):
         return f"COM{match[1]}" if match[1].isdecimal() else match[1]
     match = _VISA_SOCKET.fullmatch(place)
@@ -195,9 +199,10 @@ class SerialTransport:
             )
 
     def reopen(self) -> bool:
-        """Close the port and open it again; see `Transport.reopen`.
+        """Close the port and open it again. Raises InstrumentError if the port cannot be opened.
 
-        Returns False for a pseudo-terminal, which is not reopened because its name may belong to another program.
+        Returns True if the port is open again. Returns False for a pseudo-terminal, which is not reopened because its
+        name may belong to another program.
         """
         if "/dev/pts/" in self.address:
             return False
@@ -220,7 +225,7 @@ class SerialTransport:
             raise InstrumentError(f"{self.address}: {error}") from error
         except InstrumentError:
             raise
-        except Exception as error:  # a driver of the operating system below pyserial can raise anything
+        except Exception as error:  # a driver of the operating system below pyserial can raise any exception
             raise InstrumentDisconnected(f"{self.address}: {raised(error)}") from error
 
     def write(self, message: bytes) -> None:
@@ -232,7 +237,10 @@ class SerialTransport:
             self._port.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes from the port; see `Transport.read`."""
+        """Return the next bytes from the port: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
         with self._errors_named():
             if sys.platform == "win32":
                 received = self._polled(size, timeout_s, end)
@@ -246,7 +254,8 @@ class SerialTransport:
     def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
         """Return the next bytes from the port, which are read without blocking in intervals of `POLL_EVERY_S` (s).
 
-        Under Wine, a blocking read that times out is reported as an error of the line.
+        The bytes may be fewer than `size` if the time `timeout_s` (s) has passed. This method is for Wine, which
+        reports a blocking read that times out as an error of the line.
         """
         self._port.timeout = 0
         until = time.monotonic() + timeout_s
@@ -267,7 +276,7 @@ class SerialTransport:
 
 
 def visa_library() -> str:
-    """Return the name of the VISA library in PyVISA's notation: PYVISA_LIBRARY of the environment, or ``@py``."""
+    """Return the VISA library in PyVISA's notation: the environment variable PYVISA_LIBRARY, by default ``@py``."""
     return os.environ.get("PYVISA_LIBRARY", "@py")
 
 
@@ -387,7 +396,10 @@ class VisaTransport:
             self._resource.write_raw(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes from the resource; see `Transport.read`."""
+        """Return the next bytes from the resource: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
         with self._errors_named(timeout_s):
             self._resource.timeout = max(round(timeout_s * 1000), 1)
             self._resource.read_termination = end.decode("ascii") or None
@@ -456,7 +468,11 @@ class InProcessTransport:
         self._answered_after_s = self._clock.now() - asked_s
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes of the stored answer; see `Transport.read`."""
+        """Return the next bytes of the stored answer: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if the stored answer has neither `size` bytes nor `end`, or arrives after `timeout_s`
+        (s).
+        """
         if self._answered_after_s > timeout_s:  # the answer arrived too late
             raise _no_answer(self.address, timeout_s)
         place = self._unread.find(end) if end else -1

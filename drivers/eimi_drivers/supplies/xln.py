@@ -59,7 +59,8 @@ class XlnSupply(ScpiSupply):
     def identify(self) -> Identity:
         """Return the identity from the answers to ``MODEL?`` and ``VERSION?``, without a serial number.
 
-        The supply reports no serial number. Raises AnotherSupply if the identity has changed.
+        The supply reports no serial number. Raises AnotherSupply if the identity differs from the first identity since
+        the driver was opened.
         """
         parts = (self._line(question, self._ask(question)) for question in ("MODEL?", "VERSION?"))
         return self._bind(" ".join(parts), "")

@@ -31,7 +31,7 @@ ENDS_WITHIN_S = 30.0
 
 FRAMES = 3
 STORED = 8
-"""Largest number of stored frames that a camera may return after it stopped to deliver frames or was unplugged."""
+"""Largest number of stored frames that a camera may still return after it was unplugged or exposes no more frames."""
 
 
 @dataclass
@@ -86,7 +86,7 @@ def goes_on_after_a_flush(bench: CameraBench) -> None:
 
 
 def reads_its_settings_back(bench: CameraBench) -> None:
-    """Check that the camera reads back the requested settings."""
+    """Check that the camera's attribute `settings` contains the requested settings after opening."""
     bench.settings.verify("the camera", settings_of(bench.camera))
     if bench.settings.region is not None:
         width, height = bench.settings.region[2:]
@@ -107,7 +107,7 @@ def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
 
 
 def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
-    """Check that the camera works outside the main thread. The suite calls every camera from another thread."""
+    """Check that the camera works outside the main thread. eimi-lab calls every camera from a separate thread."""
     bench.camera.close()
     camera = TimedCamera("the camera", bench.open)
     try:

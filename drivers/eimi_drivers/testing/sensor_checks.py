@@ -174,7 +174,19 @@ def sensor_bench(
 ) -> Iterator[SensorBench]:
     """Connect a sensor driver to an emulated instrument while the context lasts, and yield both as a `SensorBench`.
 
-    The parameters are those of `check_sensor`.
+    Parameters
+    ----------
+    open : SensorDriver
+        The driver.
+    emulator : callable
+        Takes an `EmulatedQuantity` and returns the emulated instrument, whose `receive(data: bytes) -> bytes` answers
+        queries.
+    unit : str
+        The unit of the values, such as "mT" or "degC".
+    serve : callable, optional
+        A context manager that makes the emulated instrument reachable and yields its address. None: a driver with
+        `connect` is connected in this process in simulated time, and a driver without `connect` through a
+        pseudo-terminal.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "sensor")))
     with ExitStack() as stack:

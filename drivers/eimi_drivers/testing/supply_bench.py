@@ -83,7 +83,19 @@ def supply_bench(
 ) -> Iterator[SupplyBench]:
     """Connect a supply driver to an emulated instrument while the context lasts, and yield both as a `SupplyBench`.
 
-    The parameters are those of `check_supply`.
+    Parameters
+    ----------
+    open : SupplyDriver
+        The driver.
+    emulator : callable
+        Takes a `CoilSupply` and returns the emulated instrument, whose `receive(data: bytes) -> bytes` answers
+        messages.
+    serve : callable, optional
+        A context manager that makes the emulated instrument reachable and yields its address. None: a driver with
+        `connect` is connected in this process in simulated time, and a driver without `connect` through a
+        pseudo-terminal.
+    answer_within_s : float
+        The longest permitted duration of a query without an answer, s.
     """
     with ExitStack() as stack:
         sent: list[bytes] = []

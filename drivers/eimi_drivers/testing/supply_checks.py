@@ -225,9 +225,9 @@ def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
 
 
 def reports_a_cut_line(bench: SupplyBench) -> None:
-    """Check that a query on a cut line raises InstrumentDisconnected or InstrumentTimeout, and `safe_off` an error.
+    """Check that a query on a cut line raises InstrumentDisconnected or InstrumentTimeout.
 
-    `safe_off` must raise SwitchOffFailed.
+    `safe_off` must raise SwitchOffFailed on a cut line.
     """
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)
@@ -298,7 +298,7 @@ def check_supply(
         such as `serve_pty` or `serve_tcp`. None: a driver with `connect` is checked in this process in simulated time,
         and a driver without `connect` is checked on a pseudo-terminal.
     answer_within_s : float
-        The longest permitted duration of a query without an answer, s. During a measurement, the suite switches the
+        The longest permitted duration of a query without an answer, s. During a measurement, eimi-lab switches the
         supply off if the run makes no progress for 5 s.
     checks : iterable of functions, optional
         A selection of `SUPPLY_CHECKS`; the default is all checks. Each check opens a new `SupplyBench`.
