@@ -1,12 +1,12 @@
-"""A simulated bench: coil, beam and camera behind the interfaces of the drivers.
+"""A simulated bench: supply, coil, beam, camera and sensors behind the interfaces of the drivers.
 
 The parameters of the simulation are in the table [virtual] of the rig file.
 
 virtual_rig      the supply and the camera of the simulated bench
-served_bench     the simulated bench behind real protocols, for other programs
+served_bench     serve the simulated bench over real protocols, for other programs
 client_rig       the rig file for a program that measures on the served bench
 virtual_sensors  the gaussmeter and the thermometers of the simulated bench
-moving_beam      the motion of the virtual specimen, with its hidden viscoelastic law
+moving_beam      the motion of the virtual specimen, with the true viscoelastic law that a fit does not know
 moving_outlines  the outlines of the virtual specimen in motion
 beam             the finite-element shape of the virtual specimen in the field of the coil
 optics           the image of the beam in front of a back-light

@@ -1,8 +1,9 @@
-"""The virtual specimen: its shape as a solid in a field. In all three directions its mesh is finer than that of a fit.
+"""The virtual specimen: its shape in equilibrium, computed as a three-dimensional solid in a magnetic field.
 
-The solid is solved in a few fields up to the strongest field of the coil. For the fields between them, the difference
-between the shape of the solid and the shape of a planar beam is interpolated. The error of the interpolation is below a
-micrometre (`eimi_fitting.beam.beside`).
+The mesh of the virtual specimen is finer than the mesh of a fit, in all three directions. The solid is solved in a few
+fields up to the strongest field of the coil. For the fields between them, the difference between the shape of the solid
+and the shape of a planar beam is interpolated. The error of the interpolation is below a micrometre
+(`eimi_fitting.beam.beside`).
 """
 
 from __future__ import annotations
@@ -28,31 +29,36 @@ from eimi_lab.virtual.moving_beam import MovingBeam, stiffness_of_solid
 
 Array = NDArray[np.float64]
 
-SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
-_FIELDS = 17  # candidates for the fields in which the solid is solved
+SAME_FIELD_MT = 5e-5  # a smaller change of the field moves the tip by less than a thousandth of a pixel
+_FIELDS = 17  # number of fields from zero to the strongest one; the solid is solved in some of these fields
+# Largest numbers of elements for the stiffness of the moving rod, in the order of `Virtual.mesh`. A finer mesh changes
+# the frequency of the beam by less than the error of the rod model.
 _MESH_OF_STIFFNESS = (
     16,
     2,
     1,
-)  # as `Virtual.mesh`; a finer one changes the frequency by less than that of the rod errs
+)
 LOSS_FACTOR = 0.1
 """Assumed loss factor of a swinging beam whose material has no Prony series."""
-_BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
+# The solution for positive fields is also used for negative fields up to this fraction of the strongest field.
+_BACKWARD = 0.05
 
 
 @dataclass(frozen=True)
 class VirtualLoads:
     """The loads on the virtual beam: its weight, the field of the coil and the background field.
 
+    In the beam frame, x points from the clamp along the straight beam, and angles are counted from +x toward +y.
+
     Parameters
     ----------
     gravity_angle_deg, field_angle_deg
-        Directions of gravity and of the field in the beam frame, degrees. Without a direction of gravity (None) the
+        Directions of gravity and of the coil's field in the beam frame, degrees. If `gravity_angle_deg` is None, the
         beam has no weight.
     background_T
-        Field that is present without a current, in the beam frame, T.
+        Components x and y of the field that is present without a current, in the beam frame, T.
     coil
-        Shape of the field of the coil; None for a uniform field.
+        The field of the coil as a function of position; None for a uniform field.
     """
 
     gravity_angle_deg: float | None
@@ -61,7 +67,7 @@ class VirtualLoads:
     coil: CoilShape | None = None
 
     def at(self, field_mT: ArrayLike) -> Loads:
-        """Return the loads for one or several values of the coil's field at the magnet, mT."""
+        """Return the loads for one or several values of the coil's field at the magnet, mT; one load for each value."""
         loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
         if not any(self.background_T):
             return loads
@@ -69,9 +75,10 @@ class VirtualLoads:
 
 
 class VirtualBeam:
-    """A specimen of a known material: its shapes in equilibrium, and its motion between them.
+    """A virtual specimen of a known material, which computes its shapes in equilibrium and its motion.
 
-    The beam is always modelled as a three-dimensional solid, whatever section the specimen file gives for a fit.
+    The beam is always modelled as a three-dimensional solid, even if the specimen file says that a fit models the beam
+    in plane stress or plane strain.
 
     Parameters
     ----------
@@ -84,9 +91,9 @@ class VirtualBeam:
     loads
         The loads as a function of the field of the coil.
     strongest_mT
-        Largest field of the coil that will occur, mT.
+        Largest magnitude of the coil's field that will occur, mT.
     view
-        The view of the camera, for the outline as the camera sees it. None for an orthographic view.
+        The view of the camera, with which the outline in the picture is computed. None for an orthographic view.
     """
 
     def __init__(
@@ -103,16 +110,16 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the beam in this field (mT) would look different from its last computed shape."""
+        """Return whether the beam in this field (mT) would look different from the shape that was computed last."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property
     def relaxes(self) -> bool:
-        """Whether the material has a Prony series, so that its stress relaxes."""
+        """True if the material has a Prony series, and its stress therefore relaxes."""
         return bool(self._material.prony_h)
 
     def moving(self) -> MovingBeam:
-        """Return the beam in motion, with the hidden viscoelastic law of its material.
+        """Return a model of the beam's motion, with the true viscoelastic law of its material.
 
         Raises ArithmeticError if the solid has no equilibrium under a small load.
         """
@@ -182,7 +189,7 @@ def forget_solids() -> None:
 
 @lru_cache(maxsize=2)
 def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
-    """Return the solid model of a specimen. The same model serves for both signs of the field."""
+    """Return the solid model of a specimen. The same model is used for both signs of the field."""
     return SolidBeside(specimen, *mesh)
 
 
@@ -197,8 +204,9 @@ def _solved(
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
     """Return the solid model, its depth effect, and the field in mT up to which the depth effect was computed.
 
-    This field is the strongest one. If no equilibrium is found there, it is half or a quarter of the strongest field.
-    If none is found there either, the depth effect is None and the field is 0.
+    The depth effect is the difference between the shapes of the solid and the planar model. It is computed up to the
+    strongest field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter of this field. If
+    the solid has no equilibrium up to a quarter either, the depth effect is None and the returned field is 0.
     """
     beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):

@@ -1,4 +1,7 @@
-"""Write the rig file for a program that measures on a served bench, and complete a rig that has no table [virtual]."""
+"""Write the rig file for a program that measures on a served bench, and complete a rig that has no table [virtual].
+
+A served bench is a simulated bench whose instruments other programs can reach over real protocols.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +22,18 @@ GIGE_DRIVER = "aravis"
 
 _ROUND_PX = 16
 _BESIDE = 0.7
-"""Half the height of the pictures as a fraction of the beam's length, for a rig without a table [virtual]."""
+"""The distance that the pictures show on each side of the beam, as a fraction of the beam's length.
+
+The value is used for a rig without a table [virtual] and without a region of the camera.
+"""
 
 
 def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
     """Return a rig with a table [virtual] and the virtual camera.
 
-    A rig that has this table is returned unchanged. A rig without this table gets the table of the shipped virtual rig.
-    Its frames then have the size of the camera's region. If the rig has no region, the frames have a size that shows
-    the beam with a margin.
+    A rig that has this table is returned unchanged. A rig without this table gets the table of the virtual rig that is
+    shipped with eimi-lab. The frames of the returned rig then have the size of the camera's region in the given rig. If
+    the given rig has no region, the frames have a size that shows the beam with a margin.
     """
     if rig.virtual is not None:
         return rig
@@ -49,9 +55,10 @@ def _size_that_shows(rig: Rig, specimen: SpecimenFile) -> tuple[int, int]:
 def write_client_rig(
     rig: Rig, path: Path, supply_address: str, camera_address: str, sensor_addresses: Mapping[str, str], force: bool
 ) -> None:
-    """Write the rig file of a served bench, and the calibration file beside it.
+    """Write the rig file of a served bench, and its calibration file into the same folder.
 
-    The rig file does not contain the true material. Its camera is a GigE camera with the settings of the served rig.
+    The rig file does not contain the true material. The camera in the rig file is a GigE camera with the settings of
+    the served rig.
 
     Parameters
     ----------
@@ -64,7 +71,7 @@ def write_client_rig(
     sensor_addresses : mapping of str
         Addresses of the served sensors, with the names of the sensors as keys.
     force : bool
-        Whether existing files are replaced.
+        True if existing files are replaced.
 
     Raises
     ------
@@ -72,18 +79,18 @@ def write_client_rig(
         If one of the files exists and ``force`` is false.
     """
     calibration = path.with_name(f"{path.stem}_calibration.toml")
-    stated = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})
-    supply = stated["supply"]
+    rig_keys = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})
+    supply = rig_keys["supply"]
     if supply["driver"] == VIRTUAL:
         supply["driver"] = DIALECT_OF_THE_VIRTUAL_SUPPLY
     supply["address"] = supply_address
-    camera = {**stated["camera"], "driver": GIGE_DRIVER, "source": camera_address}
+    camera = {**rig_keys["camera"], "driver": GIGE_DRIVER, "source": camera_address}
     camera.pop("playback", None)
     sensors = [
         {**sensor, "address": sensor_addresses.get(sensor["name"], sensor["address"])}
-        for sensor in stated.get("sensors", ())
+        for sensor in rig_keys.get("sensors", ())
     ]
-    table: dict[str, Any] = {"name": stated.pop("name"), "calibration": calibration.name, **stated, "camera": camera}
+    table: dict[str, Any] = {"name": rig_keys.pop("name"), "calibration": calibration.name, **rig_keys, "camera": camera}
     if sensors:
         table["sensors"] = sensors
     write_file(calibration, rig.calibration.text, force)

@@ -1,13 +1,13 @@
 """The motion of the virtual beam in time: an elastic rod with a rigid magnet, as stiff as the solid beam.
 
 The rod follows Simo (1985, Comput. Methods Appl. Mech. Eng. 49:55), in the plane and without shear. The rotation and
-the stretch of the rod are sums of Legendre polynomials of the arc length. The soft material around the magnet is a
-hinge between rod and magnet. The bending stiffness and the stiffness of the hinge are computed from two static shapes
-of the hidden solid, under a small torque and under a small force. The frequency of the rod then agrees with that of the
-solid within 0.2 %, at rest and in the strongest field.
+the stretch of the rod are sums of Legendre polynomials of the arc length. The soft material around the magnet is
+modelled as a hinge between the rod and the magnet. The bending stiffness and the stiffness of the hinge are computed
+from two static shapes of the virtual solid, under a small torque and under a small force. The lowest frequency of the
+rod then agrees with the lowest frequency of the solid within 0.2 %, at rest and in the strongest field.
 
-The hidden material is quasi-linear viscoelastic, with a Prony series. The elastic forces f_e(z) of the rod, as a
-function of its coordinates z, are replaced by
+The true material, which a fit does not know, is quasi-linear viscoelastic, with a Prony series. The elastic forces
+f_e(z) of the rod, as a function of its coordinates z, are replaced by
 
     f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf,
 
@@ -36,36 +36,41 @@ from eimi_fitting.laws.prony import Prony
 
 Array = NDArray[np.float64]
 
-_BENDING, _STRETCHING = 3, 1  # numbers of polynomials
-_POINTS = 8  # Gauss points along the rod
-_SMALL = 1e-3  # rad; the rotation from which the stiffness of the solid is computed
-_SHAPE_MM = 1e-8
-_TOLERANCE = 1e-10
-_GAMMA = 2 - np.sqrt(2)  # share of a step at which its trapezoidal part ends
+_BENDING, _STRETCHING = 3, 1  # numbers of Legendre polynomials for bending and for stretching
+_POINTS = 8  # number of Gauss points along the rod
+_SMALL = 1e-3  # approximate rotation (rad) of the tip under the small loads that give the stiffness of the solid
+_SHAPE_MM = 1e-8  # tolerance (mm) of the solid's shapes under these small loads
+_TOLERANCE = 1e-10  # relative tolerance of the rod's equilibrium
+# Coefficients of TR-BDF2 (Hosea and Shampine 1996): the trapezoidal part ends at the fraction _GAMMA of a step. Both
+# parts solve an implicit equation with the coefficient _PART. _ERROR contains the weights of three rates in the estimate
+# of the error: at the beginning of the step, at the end of its trapezoidal part, and at its end.
+_GAMMA = 2 - np.sqrt(2)
 _PART = 0.5 * _GAMMA
 _WEIGHT = 0.25 * np.sqrt(2)
 _ERROR = (_WEIGHT - (1 - _WEIGHT) / 3, _WEIGHT - (3 * _WEIGHT + 1) / 3, 2 * _PART / 3)
-_ACCURACY = 1.5e-4  # error of a step, as a share of the distance moved; at constant steps also that of the frequency
-_SHORTEST_S, _LONGEST_S = 2e-3, 5.0  # shorter steps would only resolve vibrations above 100 Hz
-_FAILED_S = 1e-6
+# Permitted error of a step, divided by the distance that the rod moves in this step. At constant steps, the relative
+# error of the frequency has the same size.
+_ACCURACY = 1.5e-4
+_SHORTEST_S, _LONGEST_S = 2e-3, 5.0  # s; steps below 2 ms would only resolve vibrations above 100 Hz
+_FAILED_S = 1e-6  # s; the computation fails if even such a short step has no solution
 _SLOWEST = 1e-9  # 1/s; slower motions are not resolved
-_REMEMBERED = 0.97  # share of the largest speed that is remembered from step to step
+_REMEMBERED = 0.97  # factor by which the largest earlier speed decreases in each step, for the permitted error
 _NEWTON_STEPS = 12
-_CONVERGED = 1e-5  # rad; the error is then below 1e-7
-_STIFF_S = 5e-3
+_CONVERGED = 1e-5  # rad; the iteration ends at a smaller Newton step, and the error is then below 1e-7 rad
+_STIFF_S = 5e-3  # s; if _PART times the step is longer, the Newton matrix also contains the change of the loads
 
 
 @dataclass(frozen=True)
 class Stiffness:
-    """The stiffness of a specimen whose shear modulus is 1 Pa.
+    """The stiffness of the rod, divided by the shear modulus (Pa) of its material.
 
     Attributes
     ----------
     bending_m4 : float
         Bending stiffness of the flexible part, N m² per Pa.
     hinge_m3 : float
-        Stiffness of the material around the magnet against rotation of the magnet, N m per Pa; infinite without a
-        magnet.
+        Stiffness of the hinge, the soft material around the magnet that lets the magnet rotate against the rod, N m per
+        Pa; infinite without a magnet.
     """
 
     bending_m4: float
@@ -75,9 +80,9 @@ class Stiffness:
 def stiffness_of_solid(
     specimen: Specimen, law: str, values: tuple[float, ...], mesh: tuple[int, int, int]
 ) -> Stiffness:
-    """Return the stiffness of a solid beam from the rotation of its tip under a torque and under a force at the tip.
+    """Return the stiffness of a rod whose tip rotates like the tip of the solid beam under a torque and under a force.
 
-    Without a magnet only the force is used.
+    The torque and the force act at the tip. Without a magnet only the force is used.
 
     Parameters
     ----------
@@ -88,7 +93,7 @@ def stiffness_of_solid(
     values : tuple of float
         Parameters of the law, moduli in Pa.
     mesh : tuple of int
-        Numbers of elements, see `SolidBeside`.
+        Numbers of elements of the solid along and across the beam, and the refinement factor in depth.
 
     Raises
     ------
@@ -115,7 +120,8 @@ def stiffness_of_solid(
     across = 90.0 + magnet.magnetisation_angle_deg
     torque_Nm = _SMALL * rod / length
     by_torque = turn(Loads.along([1e3 * torque_Nm / magnet.moment_A_m2], across, None)) / torque_Nm
-    # With the arm e of the force beyond the flexible part:
+    # Compliances of a rod with length L, bending stiffness B and hinge stiffness k. The force acts at the distance e
+    # beyond the flexible part:
     # by_torque = L / B + 1 / k, by_force = L (L/2 + e) / B + e / k.
     arm = whole - length
     bending = 0.5 * length**2 / (by_force - arm * by_torque)
@@ -179,9 +185,9 @@ class _Rod:
         Returns
         -------
         derivatives : ndarray, shape (2, p, n)
-            Derivatives of the places of the points with respect to the coordinates.
+            Derivatives of the positions (x and y, m) of the points with respect to the n coordinates.
         remaining : ndarray, shape (2, p)
-            Accelerations of the points if the rates of the coordinates are constant, m/s².
+            Accelerations (x and y, m/s²) that the points have if the rates of the coordinates are constant.
         """
         angle, stretch = self._angles @ z, 1 + self.stretch @ z
         turning, stretching = self._angles @ speed, self.stretch @ speed
@@ -202,7 +208,10 @@ class _Rod:
         return derivatives, remaining
 
     def mass(self, derivatives: Array) -> Array:
-        """Return the mass matrix (n, n) of the rod from the ``derivatives`` of `moved`."""
+        """Return the mass matrix (n, n) of the rod, kg m².
+
+        ``derivatives`` (2, p, n) are the derivatives of the positions of the p mass points, as `moved` returns them.
+        """
         flat = derivatives.reshape(-1, self.size)
         return np.asarray(flat.T @ (self._twice * flat) + self._rotary)
 
@@ -232,16 +241,16 @@ class _Rod:
         return np.asarray(force)
 
     def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
-        """Return the places (m, 2) of m points of the beam, mm.
+        """Return the positions (x and y in the beam frame, mm) of m points of the moving beam, shape (m, 2).
 
         Parameters
         ----------
         z : ndarray, shape (n,)
             Coordinates of the rod.
         along : ndarray, shape (m,)
-            Arc length of each point at rest, as a share of the flexible length.
+            Arc length of each point at rest, divided by the flexible length. Values above 1 are in the rigid part.
         across_mm : ndarray, shape (m,)
-            Distance of each point from the axis, mm.
+            Distance of each point from the axis of the beam, mm, positive toward +y of the straight beam.
         """
         angle, stretch = self.angle @ z, 1 + self.stretch @ z
         slopes = np.stack([stretch * np.cos(angle), stretch * np.sin(angle)])
@@ -257,7 +266,10 @@ class _Rod:
 
 
 def _integral(k: int, place: Array) -> Array:
-    """Return the integral of the Legendre polynomial of degree ``k``, shifted to [0, 1], from 0 to each ``place``."""
+    """Return the integral of a shifted Legendre polynomial from 0 to each value of ``place``, with the same shape.
+
+    The polynomial has the degree ``k`` and is shifted from [-1, 1] to [0, 1].
+    """
     return np.asarray(0.5 * legval(2 * place - 1, legint(np.eye(k + 1)[k], lbnd=-1)))
 
 
@@ -285,22 +297,24 @@ def _body(specimen: Specimen) -> tuple[float, float, float]:
 
 
 class MovingBeam:
-    """The virtual beam in motion. At the first time the beam is at rest, in equilibrium with the field at this time.
+    """The motion of the virtual beam. The beam begins at rest, in equilibrium with the field at the first time.
 
     Parameters
     ----------
     specimen : Specimen
-        The true specimen. A bent shape without load, and changes of width and depth along the beam, are neglected.
+        The true specimen. The motion neglects that a beam can be bent without load, and that its width and depth can
+        change along the beam.
     stiffness : Stiffness
-        The stiffness for a shear modulus of 1 Pa, see `stiffness_of_solid`.
+        The stiffness of the rod for a shear modulus of 1 Pa, as `stiffness_of_solid` returns it.
     modulus_Pa : float
         Long-term shear modulus, Pa.
     series : Prony or None
-        The Prony series of the hidden material. None for a material with a loss factor at its lowest frequency.
+        The Prony series of the true material; None for a material whose losses `loss_factor` describes.
     loads : callable
-        Takes a field of the coil in mT, and returns the whole field (2,) in T and gravity (2,) in m/s².
+        Takes a field of the coil in mT. Returns the whole field (2,) in T and gravity (2,) in m/s², both in the beam
+        frame.
     loss_factor : float
-        Loss factor at the lowest frequency of the beam at rest, for a material without a series.
+        Loss factor of a material without a series, at the lowest frequency of the beam at rest. 0 for no losses.
     """
 
     def __init__(
@@ -359,14 +373,14 @@ class MovingBeam:
         return float(np.sqrt(squares.real.min()))
 
     def start(self, time_s: float, field_mT: float) -> None:
-        """Put the beam at rest into its equilibrium in a field (mT), and set its clock to ``time_s``."""
+        """Set the beam at rest into its equilibrium in the field ``field_mT`` (mT), at the time ``time_s`` (s)."""
         rest = self.at_rest(field_mT)
         self.time_s = time_s
         self._state = np.concatenate([rest, np.zeros(len(rest) * (1 + len(self._rates)))])
         self._rate = np.zeros_like(self._state)
         self._step_s, self._fastest = _SHORTEST_S, 0.0
 
-    def advance(self, time_s: float, field_mT: Callable[[float], float], seen_s: Array | None = None) -> Array:
+    def advance(self, time_s: float, field_mT: Callable[[float], float], output_times_s: Array | None = None) -> Array:
         """Move the beam to a later time, and return its coordinates at given times.
 
         Parameters
@@ -375,7 +389,7 @@ class MovingBeam:
             The later time, s.
         field_mT : callable
             Returns the field of the coil (mT) at any time (s) since the last call.
-        seen_s : ndarray, shape (m,), optional
+        output_times_s : ndarray, shape (m,), optional
             Increasing times (s) at which the coordinates are returned. The beam then moves to the last of these times.
             By default the beam moves to ``time_s``, and only the coordinates at this time are returned.
 
@@ -394,14 +408,17 @@ class MovingBeam:
         assert self.time_s is not None
         n = self.rod.size
         places = []
-        for end in [time_s] if seen_s is None else seen_s:
+        for end in [time_s] if output_times_s is None else output_times_s:
             while self.time_s < end - 1e-9:
                 self._step(end, field_mT)
             places.append(self._state[:n].copy())
         return np.array(places).reshape(-1, n)
 
     def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
-        """Make one step in time, at most to ``end_s``; the step is shorter if its error would otherwise be large."""
+        """Make one step in time, at most to the time ``end_s`` (s). The step ends earlier if its error would be large.
+
+        ``field_mT`` returns the field of the coil (mT) at a time (s).
+        """
         n, before, rate = self.rod.size, self._state, self._rate
         assert self.time_s is not None
         while True:
@@ -414,7 +431,7 @@ class MovingBeam:
                 after = self._solved(before + step * _WEIGHT * (rate + of_middle), part, loads[1])
                 if after is not None:
                     of_end = (after - before - step * _WEIGHT * (rate + of_middle)) / part
-                    # The error of the mean curvature counts.
+                    # The error is estimated for the first coordinate, the mean curvature of the rod.
                     error = step * (_ERROR[0] * rate[0] + _ERROR[1] * of_middle[0] + _ERROR[2] * of_end[0])
                     fastest = max(abs(float(after[n])), _REMEMBERED * self._fastest, _SLOWEST)
                     ratio = abs(float(error)) / (_ACCURACY * fastest * step)
@@ -430,26 +447,40 @@ class MovingBeam:
         longer = self._step_s if step < self._step_s else step * min(2.0, 0.8 / np.sqrt(max(ratio, 0.1)))
         self._step_s = min(max(longer, _SHORTEST_S), _LONGEST_S)
 
-    def _solved(self, known: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
-        """Return the vector y that solves y = known + part dy/dt(y), by Newton's method.
+    def _solved(self, constant: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
+        """Return the vector y that solves y = constant + part dy/dt(y), by Newton's method.
 
-        y contains the coordinates of the rod, the rates of the coordinates, and the internal stresses of the Prony
-        series. None is returned if the method does not converge. loads: the field (2,) in T and gravity (2,) in m/s² at
-        the new time.
+        The vector y contains the n coordinates of the rod, the n rates of the coordinates (1/s), and n internal
+        stresses for each term of the Prony series.
+
+        Parameters
+        ----------
+        constant : ndarray
+            The part of the equation that does not depend on y, in the order of y.
+        part : float
+            The coefficient of the rate, s.
+        loads : tuple of ndarray
+            The field (2,) in T and gravity (2,) in m/s² at the new time, both in the beam frame.
+
+        Returns
+        -------
+        ndarray or None
+            None if Newton's method does not converge.
         """
         n, terms = self.rod.size, len(self._rates)
-        known_z, known_speed, known_stress = known[:n], known[n : 2 * n], known[2 * n :].reshape(terms, n)
+        constant_z, constant_speed = constant[:n], constant[n : 2 * n]
+        constant_stress = constant[2 * n :].reshape(terms, n)
         kept = 1 / (1 + part * self._rates)
         gain = part + self._viscosity_s + float((part * self._shares * kept).sum())
 
         def unbalanced(speed: Array) -> tuple[Array, Array]:
-            z = known_z + part * speed
+            z = constant_z + part * speed
             derivatives, remaining = self.rod.moved(z, speed)
-            stress = (kept[:, None] * (known_stress + part * self._shares[:, None] * speed)).sum(axis=0)
+            stress = (kept[:, None] * (constant_stress + part * self._shares[:, None] * speed)).sum(axis=0)
             elastic = self._elastic * (z + self._viscosity_s * speed + stress)
             mass = self.rod.mass(derivatives)
             force = self.rod.loads(z, derivatives, remaining, *loads) - elastic
-            return mass @ (speed - known_speed) - part * force, mass
+            return mass @ (speed - constant_speed) - part * force, mass
 
         speed = (self._state + part * self._rate)[n : 2 * n] if part < _STIFF_S else self._state[n : 2 * n]
         matrix: Array | None = None
@@ -466,8 +497,8 @@ class MovingBeam:
             if not np.isfinite(speed).all():
                 return None
             if np.abs(part * change).max() < _CONVERGED:
-                stress = kept[:, None] * (known_stress + part * self._shares[:, None] * speed)
-                return np.concatenate([known_z + part * speed, speed, stress.ravel()])
+                stress = kept[:, None] * (constant_stress + part * self._shares[:, None] * speed)
+                return np.concatenate([constant_z + part * speed, speed, stress.ravel()])
             if iteration == _NEWTON_STEPS // 2:
                 matrix = None
         return None

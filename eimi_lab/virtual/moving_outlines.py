@@ -25,12 +25,15 @@ _GRID = 17  # number of fields in which the shape is solved
 class MovingOutlines:
     """The outlines of the beam and of its magnet for any shape of the moving rod.
 
+    The rod is the simplified model of the beam with which the motion is computed (`MovingBeam`).
+
     Parameters
     ----------
     outlines_mm : callable
-        Returns the outlines (mm) of the solid at rest in a field (mT).
+        Takes a field of the coil (mT), and returns the outlines (mm) of the beam and of the magnet at rest in this
+        field. The outline of the magnet is None without a magnet.
     moving : MovingBeam
-        The beam in motion.
+        The model of the beam's motion.
     specimen : Specimen
         The true specimen.
     strongest_mT : float
@@ -73,9 +76,19 @@ class MovingOutlines:
             self._across = np.append(self._across, half_magnet * np.array([-1.0, -1.0, 1.0, 1.0]))
 
     def at(self, coordinates: Array) -> Outlines:
-        """Return the outlines (mm) of the beam and of the magnet for the coordinates (n,) of the rod.
+        """Return the outlines of the beam and of the magnet for a shape of the moving rod.
 
-        The outline of the magnet is None without a magnet.
+        Parameters
+        ----------
+        coordinates : ndarray, shape (n,)
+            The n coordinates of the rod, as `MovingBeam.coordinates` returns them.
+
+        Returns
+        -------
+        beam : ndarray, shape (m, 2)
+            The m points of the beam's outline in the beam frame, mm.
+        magnet : ndarray, shape (4, 2), or None
+            The corners of the magnet in the beam frame, mm; None without a magnet.
         """
         field = float(np.interp(self._rod.end @ coordinates, self._turned, self._fields))
         shift = self._rod.places_mm(coordinates, self._along, self._across)

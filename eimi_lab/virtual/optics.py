@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.virtual.raster import coverage
 
-_LUMP_GRID = (9, 12)  # random values of the lumps over the height and the width of the frame
+_LUMP_GRID = (9, 12)  # numbers of random values over height and width, from which bright and dark patches are made
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Scene:
     bits
         Bit depth of the image.
     gamma
-        The camera stores the light to the power 1/gamma.
+        Exponent: the camera stores the light to the power 1/gamma. 1 for a linear camera.
     """
 
     mean: NDArray[np.float32]
@@ -44,7 +44,7 @@ def make_scene(
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
 ) -> Scene:
-    """Return the part of an image that is the same in all frames of a motionless beam.
+    """Return the light at each pixel without noise, which is the same in all frames of a motionless beam.
 
     Parameters
     ----------
@@ -53,21 +53,21 @@ def make_scene(
     size
         Width and height of the frame, px.
     beam_px
-        Outline of the whole beam including the magnet, shape (n, 2). It may end at the clamp line or continue behind
-        the clamp.
+        Outline of the whole beam including the magnet: x and y of n points, px, shape (n, 2). The outline may end at
+        the clamp line or continue behind the clamp.
     magnet_px
-        Outline of the magnet, inside the beam.
+        Outline of the magnet, inside the beam, px, shape (m, 2); None without a magnet.
     clamp_px
-        Outline of the clamp, in front of the beam.
+        Outline of the clamp, in front of the beam, px, shape (c, 2); None if no clamp is visible.
     oversampling
-        Factor by which the image is finer while the blur is applied. With 1, the light is integrated over the pixels
-        before it is blurred. This displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px. With 2,
-        the displacement is 0.002 px and the computation takes four times as long.
+        Number of computed points for each pixel and direction. With 1, the light is integrated over each pixel before
+        the blur is applied. The blur then displaces an edge that is parallel to the pixel rows by up to 0.01 px, for a
+        blur of 1 px. With 2, the displacement is 0.002 px and the computation takes four times as long.
 
     Raises
     ------
     ValueError
-        If an outline is not a polygon.
+        An outline has fewer than three points, or a coordinate is not finite.
     """
 
     def finer(outline_px: ArrayLike) -> NDArray[np.float64]:
@@ -93,7 +93,7 @@ def make_scene(
         )
     if oversampling > 1:
         transmitted = cv2.resize(transmitted, size, interpolation=cv2.INTER_AREA)
-    # The illumination varies slowly, so the blur may be applied before it.
+    # The blur is applied before the multiplication with the illumination, which varies slowly over the picture.
     light = np.maximum(transmitted, 0.0, out=transmitted)  # rounding gives about -1e-8 where no light is transmitted
     light *= _illumination(optics, size)
     full_scale = 2**optics.bits - 1
@@ -104,9 +104,9 @@ def make_scene(
 
 
 def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
-    """Return one frame of a scene, with shot noise, rounded and clipped at full scale.
+    """Return one frame of a scene, with shot noise, rounded to whole grey levels and clipped at full scale.
 
-    The noise has a normal distribution, which is a good approximation for hundreds of electrons.
+    The shot noise is drawn from a normal distribution, which is a good approximation for hundreds of electrons.
 
     Parameters
     ----------
@@ -139,16 +139,28 @@ def render(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
 ) -> NDArray[Any]:
-    """Return a single frame of a beam with noise. The parameters are those of `make_scene` and `expose`.
+    """Return a single frame of a beam with noise, shape (height, width), uint8 for 8 bits and uint16 for more bits.
 
     For many frames of one scene, call `make_scene` once and `expose` for each frame.
+
+    Parameters
+    ----------
+    optics
+        Back-light, lens and sensor.
+    size
+        Width and height of the frame, px.
+    rng
+        Random number generator of the noise.
+    beam_px, magnet_px, clamp_px
+        Outlines of the beam including the magnet, of the magnet and of the clamp, px, each with the shape (n, 2). None
+        if there is no magnet or no clamp.
     """
     return expose(make_scene(optics, size, beam_px, magnet_px, clamp_px), rng)
 
 
 @lru_cache(maxsize=4)
 def _illumination(optics: Optics, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return the light of the back-light on the sensor as a fraction of full scale, shape (height, width)."""
+    """Return the brightness of the back-light at each pixel as a fraction of full scale, shape (height, width)."""
     width, height = size
     x = np.linspace(-1.0, 1.0, width)
     y = np.linspace(-1.0, 1.0, height)[:, None]

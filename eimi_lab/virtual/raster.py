@@ -12,8 +12,10 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel's area that is inside a polygon.
 
     The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
-    the borders of the pixels. A piece adds the area to its right to its own pixel, and its height to all pixels further
-    to the right. A cumulative sum along the rows adds these contributions.
+    the borders of the pixels. Each piece covers the part of its own pixel that is to the right of the piece. It also
+    covers all pixels further to the right, by the height of the piece. A cumulative sum along the rows adds these
+    contributions. Areas of upward and downward pieces have opposite signs, so that only the inside of the polygon
+    remains.
 
     Parameters
     ----------
@@ -54,10 +56,10 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the coverage of a window by a polygon, shape (height, width).
+    """Return the fraction of each pixel of a window that a polygon covers, shape (height, width).
 
-    ``size`` is the width and height of the window. Its pixel borders, not its pixel centres, are at integer
-    coordinates.
+    ``vertices`` are the vertices x, y of the polygon in pixels, shape (n, 2). ``size`` is the width and height of the
+    window, px. The borders of the pixels, not their centres, are at integer coordinates.
     """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices
@@ -88,7 +90,10 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
 
 
 def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
-    """Return where the sides of a polygon cross the pixel borders 0 to ``limit`` of an axis.
+    """Return the points at which the sides of a polygon cross the pixel borders 0 to ``limit`` along an axis.
+
+    ``start`` (n, 2) is the first vertex of each of the n sides, and ``side`` (n, 2) is the vector along each side, px.
+    ``axis`` is 0 for x and 1 for y.
 
     Returns
     -------

@@ -28,18 +28,21 @@ from eimi_lab.virtual.virtual_rig import true_field_mT, truth_of, virtual_camera
 from eimi_lab.virtual.virtual_sensors import emulated_instrument
 
 TRIGGERS_PER_S = 10.0
-"""Number of checks per second for a software trigger of the camera; more checks would slow the run down."""
+"""Number of times per second at which the camera checks for a software trigger.
+
+More checks would slow down the program that measures on the served bench.
+"""
 
 _LOCAL_PORT = re.compile(r"(TCPIP\d*::|socket://)(127[.\d]*|localhost)::?(?P<port>\d+)(::SOCKET)?", re.IGNORECASE)
 _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
 
 
 def port_of(address: str) -> int | None:
-    """Return the TCP port on which the instrument with an address is served; None if it is served on a pseudo-terminal.
+    """Return the TCP port on which the instrument with an address is served; None for a pseudo-terminal.
 
-    For a network address of this computer, the port is the port of the address. For any other network, GPIB or USB
-    address, the port is 0, which means any free port. On Windows, which has no pseudo-terminals, every other address
-    gives 0 too.
+    If `address` is a network address of this computer, the result is the port in the address. For any other network,
+    GPIB or USB address, the result is 0, which means any free port. For a serial port, the result is None. On Windows,
+    which has no pseudo-terminals, the result for a serial port is also 0.
     """
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):
@@ -50,9 +53,11 @@ def port_of(address: str) -> int | None:
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
     """Return a function that takes an 8-bit picture of the virtual beam.
 
-    The beam is in the coil that another process serves at ``coil_line``.
+    The picture has the shape (height, width). If the rig has a camera region, black rows above and black columns to the
+    left stand for the part of the sensor outside the region. The beam is in the coil that another process serves at the
+    address ``coil_line``.
     """
-    # With a frame rate, the virtual camera would return its frames in order, and not the beam as it is now.
+    # With a frame rate, the virtual camera would return stored frames in their order, not the present beam.
     at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})
     camera = virtual_camera(at_once, specimen, RemoteCoil(coil_line), WallClock())
     left, top = rig.camera.region[:2] if rig.camera.region else (0, 0)
@@ -69,11 +74,11 @@ def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], N
 
 
 class ServedBench:
-    """Serves the instruments of a rig on one emulated coil, and writes a rig file for the program that uses them.
+    """A simulated bench with one emulated coil, whose instruments another program, the client, can use like real ones.
 
-    The camera runs in a separate process and follows the current of the supply. An instrument whose address in the rig
-    is a port of this computer is served on this port. Any other supply or sensor is served on a free port or a
-    pseudo-terminal.
+    The bench also writes a rig file for the client. The camera runs in a separate process and shows the beam at the
+    present current of the supply. An instrument whose address in the rig is a port of this computer is served on this
+    port. Any other supply or sensor is served on a free port or a pseudo-terminal.
 
     Parameters
     ----------
@@ -86,13 +91,13 @@ class ServedBench:
     say : callable
         Receives each line of text for the user.
     force : bool
-        Whether an existing rig file is replaced.
+        True if an existing rig file is replaced.
     fault : Fault or None
         A fault of the supply, of its coil or of its line; None for no fault.
     after_s : float
-        Time (s) from switching the output on with a current to the fault.
+        Time (s) from the moment at which the output is on with a current to the beginning of the fault.
     packet_loss : float
-        Share of the packets of the camera that are lost.
+        Share of the packets of the camera that are lost, 0 to 1.
 
     Raises
     ------

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_ALONG = 26  # number of elements along the flexible part
+_ALONG = 26  # number of finite elements along the flexible part of the beam
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Simulation:
     model
         The finite-element model of the beam.
     shapes
-        The shapes that the finite-element model computed.
+        The shapes that the finite-element model computed, for one set of parameters in K states. A state is one field.
     field_mT
         Field in each state, mT, shape (K,).
     tips
@@ -57,17 +57,20 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and right edge in each of the K states, mm, shape (K, 2, n, 2), as n points from clamp to tip."""
+        """The left and the right edge in each of the K states, in the beam frame, mm, shape (K, 2, n, 2).
+
+        Each edge has n points x, y from the clamp to the tip.
+        """
         return points_on(outline(self.model, self.shapes)[0], 4)
 
     @property
     def tip_mm(self) -> Array:
-        """The x and y of the tip in each of the K states, mm, shape (K, 2)."""
+        """The coordinates x and y of the tip in the beam frame in each of the K states, mm, shape (K, 2)."""
         return _tip(self.model, self.shapes)[0, :, :2]
 
     @property
     def tip_angle_deg(self) -> Array:
-        """The angle of the tip in each of the K states, degrees, shape (K,)."""
+        """The rotation of the tip from +x toward +y in each of the K states, degrees, shape (K,)."""
         return _tip(self.model, self.shapes)[0, :, 2]
 
     @property
@@ -107,7 +110,7 @@ def keys_of(law: Law) -> list[str]:
 
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
-    """Return the law with a name, and the values of its parameters from texts.
+    """Return the hyperelastic law with the name `model`, and the values of its parameters from the option's texts.
 
     Parameters
     ----------
@@ -174,8 +177,8 @@ def simulate(
     bulk_modulus_kPa
         Bulk modulus, kPa; None for an incompressible material.
     drawn
-        D random draws of the parameters, shape (D, n), from which the intervals of the tip are computed; None for no
-        intervals.
+        D random draws of the n parameters from their uncertainty, shape (D, n), from which the 95 % intervals of the
+        tip are computed; None for no intervals.
 
     Returns
     -------
@@ -232,7 +235,7 @@ def simulate(
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
-    """Return x (mm), y (mm) and the angle (degrees) of the tip for P candidates in K states, shape (P, K, 3)."""
+    """Return x (mm), y (mm) and the angle (degrees) of the tip for P sets of parameters in K states, (P, K, 3)."""
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
     place = model.positions(shapes, point)[:, :, 0, :2]
@@ -240,11 +243,19 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 
 
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """Return the 95 % intervals of the tip in K states, shape (K, 3, 2), over the draws that have an equilibrium.
+    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) in K states, shape (K, 3, 2).
 
-    The scatter is computed with the planar beam model, also for a solid. It is centred on ``tip`` (K, 3), which the
-    chosen beam model computed. In ``shapes``, the first candidate has the nominal parameters and the other candidates
-    are the draws.
+    The last axis has the lower and the upper end. Draws of the parameters without an equilibrium are left out.
+
+    Parameters
+    ----------
+    planar
+        The planar beam model. It computes the scatter of the draws, also if the beam is modelled as a solid.
+    shapes
+        The shapes of the planar model. The first set of parameters is nominal, and the other sets are the draws.
+    tip
+        x, y and angle of the tip for the nominal parameters, as the chosen beam model computed them, shape (K, 3). The
+        scatter is centred on these values.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
@@ -255,8 +266,9 @@ def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
 def write_simulation(folder: Path, simulation: Simulation) -> None:
     """Write the files of a simulation into a folder.
 
-    The files are ``tip.csv`` and the picture ``shapes.png``. For each state there are ``state_00_left.csv``,
-    ``state_00_right.csv`` and, for ParaView, ``state_00.vtu``. An OSError names the file that could not be written.
+    The files are ``tip.csv`` and the picture ``shapes.png``. For each state, the files ``state_00_left.csv`` and
+    ``state_00_right.csv`` contain the edges, and ``state_00.vtu`` is for ParaView. An OSError names the file that could
+    not be written.
     """
     model, shapes = simulation.model, simulation.shapes
     columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
@@ -312,9 +324,21 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
 
 
 def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
-    """Return the nodes, the displacements and the elements of the whole solid.
+    """Return the nodes, the displacements and the elements of the whole solid, from the half that was computed.
 
     The computed half of the solid and its mirror image are joined at mid-depth.
+
+    Parameters
+    ----------
+    nodes, displacement : ndarray, shape (N, 3)
+        Positions and displacements of the N nodes of the computed half, mm. The third coordinate is 0 at mid-depth.
+    elements : ndarray of int, shape (E, 27)
+        Numbers of the 27 nodes of each of the E elements.
+
+    Returns
+    -------
+    tuple of ndarray
+        Nodes, displacements and elements of both halves. The second half of the elements is the mirror image.
     """
     mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
     image = np.arange(len(nodes))
@@ -328,9 +352,9 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """Return the elements to draw, shape (m,), and the numbers of the 8 nodes around each of them, shape (m, 8).
+    """Return the numbers of the m elements to draw, shape (m,), and of the 8 nodes around each element, shape (m, 8).
 
-    For a solid, these are the elements at mid-depth.
+    For a solid, the elements at mid-depth are drawn.
     """
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements

@@ -1,8 +1,8 @@
 """The virtual rig: an emulated supply and a simulated camera behind the interfaces of the drivers.
 
 The simulation computes, in this order: the current through the coil, with its time constant and noise; the field; the
-shape of the beam by finite elements; and a frame. The supply is the ordinary Korad driver with an emulator in the same
-process. The acquisition therefore runs the same code as on a real bench, in simulated time.
+shape of the beam by finite elements; and a frame. The supply is the driver of real Korad supplies, connected to an
+emulated supply in the same process. A measurement therefore runs the same code as on a real bench, in simulated time.
 
 The camera can also be used alone, in real time, with the coil of a supply that another process emulates (`eimi
 emulate`).
@@ -53,10 +53,10 @@ class Coil(Protocol):
 class VirtualCamera:
     """A camera that sees the virtual beam.
 
-    With a frame rate, the camera exposes at this rate, and its buffer keeps the frames until they are requested. The
-    frames then show how the beam swings between equilibria. Without a frame rate, the camera exposes when a frame is
-    requested, at most ten times per second of the clock. The frames then show an elastic beam in equilibrium. A beam
-    with a Prony series swings and creeps with and without a frame rate.
+    With a frame rate, the camera exposes at this rate, and its buffer stores the frames until the program requests
+    them. The frames then show how the beam swings between equilibria. Without a frame rate, the camera exposes when a
+    frame is requested, at most ten times per second of the clock. The frames then show an elastic beam in equilibrium.
+    A beam with a Prony series swings and creeps in both cases.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ class VirtualCamera:
     clock
         The clock of the rig.
     frame
-        Conversion between the beam frame and pixels.
+        Conversion between the beam frame (mm) and the pixels of the picture.
     mT_per_A
-        Coil constant, mT/A.
+        Coil constant: the field at the magnet for each ampere, mT/A.
     virtual
         The table [virtual] of the rig.
     background_mT
@@ -79,7 +79,7 @@ class VirtualCamera:
     specimen
         The true specimen, whose inertia determines how the beam swings. None for a beam that is always at rest.
     strongest_mT
-        Largest field of the coil, mT.
+        Largest magnitude of the coil's field, mT.
     """
 
     def __init__(
@@ -114,11 +114,14 @@ class VirtualCamera:
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
 
     def swap_leads(self) -> None:
-        """Swap the leads of the coil, as the relay of the virtual rig does. The field of the coil is then reversed."""
+        """Swap the leads of the coil, as a relay would. The same current then causes the opposite field."""
         self._leads_swapped = not self._leads_swapped
 
     def field_mT(self) -> float:
-        """Return the present true field at the magnet along the axis of the coil, mT, with the background field."""
+        """Return the present true field at the magnet along the axis of the coil, mT.
+
+        The value is the sum of the coil's field and the background field.
+        """
         current_A = self._coil.coil_current_A()
         return self._background_mT + self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
@@ -161,7 +164,8 @@ class VirtualCamera:
     def _current_A(self, time_s: float) -> float:
         """Return the current of the coil at the time of an exposure, A.
 
-        A frame may have waited in the buffer since its exposure.
+        The exposure may be earlier than this call, because the frame was stored in the buffer. For a coil in another
+        process, the result is the present current.
         """
         if isinstance(self._coil, CoilSupply):
             return self._coil.coil_current_at_A(time_s)
@@ -179,7 +183,7 @@ class VirtualCamera:
     def _moved(self) -> Outlines | None:
         """Compute the motion of the beam up to the time of the exposure, and return the outlines of the beam.
 
-        None if the beam looks as in the last frame.
+        The result is None if the beam looks as in the last frame.
         """
         now_mT = self._field_at_mT(self._exposed_s)
         if self._motion is None:
@@ -216,7 +220,8 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     supply, camera, clock
         The drivers of supply and camera, and the simulated clock.
     truth
-        The true material (`truth_of`). Only the comparison of a result with the truth may use it.
+        The true material and the settings of the simulation, by name. Only the comparison of a result with the truth
+        may use this dictionary.
 
     Raises
     ------
@@ -276,13 +281,16 @@ def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, 
 
 def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
     """Return the true background field along the axis of the coil, mT."""
-    stated = calibration.model_copy(update=_hidden(bench))
-    axis_rad = np.radians(BeamFrame(stated).field_deg)
-    return 1e3 * float(stated_background_T(stated) @ [np.cos(axis_rad), np.sin(axis_rad)])
+    true_calibration = calibration.model_copy(update=_hidden(bench))
+    axis_rad = np.radians(BeamFrame(true_calibration).field_deg)
+    return 1e3 * float(stated_background_T(true_calibration) @ [np.cos(axis_rad), np.sin(axis_rad)])
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
-    """Create a camera that sees a specimen in a coil. Raises InputError for the same reasons as `open_virtual_rig`."""
+    """Create a camera that sees a specimen in a coil.
+
+    Raises InputError if the rig has no table [virtual], or if this table does not define the material of the specimen.
+    """
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
@@ -300,9 +308,9 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
-    """Return the true material of the virtual beam, and the mesh, the seed and the optics of the simulation.
+    """Return the true material of the virtual beam, and the mesh, the seed and the optics of the simulation, by name.
 
-    Raises InputError for the same reasons as `open_virtual_rig`.
+    Raises InputError if the rig has no table [virtual], or if this table does not define the material of the specimen.
     """
     virtual = _virtual(rig)
     material = _material(virtual, specimen)
@@ -322,8 +330,8 @@ def _as_it_is(
 ) -> tuple[mechanics.Specimen, Calibration]:
     """Return the true specimen and the true calibration of a virtual bench.
 
-    They differ from the files that a fit reads by the properties in `bench`, such as a bend of the beam from its
-    casting.
+    The true specimen and calibration differ from the files that a fit reads by the properties in `bench`, such as a
+    bend of the beam from its casting.
     """
     beam = specimen.mechanics()
     if beam.magnet:

@@ -1,4 +1,4 @@
-"""The sensors of the virtual rig: ordinary drivers with emulated instruments, in simulated time."""
+"""The sensors of the virtual rig: the drivers of real sensors, connected to emulated sensors, in simulated time."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ ROOM_DEGC = 23.0
 """Temperature of the virtual laboratory, °C. The virtual coil does not warm up."""
 
 NOISE = {"mT": 0.005, "degC": 0.02}
-"""Standard deviation of a reading, by its unit."""
+"""Standard deviation of the noise of a reading, by the unit of the reading and in this unit."""
 
 
 def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: Clock) -> Sensor:
-    """Open the ordinary driver of a sensor on an emulated instrument.
+    """Connect the driver of a real sensor to an emulated sensor in this process, and return the driver.
 
     Parameters
     ----------
     rule
-        The sensor in the rig file.
+        The entry of the sensor in the rig file.
     field_mT
         Returns the true field at the magnet along the axis of the coil, mT.
     clock
@@ -39,10 +39,21 @@ def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: C
 
 
 def emulated_instrument(rule: RigSensor, field_mT: Callable[[], float], clock: Clock) -> Responder:
-    """Return the emulated instrument of a sensor. The parameters are those of `open_virtual_sensor`.
+    """Return an emulated sensor, which measures the field or the temperature of the room.
 
-    The instrument shows the field if the sensor measures a field, otherwise the temperature of the room. Raises
-    InstrumentError if the driver has no emulator.
+    Parameters
+    ----------
+    rule
+        The entry of the sensor in the rig file. It gives the driver and the measured quantity.
+    field_mT
+        Returns the true field at the magnet along the axis of the coil, mT.
+    clock
+        The clock of the sensor.
+
+    Raises
+    ------
+    InstrumentError
+        The driver has no emulator.
     """
     unit = UNITS.get(rule.measures, "degC")
 
