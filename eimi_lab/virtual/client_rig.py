@@ -79,18 +79,18 @@ def write_client_rig(
         If one of the files exists and ``force`` is false.
     """
     calibration = path.with_name(f"{path.stem}_calibration.toml")
-    rig_keys = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})
-    supply = rig_keys["supply"]
+    given = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})
+    supply = given["supply"]
     if supply["driver"] == VIRTUAL:
         supply["driver"] = DIALECT_OF_THE_VIRTUAL_SUPPLY
     supply["address"] = supply_address
-    camera = {**rig_keys["camera"], "driver": GIGE_DRIVER, "source": camera_address}
+    camera = {**given["camera"], "driver": GIGE_DRIVER, "source": camera_address}
     camera.pop("playback", None)
     sensors = [
         {**sensor, "address": sensor_addresses.get(sensor["name"], sensor["address"])}
-        for sensor in rig_keys.get("sensors", ())
+        for sensor in given.get("sensors", ())
     ]
-    table: dict[str, Any] = {"name": rig_keys.pop("name"), "calibration": calibration.name, **rig_keys, "camera": camera}
+    table: dict[str, Any] = {"name": given.pop("name"), "calibration": calibration.name, **given, "camera": camera}
     if sensors:
         table["sensors"] = sensors
     write_file(calibration, rig.calibration.text, force)

@@ -42,8 +42,8 @@ _SMALL = 1e-3  # approximate rotation (rad) of the tip under the small loads tha
 _SHAPE_MM = 1e-8  # tolerance (mm) of the solid's shapes under these small loads
 _TOLERANCE = 1e-10  # relative tolerance of the rod's equilibrium
 # Coefficients of TR-BDF2 (Hosea and Shampine 1996): the trapezoidal part ends at the fraction _GAMMA of a step. Both
-# parts solve an implicit equation with the coefficient _PART. _ERROR contains the weights of three rates in the estimate
-# of the error: at the beginning of the step, at the end of its trapezoidal part, and at its end.
+# parts solve an implicit equation with the coefficient _PART. _ERROR contains the weights of three rates in the error
+# estimate: at the beginning of the step, at the end of its trapezoidal part, and at its end.
 _GAMMA = 2 - np.sqrt(2)
 _PART = 0.5 * _GAMMA
 _WEIGHT = 0.25 * np.sqrt(2)
