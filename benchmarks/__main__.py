@@ -28,9 +28,9 @@ class Benchmark:
     script : str
         Name of the module.
     words : str
-        The content of the table that the script prints.
+        A sentence that describes the table that the script prints.
     page : str
-        The page that explains the figures.
+        The page of the documentation that explains the figures, as a path relative to docs.
     arguments : tuple of str
         The arguments of a full run.
     short : tuple of str
@@ -113,7 +113,10 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """Run a benchmark; return its section of the page in Markdown, and whether the benchmark succeeded."""
+    """Run a benchmark; return its section of docs/benchmarks.md in Markdown, and whether the benchmark succeeded.
+
+    If `short` is true, the benchmark runs with reduced sizes.
+    """
     arguments = benchmark.short if short else benchmark.arguments
     command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
@@ -127,7 +130,10 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of an earlier version of the page in Markdown, by the names of the benchmarks."""
+    """Return the sections of an earlier version of the page in Markdown, by the names of the benchmarks.
+
+    The result is empty if the page does not exist.
+    """
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")

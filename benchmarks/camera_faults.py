@@ -1,4 +1,4 @@
-"""Count the wrong and lost frames of a GigE camera with faults, and measure the time until the driver reports a fault.
+"""Count the wrong and the lost frames of a GigE camera with faults, and measure how soon the driver reports a fault.
 
     python -m benchmarks.camera_faults
 
@@ -46,7 +46,10 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a table row for one share of lost packets: correct, wrong and lost frames, and the time for each frame."""
+    """Return a table row for one share of lost packets: received, wrong and lost frames, and the time of a frame.
+
+    `size_px` is the width and height of the frames, px. `share` is the share of lost packets, 0 to 1.
+    """
     with gige_process(partial(pictures, size_px), size_px) as process:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
@@ -74,7 +77,7 @@ def vanished(what: str, serial_number: str | None) -> str:
     """Return a row of the table for a camera whose process is killed.
 
     A camera with the serial number `serial_number` then takes the address of the killed camera. With None, no camera
-    takes the address.
+    takes the address. `what` is the name of the fault in the row.
     """
     size_px = SIZES_PX[0]
 

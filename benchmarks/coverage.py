@@ -2,26 +2,30 @@
 
 python -m benchmarks.coverage [--experiments 2000] [--seed 1] [--workers 2]
 
-Each experiment is a separate virtual measurement. Every source of uncertainty that specimen, calibration and rig can
-give (`eimi_fitting.inference.evidence.sources`) is drawn at random with the standard uncertainty of the bench examples:
-width, magnet, scale, coil, clamp, angles, zero of the current. The beam with the drawn values is simulated on 26 x 3
-elements and seen by the camera with the drawn errors. Each edge point gets noise. Half of the variance of this noise is
-white. The other half has an exponential correlation along the edge, as blur, illumination and threshold cause it. The
-fit knows only the nominal values and their uncertainties. Every fourth hidden beam is a solid and is fitted as a solid.
+Each experiment is a separate virtual measurement. A source is an input with an uncertainty that the files of specimen,
+calibration and rig can give, such as width, magnet, scale, coil, clamp, angles and zero of the current. In each
+experiment, the true value of every source is drawn at random with the standard uncertainty of the bench examples. The
+beam with the drawn values is simulated on 26 x 3 elements, and its edges are displaced by the drawn errors of the
+camera. Each edge point gets noise. Half of the variance of this noise is white. The other half has an exponential
+correlation along the edge, as blur, illumination and threshold cause it. The fit knows only the nominal values and
+their uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
 
 Two simplifications make this number of experiments affordable:
 
-- The fit consists of the polish, corrections, noise, budget and draws of `eimi fit`, in four states on 13 x 1 elements.
-  The search is left out, because it does not change the optimum. The polish starts within 20 % of the true modulus;
-  the other coordinates start anywhere in the middle half of their ranges.
-- The depth effect is solved once for each law and nominal specimen. The hidden beams use this effect as a function of
-  the rotation of the tip. The effect is a few hundredths of the deflection, and the drawn values change the effect by
-  a few hundredths.
+- The fit has four states and 13 x 1 elements. The global search of `eimi fit` is left out, because it does not change
+  the optimum. The local optimisation (polish) starts within 20 % of the true modulus, and the other parameters start
+  anywhere in the middle half of their ranges. All later steps are those of `eimi fit`: the corrections for mesh and
+  solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random draws
+  of the interval.
+- The depth effect, the difference between the solid and the planar model, is solved once for each law and nominal
+  specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
+  of the deflection, and the drawn values change the effect by a few hundredths.
 
 A row of the table is right if 93 to 97 % of the intervals contain the true value, within the statistical error of the
 number of experiments, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column "drawn"
-shows how much of the statistical error is due to the drawn sources. It is the share of experiments in which the sum of
-the drawn deviations times their effects in the budget is within 1.96 standard deviations.
+shows how much of the statistical error is due to the drawn sources. For each experiment, the drawn deviations are
+multiplied by their effects in the budget and summed. The column gives the share of experiments in which this sum is
+within 1.96 standard deviations.
 """
 
 from __future__ import annotations
@@ -71,7 +75,7 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the coverage of the intervals in each group of experiments; exit with 1 if a share is wrong."""
+    """Print the coverage of the intervals in each group of experiments; exit with status 1 if a row is not right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,25 +1,26 @@
-"""Measure how often `eimi discover` identifies the terms of hidden laws, and how often it is wrong.
+"""Measure how often `eimi discover` identifies the terms of hidden laws, and how often the named terms are wrong.
 
 python -m benchmarks.discover [--laws 100] [--seed 2] [--workers 2]
 
-Each hidden law has one, two or three terms of the library, drawn at random, and an initial shear modulus between 15 and
-60 kPa. Every term carries at least 15 % of the stress at the end of the tensile test. The evidence for each law is
+A law is a sum of terms of the strain energy. `eimi discover` chooses the terms from a library. Each hidden law has one,
+two or three terms of the library, drawn at random, and an initial shear modulus between 15 and 60 kPa. Every term
+carries at least 15 % of the stress at the end of the tensile test. The evidence for each law consists of
 
 - a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
 - a beam of type 1, 2 or 3 bent in six states, simulated on a finer mesh than that of the fit, with 0.4 µm of noise on
   its edge points. The material lot of the beam is stiffer or softer than the lot of the tensile test by 2 % (one
   standard deviation). The discovery knows this uncertainty.
 
-Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid. ``--solid`` uses solids for
-both. The search for the modulus at the beginning of a discovery is left out: the discovery starts within 10 % of the
-true value.
+Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid model. ``--solid`` uses the
+solid model for both. The search for the modulus at the beginning of a discovery is left out: the discovery starts
+within 10 % of the true value.
 
-``--off 1.3`` hides laws whose Jm, b and alpha differ from those of the library by a factor of up to 1.3. The terms are
-then compared by their kinds.
+With ``--off 1.3`` the constants Jm, b and alpha in the terms of the hidden laws differ from the constants of the
+library by a factor of up to 1.3. The named and the true terms are then compared by their kinds only.
 
 The table counts the laws with each result: "right" if exactly the true terms are identified, "not identifiable" if the
-discovery leaves the terms open, and "wrong" if other terms are named. The rows are both kinds of evidence together, and
-bending alone.
+discovery reports that the evidence does not determine the terms, and "wrong" if other terms are named. There is one row
+for both kinds of evidence together, and one row for bending alone.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from eimi_fitting.laws.sum_of_terms import Term
 from tests.shared.hidden_laws import Hidden
 
 TENSILE_NOISE = 0.002
-BEGUN_WITHIN = 0.1  # of the modulus
+BEGUN_WITHIN = 0.1  # largest error of the modulus (in its logarithm) with which a discovery starts
 SEED = 2
 BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
@@ -49,6 +50,10 @@ class Case:
 
     Attributes
     ----------
+    seed, number : int
+        The seed of the benchmark and the number of the law, which together determine the random values.
+    solid : bool
+        True if the beam is a solid, false if the beam is in plane stress.
     noise : float
         Standard deviation of the noise of the tensile test, as a share of the largest stress.
     off : float
@@ -67,11 +72,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A hidden law, and one discovery from each kind of evidence; a discovery without an equilibrium is None."""
+    """A hidden law, and one discovery for each kind of evidence.
+
+    The discovery is None if a beam had no equilibrium.
+    """
 
     number: int
     hidden: Hidden
-    found: dict[str, Discovery | None]
+    discoveries: dict[str, Discovery | None]
 
 
 def outcome(case: Case) -> Outcome | None:
@@ -95,7 +103,10 @@ def outcome(case: Case) -> Outcome | None:
 
 
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
-    """Return "right" if a discovery names the terms of the hidden law, "open" if it names none, otherwise "wrong"."""
+    """Return "right" if a discovery names exactly the terms of the hidden law, and "wrong" if it names other terms.
+
+    The result is "open" if the discovery does not identify the terms, or is None.
+    """
     if discovery is None or not discovery.identified:
         return "open"
     return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
@@ -106,13 +117,21 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 
 
 def row(name: str, words: Sequence[str]) -> str:
-    """Return a row of the table in Markdown: the numbers of hidden laws with each result in ``words``."""
+    """Return a row of the table in Markdown.
+
+    ``words`` has one result ("right", "open" or "wrong") for each hidden law. The row contains the count of each
+    result.
+    """
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"
 
 
 def main() -> int:
-    """Print the table; return 1 if under 90 % of the results are right, or over 5 % of those from bending are wrong."""
+    """Print the table, and return the exit status.
+
+    The status is 1 if less than 90 % of the results from both kinds of evidence are right, or if more than 5 % of the
+    results from bending alone are wrong. Otherwise the status is 0.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")
     parser.add_argument("--first", type=int, default=0, help="number of the first law")
@@ -136,10 +155,10 @@ def main() -> int:
             done.append(one)
             if options.each:
                 names = " + ".join(term.name for term in one.hidden.terms)
-                for discovery in one.found.values():
+                for discovery in one.discoveries.values():
                     statement = discovery.statement if discovery else "no equilibrium"
                     print(one.number, judged(discovery, one.hidden), f"[{names}]", statement, flush=True)
-    words = {name: [judged(o.found[name], o.hidden) for o in done] for name in done[0].found}
+    words = {name: [judged(o.discoveries[name], o.hidden) for o in done] for name in done[0].discoveries}
     print("| evidence | laws | right | not identifiable | wrong |\n| --- | --- | --- | --- | --- |")
     for name, verdicts in words.items():
         print(row(name, verdicts))

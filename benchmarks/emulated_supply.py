@@ -2,9 +2,9 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-The script prints the address of the supply. It then prints a line for every change of output, set-point or true
-current. The line contains the time in seconds of the monotonic clock, which all processes of a machine share; 1 or 0
-for the output; and set-point and true current in amperes.
+The script prints the address of the supply. It then prints a line for every change of the output, of the set-point or
+of the true current. The line contains four values: the time (s) on the monotonic clock, which all processes of a
+machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
 
 The name of a fault on the standard input, such as `shorted`, begins this fault; see ``eimi emulate --faults``. The
 fault `slow` delays answers by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends all faults. The transport `port` is
@@ -36,7 +36,10 @@ LEAST_CHANGE_A = 0.02
 
 
 class CoilOnLeads(CoilSupply):
-    """A coil on a supply whose meter includes the voltage across a bad contact of resistance `contact_ohm` (ohm)."""
+    """A supply with a coil whose leads have a bad contact of resistance `contact_ohm` (ohm).
+
+    The measured voltage includes the voltage across the contact.
+    """
 
     contact_ohm = 0.0
 
@@ -73,15 +76,15 @@ def main() -> None:
 
 def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:
     before: tuple[bool, float] | None = None
-    told_A = 0.0
+    printed_A = 0.0
     while True:
         if watchdog:
             watchdog()
         now = (coil.state.output, coil.state.set_current_A)
         true_A = coil.coil_current_A()
-        if now != before or abs(true_A - told_A) > LEAST_CHANGE_A:
+        if now != before or abs(true_A - printed_A) > LEAST_CHANGE_A:
             print(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g} {true_A:.3f}", flush=True)
-            before, told_A = now, true_A
+            before, printed_A = now, true_A
         time.sleep(WATCH_EVERY_S)
 
 

@@ -22,7 +22,7 @@ from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
 
 Array = NDArray[np.float64]
 
-# Bulk over shear modulus. Eight-point elements take more iterations with 5000 and come no nearer to the reference.
+# Bulk modulus divided by shear modulus. With 5000, elements of eight nodes take more iterations and are not more exact.
 BULK_RATIO = {"bilinear": 5000.0, "serendipity": 1000.0}
 _MOST_ITERATIONS, _MOST_HALVINGS = 30, 4
 
@@ -39,7 +39,7 @@ class Elements:
     along, across : int
         Numbers of elements along and across the beam.
     graded : bool
-        Whether the mesh is graded as in `eimi_fitting`.
+        True if the elements are finer near the clamp and near the magnet, as in `eimi_fitting`.
     """
 
     kind: str
@@ -55,7 +55,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class Curve:
-    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the total of the Newton iterations."""
+    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the number of all Newton iterations."""
 
     tip: Array
     iterations: int
@@ -66,7 +66,10 @@ class NoEquilibrium(Exception):
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
-    """Return the nodes and the cells of a beam's mesh in the order of FElupe."""
+    """Return the nodes of a beam's mesh, mm, shape (N, 2), and the node numbers of each element in FElupe's order.
+
+    `length` and `width` are the dimensions of the flexible part, mm.
+    """
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
     x = graded(length, elements.along, 0.5 * width, *finer)
     mesh = grid_mesh(x, np.linspace(-0.5 * width, 0.5 * width, elements.across + 1))
@@ -77,7 +80,10 @@ def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDA
 
 
 def _material(law: str, parameters: Array) -> tuple[Any, float]:
-    """Return the isochoric material (MPa) and its initial shear modulus. Raises ValueError for an unknown law."""
+    """Return FElupe's isochoric material (moduli in MPa) and its initial shear modulus (MPa).
+
+    Raises ValueError for a law other than "neo-hookean" and "ogden".
+    """
     if law == "neo-hookean":
         return felupe.NeoHooke(mu=parameters[0]), float(parameters[0])
     if law == "ogden":  # FElupe's moduli are mu_p alpha_p / 2
@@ -133,7 +139,11 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements of all nodes from ``x``, the unknowns of the flexible part and of the magnet."""
+        """Return the displacements (mm) of the N nodes, shape (N, 2), from the unknowns ``x``.
+
+        The unknowns are the displacements of the free nodes, and the two translations (mm) and the rotation (rad) of
+        the magnet.
+        """
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
         c, s = np.cos(x[-1]), np.sin(x[-1])
@@ -141,7 +151,10 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the Newton step from the displacements ``x`` of the unknowns, and store ``x`` in FElupe's field."""
+        """Return the Newton step of the unknowns ``x`` in a field (mT).
+
+        The displacements that belong to ``x`` are stored in FElupe's field container.
+        """
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()
@@ -167,7 +180,11 @@ class Beam:
         return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
 
     def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
-        """Return the unknowns at the solution (None without convergence), and the number of Newton iterations."""
+        """Return the unknowns at the solution, and the number of Newton iterations that were made.
+
+        The iteration starts at ``x`` and ends at a step below ``tolerance_mm``. The unknowns are None if the iteration
+        does not converge.
+        """
         for iteration in range(_MOST_ITERATIONS):
             step = self._step(x, field_mT)
             largest = np.abs(step).max()
@@ -179,9 +196,10 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Return the positions of the tip in all states. The states are solved in the given order.
+        """Return the positions of the tip in the fields `fields_mT` (K,), one state for each field.
 
-        `tolerance_mm` limits the last Newton step. Raises NoEquilibrium if a state cannot be solved.
+        The states are solved in the given order. The Newton iteration of a state ends at a step below `tolerance_mm`.
+        Raises NoEquilibrium if a state cannot be solved.
         """
         x, before, spent, tips = np.zeros(self.n + 3), 0.0, 0, []
         for target in fields_mT:

@@ -7,7 +7,7 @@ import sys
 import time
 
 REPEATS = 5
-# What `eimi acquire` does until then, with the files that are shipped.
+# The steps of `eimi acquire` up to the first frame, with the files that are shipped with eimi-lab.
 FIRST_FRAME = """
 import eimi_lab.cli
 from eimi_lab.acquisition.open_bench import open_bench

@@ -39,7 +39,7 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 MODULUS_PA, LARGEST_A, NOISE_MM = 46e3, 1.5, 2e-3
 SECTIONS = ("plane-stress", "solid")
 STATES = (16, 126, 501)
-# A small process starts it, because the largest memory of a child includes that of its parent.
+# A small process starts `eimi fit`, because the reported memory of a child process includes the memory of its parent.
 _STARTED = """
 import resource, subprocess, sys
 subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)
@@ -98,7 +98,7 @@ def task_kB(path: Path, section: str) -> float:
 
 
 def points_ms(states: int) -> float:
-    """Return the time (ms) for the distances of eight candidates from points that are tracked in `states` states."""
+    """Return the time (ms) for comparing eight simulated beams with points that are tracked in `states` states."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])

@@ -1,7 +1,7 @@
-"""Draw a rendered picture for every flag: ``python -m benchmarks.flag_pictures FILE.jpg``.
+"""Draw a rendered picture for every flag, a warning about the edges: ``python -m benchmarks.flag_pictures FILE.jpg``.
 
 The script also prints the table of flags in docs/why/edges.md. The flags NOT_SETTLED, DROPPED and DUPLICATE concern
-several frames of a state. For these flags the picture is the mean of the frames, as a run stores it.
+several frames of a state, which is one load step. For these flags the picture is the mean of the frames.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measure fits of videos as a phone records them: a flicked level strip with a hidden viscoelastic (Prony) law.
+"""Measure fits of videos as a phone records them: a level strip with a hidden viscoelastic (Prony) law is flicked.
 
     python -m benchmarks.flick [--scenes 20] [--first 0] [--share 1] [--difficulties] [-o FOLDER]
     python -m benchmarks.flick --film flick.mp4 [--seconds 2.4]
@@ -39,7 +39,24 @@ LARGEST_ERROR_PERCENT = 5.0
 class Outcome:
     """The fit of one video.
 
-    It contains the hidden and the fitted values, the flicks, the frames, the processor times (s) and the messages.
+    Attributes
+    ----------
+    hidden_Pa, fitted_Pa : float
+        The hidden and the fitted dynamic shear modulus, Pa.
+    interval_95 : tuple of float
+        The 95 % interval of the fitted modulus, Pa.
+    frequency_error_percent : float
+        The error of the fitted frequency, per cent.
+    hidden_loss, fitted_loss : float
+        The hidden and the fitted loss factor.
+    flicks, frames : int
+        The numbers of detected flicks and of frames.
+    import_s, fit_s : float
+        The processor times of the import and of the fit, s.
+    messages : str
+        The messages of the import.
+    doubts : tuple of str
+        The doubts that the fit reports.
     """
 
     hidden_Pa: float
@@ -52,7 +69,7 @@ class Outcome:
     frames: int
     import_s: float
     fit_s: float
-    told: str
+    messages: str
     doubts: tuple[str, ...]
 
     @property
@@ -79,7 +96,7 @@ HEAD = "hidden kPa  fitted kPa  error %  half-width %  holds  f error %    loss 
 def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outcome:
     """Render one video into a folder, and fit the strip in this video.
 
-    `rate` is the frame rate (Hz) that is given at the import; None: the rate in the file.
+    `rate` is the frame rate (Hz) that is given at the import. None means the frame rate in the video file.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([film.seed, 5])
@@ -90,9 +107,9 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
     if not video.exists():
         film.write(video)
     clicks = clicked_line(film, rng)
-    told = io.StringIO()
+    messages = io.StringIO()
     began = time.process_time()
-    with contextlib.redirect_stderr(told):
+    with contextlib.redirect_stderr(messages):
         dataset = eimi.import_motion(
             video, folder / "strip.toml", folder / "flick.h5", along=clicks, rate=rate, force=True
         )
@@ -114,7 +131,7 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
         len(film.times_s),
         import_s,
         time.process_time() - began,
-        told.getvalue().strip(),
+        messages.getvalue().strip(),
         law.doubts,
     )
 
@@ -122,8 +139,8 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
 def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None]]:
     """Yield several recordings of one scene; each has one difficulty, such as a phone that is held by hand.
 
-    Each element is a name, the recording, and the frame rate (Hz) that is given at the import (None: the rate in the
-    file).
+    Each element consists of a name, the recording, and the frame rate (Hz) that is given at the import. None means the
+    frame rate in the video file.
     """
     base = replace(film, rate_Hz=240.0, row_time_s=0.6 / 240.0 / film.scene.size[1])
     size = film.flicks_mm[0]
@@ -183,7 +200,7 @@ def main() -> None:
             outcomes.append(result)
             print(f"{name:32}  {result.in_words}", flush=True)
             if options.difficulties:
-                for line in (*result.told.splitlines(), *(f"doubt: {doubt}" for doubt in result.doubts)):
+                for line in (*result.messages.splitlines(), *(f"doubt: {doubt}" for doubt in result.doubts)):
                     print(f"    {line}")
     errors = np.abs([one.error_percent for one in outcomes])
     print(

@@ -3,13 +3,13 @@
     python -m benchmarks.fuzz_files --files 2000
 
 Bits, bytes, blocks or lengths of files are changed at random. The files are datasets (finished datasets, and datasets
-as a crash leaves them), TOML files, fits.json, tensile curves and images. Every file is read by the functions of the
-suite's commands, and the outcomes are counted. One process reads many files. A process that dies, or that takes more
-than 10 s of processor time for a file, is counted and replaced.
+as a crash leaves them), TOML files, fits.json, tensile curves and images. Every file is read by the functions that the
+commands of eimi-lab use, and the outcomes are counted. One process reads many files. A process that dies, or that takes
+more than 10 s of processor time for a file, is counted and replaced.
 
 With --recover, only datasets are mutated. A separate process then recovers each dataset as `eimi recover` does, with
-the same limits of memory and time. A process that dies or exceeds the time limit is then not a fault, because `recover`
-reports this in one line.
+the same limits of memory and time. A process that dies or exceeds the time limit is then not a fault, because the
+command `eimi recover` reports such an end in one line.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Generate mistakes in randomly drawn lines of the code.
 
-No person who knows the tests chooses the mistakes. A mistake changes one place of the syntax tree: an operator, a
-comparison, a condition, a number, two arguments, a name, or a whole statement. All lines that can be changed are drawn
-with equal probability. For each drawn line, one of its possible changes is drawn. Texts, annotations and imports are
-never changed.
+The mistakes are random, so that nobody who knows the tests chooses them. A mistake changes one place of the syntax
+tree: an operator, a comparison, a condition, a number, two arguments, a name, or a whole statement. All lines that can
+be changed are drawn with equal probability. For each drawn line, one of the possible changes of this line is drawn.
+Texts, annotations and imports are never changed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,19 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one place in a source file: lines (from 1), columns (bytes, from 0), new text and description."""
+    """A change of one place in a source file.
+
+    Attributes
+    ----------
+    line, column : int
+        The beginning of the old text: the line, counted from 1, and the byte in this line, counted from 0.
+    end_line, end_column : int
+        The end of the old text, counted in the same way.
+    new : str
+        The new text.
+    says : str
+        A description of the change.
+    """
 
     line: int
     column: int
@@ -62,17 +74,17 @@ def changes(text: str) -> list[Change]:
     """Return every change that the generator can make in a source file."""
     tree = ast.parse(text)
     skipped = _skipped(tree)
-    found = [
+    possible = [
         change for node, names in _walked(tree, {}) if id(node) not in skipped for change in _of_node(node, text, names)
     ]
-    return sorted(found, key=lambda change: (change.line, change.column, change.says, change.new))
+    return sorted(possible, key=lambda change: (change.line, change.column, change.says, change.new))
 
 
 def _skipped(tree: ast.AST) -> set[int]:
     """Return the identities of the nodes that are never changed.
 
-    They are annotations, decorators, f-strings, imports, assertions, some calls such as `TypeVar`, and blocks for type
-    checkers.
+    These nodes are annotations, decorators, f-strings, imports, assertions, some calls such as `TypeVar`, and blocks
+    for type checkers.
     """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -92,9 +104,9 @@ def _skipped(tree: ast.AST) -> set[int]:
 
 
 def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
-    """Yield each node below `node`, together with the names that the surrounding function defines.
+    """Yield `node` and each node below `node`, each with the names that the surrounding function defines.
 
-    The names are the parameters and local names of the function, each with the line that first sets the name.
+    The names are the parameters and the local names of the function, each with the line that first sets the name.
     """
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
@@ -197,9 +209,10 @@ def compiles(text: str) -> bool:
 
 
 def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
-    """Return the lines around a change, before and after the change.
+    """Return the lines around a change as two texts: before the change and after the change.
 
-    The group of whole lines is the smallest that occurs only once in the text.
+    The first text is a group of whole lines that occurs only once in `text`. Lines are added around the change until
+    this is true. `other` is the text of the whole file after the change.
     """
     before, after = text.splitlines(keepends=True), other.splitlines(keepends=True)
     grown = len(after) - len(before)

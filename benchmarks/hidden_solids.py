@@ -1,8 +1,9 @@
-"""Fit hidden solids, and compare the bias of the modulus with the predicted bias, by section assumption.
+"""Fit simulated solids in plane strain, in plane stress and as solids, and compare measured and predicted biases.
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
 
-The hidden solids are simulated on a finer mesh than that of the fits.
+The bias is the error of the identified modulus that the assumption of plane strain or plane stress causes. The solids
+are simulated on a finer mesh than the mesh of the fits. The fits do not know the parameters of the simulation.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen
 
 HIDDEN = {"neo-hookean": [46390.0], "yeoh": [19530.0, 7410.0, -3117.0]}
-MESH = (26, 3, 1)  # elements along, across and in addition in each part of the depth; the solid of a fit has 20, 2, 0
+# Elements along the beam, across the beam, and additional elements in each part of the depth. A fit has (20, 2, 0).
+MESH = (26, 3, 1)
 LOADS = Loads.along(np.linspace(0.0, 7.05, 8))
 
 
@@ -43,8 +45,11 @@ SPECIMENS = {
 }
 
 
-def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
-    """Simulate a hidden solid, and return its outline in every state with noise of `sigma_mm`."""
+def noisy_edges(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
+    """Simulate a solid, and return its edges in every state with normal noise of the standard deviation `sigma_mm`.
+
+    The solid follows the law with the name `law`, with the parameters in `HIDDEN`.
+    """
     model = SolidBeside(specimen, *MESH)
     shapes = model.solve(LAWS[law], np.array([HIDDEN[law]]), LOADS, tolerance_mm=1e-3)
     curves = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
@@ -55,10 +60,11 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Fit a law to the edges of a hidden solid, and return a text with the result.
+    """Fit a law to the edges of a simulated solid, and return a text with the result.
 
-    The text gives the bias of the modulus and its interval (%), the error of the edges (µm, root mean square in each
-    state, mean over the states), and the change of the modulus by the solid section (%).
+    The text gives the bias of the modulus and its 95 % interval (%). It also gives the error of the edges (µm): the
+    root mean square in each state, averaged over the states. If the solid model corrected a planar fit, the change of
+    the modulus by this correction (%) follows. `true_Pa` is the true modulus, Pa.
     """
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])
@@ -70,16 +76,16 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print a row for every specimen and hidden law.
+    """Print a row for every specimen, law of the simulation, and assumption of the fit.
 
-    With --short only one specimen is fitted, and with --solid only the solid section is used.
+    With --short only one specimen is fitted, and with --solid all fits use the solid model.
     """
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]
         for law, values in HIDDEN.items():
             true_Pa = float(LAWS[law].initial_shear_modulus(np.array(values)))
-            observed = seen(specimen, law)
+            observed = noisy_edges(specimen, law)
             for section in ("plane-strain", "plane-stress", "solid")[2 if "--solid" in sys.argv else 0 :]:
                 variant = replace(specimen, section=section)
                 expected = "" if section == "solid" else f"  (predicted {100 * expected_bias(variant):+.1f} %)"

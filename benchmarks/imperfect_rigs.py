@@ -2,18 +2,20 @@
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
 
-Each row is one imperfection, with the name of its cause in `fits.json`. The beam is the beam of the bench example. It
-is a hidden Neo-Hookean solid on a finer mesh than that of a fit, in eight fields up to 7.05 mT. The edges have white
-noise.
+Each fit belongs to one imperfection: a property of the bench that differs from the files, such as a tilted camera. A
+fit compares possible causes of its residuals, and `fits.json` lists these causes with probabilities. The imperfection
+has the name of its cause in this list. The beam is the beam of the bench example. The true beam is a simulated
+Neo-Hookean solid on a finer mesh than the mesh of a fit, in eight fields up to 7.05 mT. The edges have white noise.
 
-The columns give the error of the modulus, first with the straight shape of the specimen file and then with the measured
-rest shape. Each error has a 95 % interval from noise and mesh, and a word that says whether the interval from all
-stated uncertainties contains the true modulus. The second line gives the rank of the true cause among the compared
-causes. The last lines count the ranks.
+Every imperfection is fitted with the straight shape of the specimen file and with the rest shape, the shape without
+load, that is measured in the edges. The first line of a fit gives the error of the modulus and its 95 % interval from
+noise and mesh. It also says whether the 95 % interval from all uncertainties in the files contains the true modulus.
+The second line gives the rank of the true cause among the compared causes. The last lines count the ranks.
 
 --both      The fields have both polarities, and increase and then decrease.
+--measured  Only the fits with the measured rest shape are made.
 --rendered  A picture of each state is rendered, and the edges are found in the picture.
---planar    The hidden and the stated beam are in plane stress, which takes a fifth of the time.
+--planar    The true beam and the beam of the fit are in plane stress, which takes a fifth of the time.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ from eimi_lab.config.specimen import load_specimen
 Array = NDArray[np.float64]
 
 MODULUS_PA = 46390.0
-MESH = (26, 3, 1)  # of the hidden solid
+MESH = (26, 3, 1)  # elements of the true solid along, across, and additional elements in each part of the depth
 FIELD_MT = np.linspace(0.0, 7.05, 8)
 BOTH_MT = 7.05 / 3 * np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0, -2.0, -1.0, 0.0])
 NOISE_MM = 0.002
@@ -69,7 +71,7 @@ class Imperfection:
     picture : callable
         Maps true positions (..., 2) in mm to the positions in mm at which the camera shows them.
     is_clamp_seen : bool
-        Whether `picture` also changes the clamp in the picture.
+        True if `picture` also changes the position of the clamp in the picture.
     """
 
     cause: str
@@ -86,13 +88,16 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of a current loop. 15 mm from the centre of the loop, the field is 2 % lower."""
+    """Return the loads with the field of a current loop, which is 2 % lower at 15 mm from the centre of the loop."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return loads under which the beam bends as if its stiffness had the factor ``stiffness``, one for each state."""
+    """Return loads under which the beam bends as if its stiffness were multiplied by ``stiffness``.
+
+    ``stiffness`` has one factor for each of the K states, shape (K,).
+    """
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
 
@@ -184,10 +189,11 @@ def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> t
     Parameters
     ----------
     imperfection : Imperfection
+        The property of the bench that differs from the files.
     field_mT : ndarray, shape (K,)
-        Field in each of the K states.
+        Field in each of the K states (load steps), mT.
     planar : bool
-        Whether the beam is in plane stress instead of a solid.
+        True if the beam is in plane stress, false if the beam is a solid.
 
     Returns
     -------
@@ -212,17 +218,27 @@ def stated_specimen(planar: bool) -> Specimen:
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges of the true solid in K states at the positions that the camera shows, without clamp and tip.
+    """Return the edges of the true solid in K fields (mT) at the positions that the camera shows.
 
-    The shape is (K, 2, m, 2): left and right edge, m points, and x and y in mm.
+    The points next to the clamp and to the tip are left out. The shape is (K, 2, m, 2): K fields, left and right edge,
+    m points, and x and y in mm.
     """
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 
 
 def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> Experiment:
-    """Return the experiment of a fit: edges (K, 2, m, 2) with noise, and the specimen and uncertainties of the files.
+    """Add noise to simulated edges, and return the experiment, which contains all inputs of a fit.
 
-    The edges are x and y in mm of m points on the left and right edge in K states.
+    Parameters
+    ----------
+    edges : ndarray, shape (K, 2, m, 2)
+        x and y in mm of m points on the left and the right edge in K states.
+    field_mT : ndarray, shape (K,)
+        Field in each of the K states, mT.
+    seed : int
+        Seed of the noise.
+    planar : bool
+        True if the fit assumes plane stress, false if the fit uses the solid model.
     """
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
@@ -231,14 +247,27 @@ def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> 
 
 
 def filmed(
-    imperfection: Imperfection, seen: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
+    imperfection: Imperfection, shown: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
 ) -> Experiment:
-    """Return the experiment of a fit from rendered pictures, with the edges that are found in the usable states.
+    """Render a picture of each state, and return the experiment, which contains all inputs of a fit.
 
-    `seen` contains the edges and the magnet's corners that `bent` returns.
+    Pictures whose edges are not usable are left out.
+
+    Parameters
+    ----------
+    imperfection : Imperfection
+        The property of the bench that differs from the files.
+    shown : tuple of ndarray
+        The edges and the corners of the magnet that `bent` returns, mm.
+    field_mT : ndarray, shape (K,)
+        Field in each of the K states, mT.
+    seed : int
+        Seed of the noise of the pictures.
+    planar : bool
+        True if the fit assumes plane stress, false if the fit uses the solid model.
     """
     clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
-    observed, used = rendered(*seen, clamp, STATED, seed)
+    observed, used = rendered(*shown, clamp, STATED, seed)
     return _experiment(observed, field_mT[used], planar)
 
 
@@ -250,18 +279,20 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 @dataclass(frozen=True)
 class Place:
-    """The rank of the true cause among the compared causes of one fit. Two imperfections have two true causes.
+    """The rank of the true cause among the compared causes of one fit.
+
+    A bench with two imperfections has two true causes.
 
     Attributes
     ----------
     first : bool
-        Whether the true cause has rank 1, or the two true causes have ranks 1 and 2.
+        True if the true cause has rank 1, or if the two true causes have the ranks 1 and 2.
     second : bool
-        Whether the true cause is among the first two causes, or the two true causes are among the first three.
+        True if the true cause is among the first two causes, or if the two true causes are among the first three.
     declared : bool
-        Whether the true cause is the first cause, or is listed as similar to the first cause.
+        True if `first` is true, or if a single true cause is listed as similar to the first cause.
     wrong : float
-        Largest probability of a cause that is not true.
+        Largest probability that the fit gives to a cause that is not true.
     """
 
     first: bool
@@ -271,7 +302,10 @@ class Place:
 
 
 def placed(fit: Fit, cause: str) -> Place:
-    """Return the rank of the true cause in a fit. In `cause`, a `+` joins the names of two true causes."""
+    """Return the rank of the true cause in a fit.
+
+    `cause` is the name of the true cause, or the names of two true causes joined by ``+``.
+    """
     true = set(cause.split("+"))
     names = [entry.name for entry in fit.causes]
     count, alike = len(true), {names[0], *fit.causes[0].like}
@@ -281,7 +315,10 @@ def placed(fit: Fit, cause: str) -> Place:
 
 
 def ranked(fit: Fit, cause: str) -> str:
-    """Return a text with the rank of the true cause, and with the three most probable causes."""
+    """Return a text with the rank of the true cause, and with the three most probable causes of a fit.
+
+    `cause` is the name of the true cause, or the names of two true causes joined by ``+``.
+    """
     names = [entry.name for entry in fit.causes]
     place = " and ".join(str(names.index(one) + 1) if one in names else "-" for one in cause.split("+"))
     first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
@@ -290,7 +327,11 @@ def ranked(fit: Fit, cause: str) -> str:
 
 
 def summary(places: Sequence[Place]) -> str:
-    """Return lines of text that say in how many fits the true cause was first, second, declared or missed."""
+    """Return lines of text that say in how many fits each condition is met.
+
+    The conditions are: the true cause has rank 1, has rank 1 or 2, is similar to the first cause, and a wrong cause has
+    a probability above 0.9.
+    """
     counts = {
         "first": sum(place.first for place in places),
         "first or second": sum(place.second for place in places),
@@ -317,7 +358,7 @@ def in_words(fit: Fit) -> str:
 
 
 def main() -> None:
-    """Fit every imperfection with every seed, with the rest shape of the specimen file and with the measured one."""
+    """Fit every imperfection with every seed, with the straight shape and with the measured rest shape."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5)
@@ -331,12 +372,12 @@ def main() -> None:
     for imperfection in (*IMPERFECTIONS, *PAIRS):
         if asked.causes and imperfection.cause not in asked.causes:
             continue
-        seen = bent(imperfection, field_mT, asked.planar)
+        shown = bent(imperfection, field_mT, asked.planar)
         for seed in range(1, 1 + (1 if asked.short else asked.seeds)):
             if asked.rendered:
-                straight = filmed(imperfection, seen, field_mT, seed, asked.planar)
+                straight = filmed(imperfection, shown, field_mT, seed, asked.planar)
             else:
-                straight = measured(seen[0][:, :, 8:-2], field_mT, seed, asked.planar)
+                straight = measured(shown[0][:, :, 8:-2], field_mT, seed, asked.planar)
             shape = measured_rest_shape(straight)
             cases = {"straight": straight, "measured": shape.applied(straight) if shape else straight}
             for words, experiment in cases.items():

@@ -3,8 +3,8 @@
     python -m benchmarks.installation
 
 Run the script with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes this
-environment). The sizes are those of the files that pip recorded, with their compiled modules. Packages of extras are
-left out.
+environment). The size of a package is the size of the files that pip recorded, including compiled modules. The packages
+of optional extras are left out.
 """
 
 from __future__ import annotations
@@ -16,23 +16,26 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 OF_INSTRUMENTS = ("ifaddr", "pyserial", "pyvisa", "pyvisa-py", "zeroconf")
-LEAST_MB = 2.5  # smaller packages are summed in one row
+LEAST_MB = 2.5  # packages that are smaller than this size are summed in one row
 
 
-def needed(name: str, found: dict[str, Distribution]) -> None:
-    """Add a package to `found`, and all packages that it needs without extras."""
+def needed(name: str, packages: dict[str, Distribution]) -> None:
+    """Add the package `name` to `packages`, and all packages that this package needs without extras.
+
+    A package that is not installed is left out.
+    """
     try:
         package = distribution(name)
     except PackageNotFoundError:
         return
     key = str(package.metadata["Name"]).lower().replace("_", "-")
-    if key in found:
+    if key in packages:
         return
-    found[key] = package
+    packages[key] = package
     for line in package.requires or []:
         requirement = Requirement(line)
         if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
-            needed(requirement.name, found)
+            needed(requirement.name, packages)
 
 
 def size_MB(package: Distribution) -> float:
@@ -44,15 +47,15 @@ def size_MB(package: Distribution) -> float:
 
 def main() -> None:
     """Print the table of package sizes."""
-    found: dict[str, Distribution] = {}
-    needed("eimi-lab", found)
-    sizes = {name: size_MB(package) for name, package in found.items()}
+    packages: dict[str, Distribution] = {}
+    needed("eimi-lab", packages)
+    sizes = {name: size_MB(package) for name, package in packages.items()}
     total = sum(sizes.values())
     print(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}\n")
     print("| package | MB | share, % |\n| --- | --- | --- |")
     for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
         if size >= LEAST_MB:
-            print(f"| {name} {found[name].version} | {size:.0f} | {100 * size / total:.0f} |")
+            print(f"| {name} {packages[name].version} | {size:.0f} | {100 * size / total:.0f} |")
     small = [size for size in sizes.values() if size < LEAST_MB]
     print(f"| {len(small)} smaller packages | {sum(small):.0f} | {100 * sum(small) / total:.0f} |")
     print(f"| {len(sizes)} packages | {total:.0f} | 100 |")

@@ -3,9 +3,9 @@
     python -m benchmarks.kill_campaign --runs 500
 
 Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal. The camera plays a recording. The
-emulator is in the process of this script, which outlives the run and can observe the coil. TERM, HUP, INT or KILL is
-sent at a random moment between the first message of the run to the supply and the end of the run. The exit status is 0
-if there was no fault.
+emulator is in the process of this script, which continues after the end of the run and can observe the coil. The signal
+TERM, HUP, INT or KILL is sent to the run at a random moment between its first message to the supply and its end. The
+exit status is 0 if no run had a fault: a coil that stays on, or a reported state that is lost.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ from eimi_lab.dataset.recovery import recover
 
 CURRENTS_A = [0.0, 0.1, 0.2, 0.3]
 FRAMES, HEIGHT, WIDTH = 2, 48, 64
-PICTURES, NAMES = 16, 4000  # a recording has no frame rate; a fast machine takes 100 images per state
+# Numbers of different pictures and of file names in the recording. The recording must be long: it has no frame rate,
+# and a fast machine reads 100 images per state.
+PICTURES, NAMES = 16, 4000
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL)
-DRIVERS = ("scpi", "korad")  # the faster one first, for short campaigns
+DRIVERS = ("scpi", "korad")  # the driver with the faster line first, for short campaigns
 WATCH_EVERY_S = 0.002
 GIVE_UP_AFTER_S = 600.0
 BEFORE_ANY = "stopped before a file was begun"
@@ -72,8 +74,11 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 }
 
 
-class Heard:
-    """An emulated instrument that sets the event `first` when the first message arrives."""
+class ObservedInstrument:
+    """An emulated instrument that sets the event `first` when the first message arrives.
+
+    `instrument` is the emulated instrument that answers the messages.
+    """
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
@@ -128,11 +133,32 @@ def make_bench(folder: Path) -> None:
 
 
 def run(
-    folder: Path, address: str, heard: Heard, coil: CoilSupply, driver: str, kill: tuple[int, float] | None, *more: str
+    folder: Path,
+    address: str,
+    instrument: ObservedInstrument,
+    coil: CoilSupply,
+    driver: str,
+    kill: tuple[int, float] | None,
+    *more: str,
 ) -> RunEnd:
     """Run `eimi acquire`, kill the run if `kill` is given, and return the result.
 
-    `kill` is a signal, and the time in seconds after the first message at which the signal is sent; None for no signal.
+    Parameters
+    ----------
+    folder : Path
+        The folder with the files that `make_bench` wrote.
+    address : str
+        The address of the emulated supply.
+    instrument : ObservedInstrument
+        The emulated supply, which reports the first message of the run.
+    coil : CoilSupply
+        The model of the supply and its coil, which shows whether the output is on.
+    driver : str
+        The name of the supply driver in the rig file.
+    kill : tuple of (int, float) or None
+        A signal, and the time (s) after the first message at which the signal is sent; None for no signal.
+    *more : str
+        Further options of `eimi acquire`.
     """
     (folder / "rig.toml").write_text(f"""
 name = "emulated"
@@ -151,9 +177,9 @@ camera = {{ driver = "opencv", source = "recording" }}
     lines: list[str] = []
     assert process.stderr is not None
     reader = threading.Thread(target=lines.extend, args=(process.stderr,), daemon=True)
-    heard.first.clear()
+    instrument.first.clear()
     reader.start()
-    if not heard.first.wait(GIVE_UP_AFTER_S):
+    if not instrument.first.wait(GIVE_UP_AFTER_S):
         process.kill()
         raise RuntimeError(f"the run never spoke to the supply: {lines}")
     began = time.monotonic()
@@ -163,7 +189,8 @@ camera = {{ driver = "opencv", source = "recording" }}
         time.sleep(after_s)
         process.send_signal(number)
         sent = time.monotonic()
-        while reader.is_alive() and time.monotonic() - sent < GIVE_UP_AFTER_S:  # run and guardian keep the pipe open
+        # The reader ends when both the run and its guardian, the process that switches the coil off, have ended.
+        while reader.is_alive() and time.monotonic() - sent < GIVE_UP_AFTER_S:
             if coil.state.output:
                 on_for_s = time.monotonic() - sent
             time.sleep(WATCH_EVERY_S)
@@ -180,9 +207,10 @@ def stored(path: Path) -> list[float | None]:
 
 
 def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
-    """Return the faults after a killed run.
+    """Return descriptions of the faults after a killed run; an empty list without a fault.
 
-    A fault is an output that stays on or is switched off too late, or a reported state that is not in the file.
+    A fault is an output that stays on or is switched off later than `off_within_s` (s), or a state that the run
+    reported as stored but that is not in the file.
     """
     faults = []
     if coil.state.output or coil.state.set_current_A:
@@ -200,7 +228,19 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
 
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
-    """Kill runs at random moments, print the figures, and return the number of runs with a fault."""
+    """Kill runs at random moments, print the figures, and return the number of runs with a fault.
+
+    Parameters
+    ----------
+    runs : int
+        Number of runs that are killed.
+    resumed : float
+        Probability with which a killed run that left a file is resumed.
+    seed : int
+        Seed of the signals and of the moments.
+    off_within_s : float
+        Time limit (s) from the signal until the coil is off.
+    """
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a child would inherit ignored signals
         signal.signal(number, signal.SIG_DFL)
     random = np.random.default_rng(seed)
@@ -213,17 +253,17 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
         with tempfile.TemporaryDirectory() as name:
             folder, coil = Path(name), CoilSupply(WallClock())
             make_bench(folder)
-            heard = Heard(emulate(driver, coil))
-            with serve_pty(heard) as address:
+            instrument = ObservedInstrument(emulate(driver, coil))
+            with serve_pty(instrument) as address:
                 if index < 0:
-                    unharmed = run(folder, address, heard, coil, driver, None)
+                    unharmed = run(folder, address, instrument, coil, driver, None)
                     lasting_s[driver] = unharmed.lasted_s
                     if unharmed.status != 0 or stored(folder / "run.h5") != CURRENTS_A:
                         raise RuntimeError(f"not even a run that nobody kills is complete: {unharmed.lines[-1:]}")
                     continue
                 number = SIGNALS[int(random.integers(len(SIGNALS)))]
                 after_s = float(random.uniform(0, lasting_s[driver]))
-                ended = run(folder, address, heard, coil, driver, (number, after_s))
+                ended = run(folder, address, instrument, coil, driver, (number, after_s))
                 faults = faults_of(ended, coil, folder, off_within_s)
                 on_for_s.append(ended.on_for_s)
                 counts[number.name] += 1
@@ -233,7 +273,7 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
                 counts["states acknowledged"] += ended.acknowledged
                 if (folder / "run.h5").exists() and random.random() < resumed:
                     counts["resumed"] += 1
-                    again = run(folder, address, heard, coil, driver, None, "--resume")
+                    again = run(folder, address, instrument, coil, driver, None, "--resume")
                     if again.status == 0 and stored(folder / "run.h5") == CURRENTS_A and not coil.state.output:
                         counts["resumed and complete"] += 1
                     else:

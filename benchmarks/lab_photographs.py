@@ -5,10 +5,11 @@ glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``
 pictures of each kind (by default 6), ``--seed`` the seed. ``--kind NAME`` selects one or more kinds. ``--draw FOLDER``
 writes each picture with the detected edges.
 
-A picture is *refused* if no edges are returned or a flag marks them as unusable. Otherwise it is *good* if the error of
-the edges is at most 0.07 of the beam's width (root mean square). If the error is larger, the picture is *doubted* with
-a doubtful flag, and *silent* without. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this
-kind is silent if edges are returned without a doubtful flag.
+A flag is a warning about the edges, either "unusable" or "doubtful". A picture is *refused* if no edges are returned or
+a flag marks the edges as unusable. Otherwise the picture is *good* if the error of the edges is at most 0.07 of the
+beam's width (root mean square). If the error is larger, the picture is *doubted* if a flag marks the edges as doubtful,
+and *silent* if no flag does. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this kind is
+silent if edges are returned without a doubtful flag.
 """
 
 from __future__ import annotations

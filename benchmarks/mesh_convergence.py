@@ -36,7 +36,10 @@ FINEST = (80, 10)
 
 
 def tip(mesh: tuple[int, int]) -> np.ndarray:
-    """Return the position (x, y) of the tip at 15 mT in mm, shape (2,), on a mesh of (along, across) elements."""
+    """Return the position (x, y) of the tip at 15 mT in mm, shape (2,).
+
+    `mesh` is the number of elements along and across the beam.
+    """
     model = BeamModel(SPECIMEN, *mesh)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 15, 6)))
     return model.positions(shapes, np.array([[30.0, 0.0]]))[0, -1, 0]

@@ -1,18 +1,21 @@
 """Put small mistakes into a copy of the project, one at a time, and report which mistakes the tests detect.
 
+A mutant is the project with one mistake. A room is a package of the project, such as "acquisition".
+
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 ``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
 
-The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, the right fragment, the wrong
-fragment that replaces it, and the tests that concern the mistake. These tests run until a test fails; the mistake is
-then caught. A mistake that makes a test hang is caught only if the time limit of that test ends the test. With
-``--results`` a run continues where an earlier run ended, and tries the mistakes that survived again.
+The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, a fragment of the right code, the
+wrong fragment that replaces the right fragment, and the tests that concern the mistake. These tests run until a test
+fails; the mistake is then caught. A mistake that makes a test hang is caught only if the time limit of that test ends
+the test. With ``--results`` a run continues where an earlier run ended, and repeats the mistakes that survived.
 
-With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn with the seed.
-The tests that execute the line are run, the quickest first (`tests_by_line`, whose map must be recorded before). A
-mistake counts as missed if no test executes it or if its tests end without a decision. Mistakes that
-``equivalent_mistakes.toml`` lists with a reason are not counted. The script prints the shares by room with their 95 %
-intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
+With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
+the seed. The tests that execute the line are run, the quickest first. They come from the map of `tests_by_line`, which
+must be recorded before. A mistake counts as missed if no test executes its line, or if its tests end without a result.
+Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not counted. The script
+prints the shares of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209,
+1927), and the time.
 """
 
 from __future__ import annotations
@@ -42,20 +45,22 @@ from benchmarks.tests_by_line import TestsByLine
 PROJECT = Path(__file__).parents[1]
 LISTS = Path(__file__).parent / "mistakes"
 EQUIVALENT = Path(__file__).parent / "equivalent_mistakes.toml"
-LEAST = 150  # mistakes
-TEST_LIMIT_S = 300  # of one test, instead of that in pyproject.toml
-RUN_LIMIT_S = 1800  # of all tests of one mistake; a longer run counts as survived
-SLOWER = 20  # times the recorded duration that the tests of a generated mistake may take, beside LEAST_LIMIT_S
+LEAST = 150  # smallest number of mistakes that the lists must contain
+TEST_LIMIT_S = 300  # time limit (s) of one test, instead of the limit in pyproject.toml
+RUN_LIMIT_S = 1800  # time limit (s) of all tests of one mistake; the mistake counts as survived after this time
+# Time limit (s) of the tests of a generated mistake: LEAST_LIMIT_S plus SLOWER times the recorded duration of these
+# tests.
+SLOWER = 20
 LEAST_LIMIT_S = 120
 
 CAUGHT, SURVIVED, BROKEN = "caught", "survived", "broken"
-_PRELOADED = [  # third-party packages, loaded once
+_PRELOADED = [  # third-party packages, which are loaded once for all processes
     *("cma", "cv2", "h5py", "hypothesis", "matplotlib.figure", "matplotlib.backends.backend_agg", "pydantic", "pytest"),
     *("pyvisa", "scipy.optimize", "scipy.spatial", "serial", "typer"),
 ]
 _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(_PRELOADED)
-_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other means a fault of the list
+_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other status means that the entry is wrong
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,7 @@ class Mutant:
     limit_s : float
         Time limit (s) of all tests together.
     is_generated : bool
-        Whether a generator made the mistake.
+        True if the generator made the mistake, false if a list contains the mistake.
     """
 
     number: int
@@ -96,9 +101,9 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of the mistake that stays the same if mistakes are added to the lists.
+        """Return an identifier of the mistake that stays the same if other mistakes are added to the lists.
 
-        For a listed mistake the identifier depends on the tests.
+        The identifier depends on the file and the two fragments, and for a listed mistake also on its tests.
         """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
@@ -134,14 +139,15 @@ def copied(project: Path, folder: Path) -> Path:
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
     """Put a mistake into a copy of the project, run the tests of the mistake, and restore the copy.
 
-    Return the outcome ("caught", "survived" or "broken") and the last line of pytest's output.
+    Return the outcome and the last line of pytest's output. The outcome is "caught" if a test failed, "survived" if no
+    test failed, and "broken" if pytest could not run the tests.
     """
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
     os.utime(
         file, (stat.st_atime + 2, stat.st_mtime + 2)
-    )  # Python compares times of source and compiled code in seconds
+    )  # a later time, so that Python does not use the compiled right code; Python compares whole seconds
     try:
         return run_tests(mutant.tests, copy, mutant.limit_s)
     finally:
@@ -150,7 +156,11 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) -> tuple[str, str]:
-    """Run tests in a copy of the project until one fails; return the outcome and the last line of pytest's output."""
+    """Run tests in a copy of the project until a test fails; return the outcome and the last line of pytest's output.
+
+    The outcome is "caught" if a test failed, "broken" if pytest could not run the tests, and otherwise "survived", also
+    after `limit_s` (s).
+    """
     transcript = copy.with_suffix(".txt")
     child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests), min(TEST_LIMIT_S, limit_s / 2)))
     child.start()
@@ -162,7 +172,7 @@ def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) ->
     lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     outcome = _OUTCOMES.get(child.exitcode, BROKEN)
-    if outcome == CAUGHT and not failed:  # pytest failed, and no test
+    if outcome == CAUGHT and not failed:  # pytest itself failed, but no test
         outcome = BROKEN
     return outcome, (failed or lines)[-1]
 
@@ -183,12 +193,16 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: fl
     import pytest
 
     options = ("-x", "-q", "-n0", "-p", "no:cacheprovider", f"--timeout={test_limit_s:.0f}", "--tb=no")
-    options += ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # of the packages that were loaded before pytest
+    options += ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # caused by the packages that are preloaded
     sys.exit(int(pytest.main([*options, *tests])))
 
 
 def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
-    """Return generated mistakes in lines that are drawn with the seed, with the tests that execute these lines."""
+    """Return generated mistakes in randomly drawn lines, each with the tests that execute the line.
+
+    `number` is the number of lines, `seed` is the seed of the draw, and `rooms` are the packages from which the lines
+    are drawn; without `rooms`, the lines come from all packages.
+    """
     tests = TestsByLine()
     mutants = []
     for place, (file, change) in enumerate(sampled(PROJECT, number, seed, rooms), 1):
@@ -201,7 +215,7 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
 
 
 def wilson_95(hits: int, number: int) -> tuple[float, float]:
-    """Return the lower and the upper end of Wilson's 95 % interval of the share hits / number."""
+    """Return the lower and the upper end of Wilson's 95 % interval of the share `hits` / `number`, each from 0 to 1."""
     z, share = 1.959964, hits / number
     middle = (share + z * z / (2 * number)) / (1 + z * z / number)
     half = z / (1 + z * z / number) * math.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
@@ -209,13 +223,16 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the mistakes that change no behaviour: the reason for each mistake, by the key of the mistake."""
+    """Return the generated mistakes that change no behaviour: the key of each mistake with the reason as text."""
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 
 
 def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown: for each room, the share of caught mistakes and the 95 % interval of the share."""
+    """Return lines of Markdown: for each room, the share of caught mistakes and the 95 % interval of the share.
+
+    `outcomes` contains "caught", "survived" or "broken" by the key of each mistake.
+    """
     excused = equivalent_keys()
     counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
     lines = ["| room | mistakes | caught | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
@@ -230,7 +247,10 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown: for each list, the number of all mistakes and the number of caught mistakes."""
+    """Return lines of Markdown: for each list, the number of tried mistakes and the number of caught mistakes.
+
+    `outcomes` contains "caught", "survived" or "broken" by the key of each mistake that was tried.
+    """
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:
@@ -261,7 +281,7 @@ def main() -> int:
     if not drawn:
         parser.error(f"--room {' '.join(options.room or ())}: there is no mistake in a room of this name")
     chosen = [m for m in drawn if not options.only or m.number in options.only]
-    for mutant in chosen:  # check before the first run
+    for mutant in chosen:  # check before the first run that every right fragment occurs once
         mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
     if options.list:
         print("\n".join(f"{m.number:4d} {m.room:12s} {m.says} ({m.file})" for m in chosen))

@@ -1,4 +1,4 @@
-"""Compare the results of the demonstration and of eight complete cases before and after a change of the code.
+"""Compare the results of the demonstration (`eimi demo`) and of eight cases before and after a change of the code.
 
     python -m benchmarks.numbers -o before.json [--quick]
     python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
@@ -84,7 +84,7 @@ def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
 
 
 def measure(quick: bool) -> dict[str, Json]:
-    """Return the results of every case, by the name of the case."""
+    """Compute and return the results of every case, by the name of the case; only one case if `quick` is true."""
     every: dict[str, Json] = {}
     for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
         if options or not quick:
@@ -99,7 +99,10 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield every number or word below a JSON node, with the keys that lead there; a list of numbers is one element."""
+    """Yield every number, word and list of numbers below a JSON node, each after the keys that lead to the value.
+
+    Keys that describe the run and not the result, such as times and paths, are left out.
+    """
     if isinstance(node, dict):
         for key, value in node.items():
             if key not in OF_THE_RUN:
@@ -112,9 +115,9 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """Return the largest difference of two lists of numbers, relative to the largest number.
+    """Return the largest difference of two numbers or lists of numbers, divided by the largest absolute value.
 
-    Return infinity if the shapes differ, or for words that differ.
+    Return 0 if the values are equal. Return infinity if the lengths differ, or if values that are not numbers differ.
     """
     if before == after:
         return 0.0
@@ -126,7 +129,7 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the keys of a number joined to one text, without the keys of case, law and state."""
+    """Return the name of a quantity: the keys that lead to the number, joined by dots, without case, law and index."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())

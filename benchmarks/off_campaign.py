@@ -2,13 +2,14 @@
 
     python -m benchmarks.off_campaign --trials 5
 
-Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A. The
-supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a random moment
-after the current is set.
+Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full current of
+1.5 A. The supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a
+random moment after the current is set.
 
-The table shows how long the output stayed on after the fault, or after the supply answered again. It also shows how
-many states were reported as stored but are not in the file, and whether the run reported the fault. The exit status is
-0 if every trial met all requirements. `--fault NAME` runs one fault only, `--list` prints the names of the faults.
+The table shows how long the output stayed on after the fault or, if the supply did not answer for some time, after the
+supply answered again. It also shows how many states were reported as stored but are not in the file. The script also
+checks that the run reports the fault. The exit status is 0 if every trial met all requirements. `--fault NAME` runs one
+fault only, and `--list` prints the names of the faults.
 """
 
 from __future__ import annotations
@@ -40,7 +41,16 @@ from tests.shared.processes import WAIT_AT_MOST_S
 class Outcome:
     """The result of one trial.
 
-    It contains the time (s) with the output on, the numbers of states that were reported and lost, and the failures.
+    Attributes
+    ----------
+    on_for_s : float
+        Time (s) for which the output stayed on after the fault.
+    acknowledged : int
+        Number of states that the run reported as stored.
+    lost : int
+        Number of reported states that are not in the file.
+    wrong : list of str
+        Descriptions of the requirements that the trial did not meet; empty if all requirements were met.
     """
 
     on_for_s: float
@@ -50,7 +60,11 @@ class Outcome:
 
 
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """Run one trial. The fault is caused `after_s` seconds after the full current is set."""
+    """Run one trial, and return its result.
+
+    The fault is caused `after_s` seconds after the full current is set. `patience` is a factor on the time limit of the
+    fault, for slow machines.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)
@@ -103,16 +117,17 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that reported the coil as off while the current was above the limit.
+    """Return the messages that reported the coil as off while the true current was above the limit.
 
-    The limit is the current in the message itself, or else in the last earlier message that contains a limit. Without
-    such a message it is the smallest limit of all families of supplies.
+    The limit is the current in the message itself or, if the message contains no limit, in the last earlier message
+    that contains a limit. If no message contains a limit, the limit is `OFF_A`, the smallest limit of all families of
+    supplies.
     """
     early, limit_A = [], OFF_A
-    for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
+    for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):
         true_A = trial.supply.true_A(at_s)
-        stated = re.search(r"off, below (\S+) A measured", line)
-        limit_A = float(stated[1]) if stated else limit_A
+        limit_in_line = re.search(r"off, below (\S+) A measured", line)
+        limit_A = float(limit_in_line[1]) if limit_in_line else limit_A
         if re.search("the coil (is|was switched) off", line) and abs(true_A) > limit_A + LEAST_CHANGE_A:
             early.append(f"called off at {true_A:.2f} A: {line}")
     return early
@@ -130,7 +145,11 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Run several trials of each fault, print the figures, and return the number of trials that failed."""
+    """Run several trials of each fault, print the figures, and return the number of trials that failed.
+
+    `trials` is the number of trials of each fault, `seed` is the seed of the random moments, and `patience` is a factor
+    on the time limits.
+    """
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
         signal.signal(number, signal.SIG_DFL)  # a child would inherit ignored signals
     random = np.random.default_rng(seed)

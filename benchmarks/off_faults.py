@@ -21,24 +21,25 @@ class Fault:
     name : str
         Name of the fault.
     driver : str
-        Driver of the supply.
+        Name of the supply's driver.
     transport : str
-        Kind of line to the supply.
+        Kind of line to the supply: "pty" and "port" are serial ports, "tcp" is a socket, and "hislip" is HiSLIP.
     act : callable
-        Causes the fault, and returns the time (s) from which the delay is counted.
+        Takes the trial, causes the fault, and returns the time (s, monotonic clock) from which the delay until the coil
+        is off is counted.
     said : str
-        Pattern that the messages of the run must contain.
+        Regular expression that the messages of the run must contain.
     off_within_s : float
         Time (s) within which the coil must be switched off.
     unread : bool
-        Whether nobody reads the standard error of the run, see `Trial`.
+        True if nobody reads the standard error of the run, so that its messages block.
     flows_on : bool
-        Whether the current continues after the output is off.
+        True if the current continues although the output is off.
     out_of_reach : bool
-        Whether no program can switch the coil off any more. The time is then counted until the run reports that the
+        True if no program can switch the coil off any more. The time is then counted until the run reports that the
         coil may be on.
     not_said : str
-        Pattern that no message may contain.
+        Regular expression that no message may contain; empty if there is no such requirement.
     """
 
     name: str
@@ -143,7 +144,10 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the name of a line to a supply. The name contains the driver if the line is not in `LINES`."""
+    """Return the name of a line to a supply for the name of a fault.
+
+    The name is the transport. If the line is not in `LINES`, the driver follows.
+    """
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 
 

@@ -1,11 +1,12 @@
-"""Measure the live page: delay from a frame to the screen, from STOP to the coil off, and memory while streaming.
+"""Measure two delays and the memory of the live page, the page in the browser that shows a running measurement.
 
 `python -m benchmarks.page_delays` measures the two delays on an emulated supply while every processor core is kept
-busy. This takes some minutes. `--stream 20` streams for 20 minutes and prints the memory of every process each minute.
-The script needs the extras `page` and `test`, and Chromium.
+busy. This takes some minutes. `--stream 20` runs a measurement with live pictures for 20 minutes and prints the memory
+of every process each minute. The script needs the extras `page` and `test`, and Chromium.
 
-All times are of one clock. The delay of a frame is the time from its arrival in the run until the server hears that
-the browser has drawn it. The delay of a stop is the time from the key press until the emulated output is off.
+All times come from one clock. The delay of a frame is the time from the arrival of the frame in the run until the
+browser reports to the server that the frame is drawn. The delay of a stop is the time from the key press until the
+emulated output is off.
 """
 
 from __future__ import annotations
@@ -60,7 +61,11 @@ def draw(number: int) -> np.ndarray:
 
 
 def write_bench(folder: Path, driver: str, address: str, states: int) -> None:
-    """Write a rig with an emulated supply and a camera that plays pictures, and a protocol of states at 1.5 A."""
+    """Write the files of a bench: an emulated supply, and a camera that plays back pictures.
+
+    The protocol has about `states` states, at 1.5 A and 1.4 A in turn. `driver` and `address` are the driver and the
+    address of the supply.
+    """
     (folder / "shots").mkdir(exist_ok=True)
     for number in range(PICTURES):
         cv2.imwrite(str(folder / "shots" / f"f_{number}.png"), draw(number))
@@ -84,7 +89,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """Keep one processor core busy with each of `processes` processes while the context lasts."""
+    """Start `processes` processes that each keep one processor core busy while the context lasts."""
     workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
     for worker in workers:
         worker.start()
@@ -123,7 +128,10 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
 
 
 def start(page: Any, dataset: str) -> None:
-    """Start a run on the page, and wait until a current flows through the coil."""
+    """Start a measurement on the page, and wait until the page shows that the coil is on.
+
+    `page` is the page in the browser, and `dataset` is the name of the file to write.
+    """
     page.locator("#protocol option").first.wait_for(state="attached")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
@@ -131,15 +139,19 @@ def start(page: Any, dataset: str) -> None:
 
 
 def frame_to_screen_s(page: Any) -> list[float]:
-    """Return the delays (s) from the arrival of a frame to its display, for the last frames, as the server measured."""
+    """Return the delays (s) from the arrival of a frame to its display in the browser, for the last frames.
+
+    The server of the page measures these delays.
+    """
     headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Stop several runs, and return two lists of delays (s).
+    """Start and stop several runs on the page, and return two lists of delays (s).
 
-    The first list has the delays from the key press to the output off, the second those from a frame to the screen.
+    The first list has the delays from the key press until the output was off. The second list has the delays from the
+    arrival of a frame until the browser showed it. `driver` is the driver of the emulated supply.
     """
     coil, off = CoilSupply(WallClock()), list[float]()
     switch: Callable[[bool], bool] = coil.switch
@@ -159,7 +171,7 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
         with opened(folder) as (page, _), busy(os.cpu_count() or 1):
             for run in range(runs):
                 start(page, f"run_{run}.h5")
-                page.wait_for_timeout(6000 + 370 * run)  # at a different moment of each run
+                page.wait_for_timeout(6000 + 370 * run)  # ms; each run is stopped at another moment
                 off.clear()
                 pressed = time.monotonic()
                 page.keyboard.press("Escape")
@@ -173,7 +185,10 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
 
 
 def memory_MB(server: int) -> dict[str, float]:
-    """Return the resident memory (MB) of the server and of each process that the server started, by name."""
+    """Return the resident memory (MB) of the server and of each process that the server started, by name.
+
+    `server` is the process identifier of the server.
+    """
     memory = {}
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
@@ -189,7 +204,10 @@ def memory_MB(server: int) -> dict[str, float]:
 
 
 def stream(minutes: float) -> None:
-    """Print the memory of all processes once a minute during a run whose pictures are shown."""
+    """Run a measurement whose pictures the page shows, and print the memory of its processes once a minute.
+
+    `minutes` is the duration of the measurement.
+    """
     coil = CoilSupply(WallClock())
     with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
         folder = Path(name)

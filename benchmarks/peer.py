@@ -2,9 +2,9 @@
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
-Both programs run in one process with one thread, on the same beam, material and 16 field states. The errors are
-differences from a reference, `eimi_fitting` on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe
-converges to the same limit.
+Both programs run in one process with one thread, on the same beam and material in 16 fields. The errors are differences
+from a reference, which `eimi_fitting` computes on 80 x 10 elements. The finest FElupe mesh of the table shows that
+FElupe converges to the same limit.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ Array = NDArray[np.float64]
 
 FIELDS_MT = np.linspace(0, 7.05, 16)
 TIP = np.array([[30.0, 0.0]])
-# With 0.01 mm, the tolerance of `eimi_fitting`, ordinary Newton stops up to 0.45 mm from the solution.
+# With a tolerance of 0.01 mm, as in `eimi_fitting`, the ordinary Newton method stops up to 0.45 mm from the solution.
 FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
     """Return the error of the tip's position in the last state, and the largest error of all states.
 
-    Both errors are in per cent of the deflection in the last state.
+    `tip` and `reference` are the computed and the exact positions of the tip in K states, mm, shape (K, 2). Both errors
+    are in per cent of the deflection in the last state.
     """
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
@@ -51,7 +52,7 @@ def main() -> None:
         from benchmarks.felupe_beam import Beam, Elements, NoEquilibrium
     except ImportError:
         sys.exit("FElupe is not installed: pip install -e '.[bench]' in the folder of pyproject.toml")
-    warnings.simplefilter("ignore")  # overflows of iterates that diverge before a step is halved
+    warnings.simplefilter("ignore")  # a load step that diverges overflows before the step is halved
     short = "--short" in sys.argv
     print(f"FElupe {felupe.__version__}, numpy {np.__version__}, one thread, {len(FIELDS_MT)} states")
     bilinear = [(60, 6, False), (60, 6, True), (100, 10, True), (240, 24, True)]

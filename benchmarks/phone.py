@@ -1,11 +1,12 @@
-"""Measure fits of photographs as a phone takes them: weights on rendered beams of hidden modulus.
+"""Measure fits of rendered photographs as a phone takes them: weights bend a beam whose modulus the fit does not know.
 
     python -m benchmarks.phone [--scenes 20] [--share 0.5] [-o FOLDER]
 
-Each scene is rendered and described with errors (`tests.shared.phone_photographs`). It is processed and fitted by the
-functions of the page "Weights and a phone". The table gives the error of the modulus, the half-width of its 95 %
-interval, and whether the interval contains the hidden modulus. The goals are that every error is below 5 %, and that 19
-of 20 intervals contain the hidden modulus.
+A scene is one beam with several photographs. The photographs are rendered, and the sizes and clicks that describe them
+have random errors (`tests.shared.phone_photographs`). Each scene is processed and fitted by the functions of the page
+"Weights and a phone". The table gives the error of the modulus, the half-width of its 95 % interval, and whether the
+interval contains the true modulus. The goals are that every error is below 5 %, and that 19 of 20 intervals contain the
+true modulus.
 """
 
 from __future__ import annotations
@@ -30,8 +31,20 @@ LARGEST_ERROR_PERCENT = 5.0
 class Outcome:
     """The fit of one scene.
 
-    It contains the hidden and the fitted modulus (Pa), the interval (Pa), the processor time (s) of each step, and
-    flags.
+    Attributes
+    ----------
+    hidden_Pa, fitted_Pa : float
+        The true and the fitted initial shear modulus, Pa.
+    interval_95 : tuple of float
+        The 95 % interval of the fitted modulus, Pa.
+    typed : int
+        The number of values that a person would type.
+    edges_s, rest_s : float
+        The processor times of the search for the edges in the first photograph and of all later steps, s.
+    flags : tuple of str
+        The names of the flags (warnings about the edges) of all photographs.
+    doubts : int
+        The number of doubts that the fit reports.
     """
 
     hidden_Pa: float
@@ -60,7 +73,10 @@ class Outcome:
 
 
 def outcome(seed: int, share: float, folder: Path) -> Outcome:
-    """Render the photographs of one scene into a folder, and fit the beam in these photographs."""
+    """Render the photographs of one scene into a folder, and fit the beam in these photographs.
+
+    `seed` is the seed of the scene, and `share` is the size of the photographs, as a share of the full size.
+    """
     scene = drawn_scene(seed, share)
     bodies = bent_bodies(scene)
     folder.mkdir(parents=True, exist_ok=True)

@@ -31,7 +31,10 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """Draw the traced edges (grey, as wide as their uncertainty), the detected edges and the stated clamp."""
+    """Draw the edges that a person traced, the detected edges, and the clamp of the calibration.
+
+    The traced edges are grey lines as wide as their uncertainty. The detected left edge is blue, the right edge orange.
+    """
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)
@@ -52,7 +55,7 @@ def draw_real(axes: Axes, picture: Picture) -> None:
 
 
 def real_sheet(shown: list[Picture], file: Path) -> None:
-    """Draw all photographs on one sheet."""
+    """Draw the traced and the detected edges of all photographs on one sheet, and write the picture to a file."""
     rows = -(-len(shown) // _COLUMNS)
     figure, places = plt.subplots(rows, _COLUMNS, figsize=(11.0, 2.5 * rows), layout="constrained")
     for axes, picture in zip(places.ravel(), shown, strict=False):
@@ -64,7 +67,10 @@ def real_sheet(shown: list[Picture], file: Path) -> None:
 
 
 def bench_sheet(file: Path) -> None:
-    """Draw a picture of each kind of `lab_photographs`."""
+    """Draw one rendered photograph of each kind with its detected edges on one sheet, and write it to a file.
+
+    Each kind has one difficulty of a laboratory, such as glare (`benchmarks.lab_photographs`).
+    """
     drawn = []
     for index, name in enumerate(KINDS):
         rng = np.random.default_rng([_SEED, index, 0])

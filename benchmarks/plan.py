@@ -1,12 +1,13 @@
-"""Compare planned states with equally spaced states, and the predicted with the measured interval.
+"""Compare planned fields with equally spaced fields, and predicted intervals of the modulus with measured intervals.
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 
-The experiments are those of `benchmarks.coverage`. Every source of uncertainty in the bench examples is drawn at
-random. The true beam is simulated on a finer mesh, and its edges get white and correlated noise. The fit knows only the
-nominal values. A first run has equally spaced fields, and the plan uses only the fit of this run. Planned states and
-the same number of equally spaced states are then measured again. The table compares the half-widths of the 95 %
-intervals of the initial shear modulus.
+Each experiment is a virtual measurement, as in `benchmarks.coverage`. A state is one load step: a field, and where the
+plan may choose them also a mounting, a tip weight and a specimen. The true value of every source of uncertainty in the
+bench examples is drawn at random. The true beam is simulated on a finer mesh, and its edges get white and correlated
+noise. The fit knows only the nominal values. A first run has equally spaced fields, and the plan uses only the fit of
+this run. Planned states and the same number of equally spaced states are then measured. The table compares the
+half-widths of the 95 % intervals of the initial shear modulus.
 """
 
 from __future__ import annotations
@@ -26,7 +27,25 @@ from tests.shared.virtual_measurements import stated
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
 ) -> None:
-    """Plan and measure several runs, and print one row of the table with the half-widths, averaged over the runs."""
+    """Plan and measure several runs, and print one row of the table with the half-widths, averaged over the runs.
+
+    Parameters
+    ----------
+    name : str
+        A description of what the plan may choose.
+    before : Setting
+        The mounting and the specimen of the first run.
+    after : sequence of Setting
+        The mountings and specimens from which the plan chooses.
+    bench : Bench
+        The sources of uncertainty and the noise of the bench.
+    states : int
+        The number of states of each run.
+    runs : int
+        The number of runs.
+    seed : int
+        The seed of the random values.
+    """
     every: list[tuple[float, float, float, float]] = []
     chosen = ""
     for number in range(runs):
@@ -53,7 +72,7 @@ def row(
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, with one row for each set of choices that a plan has."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
     parser.add_argument("--states", type=int, default=6, help="states of a plan")

@@ -1,15 +1,16 @@
-"""Compare the edges of other people's photographs with traced edges: ``python -m benchmarks.real_pictures``.
+"""Compare detected edges in other people's photographs with traced edges: ``python -m benchmarks.real_pictures``.
 
-The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout. They may not be
-distributed.
+A person has traced the edges by hand. The photographs and the rules for scoring them are in
+``../shared/data/pictures``, beside the checkout. The photographs may not be distributed. Each detected edge point has a
+standard deviation that the program states. The observed deviation is the scatter of the points about a smooth line.
 
---draws 5         Search five times with wrong values, drawn at random: clamp off by up to 4 px, axis by up to 4
-degrees, width by up to 8 % and length by up to 10 %.
---clicks 3        Search three times with three clicks, drawn within 10 px of the centre line. The group `refusal` is
-left out, because it has no centre line.
---overlay FOLDER  Draw the detected edges.
---chance DRAWS    Draw scatter of the same correlation at random. For each edge, print the 95 % range of the ratio of
-stated to observed deviation, and the median of the ratio of stated to true deviation.
+--draws 5         Search five times with wrong inputs, which are drawn at random: the clamp is off by up to 4 px, the
+axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
+--clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
+pictures `refusal` is left out, because it has no centre line.
+--overlay FOLDER  Draw the detected edges into pictures in a folder.
+--chance DRAWS    Draw random scatter with the correlation of the observed scatter. For each edge, print the 95 % range
+of the ratio of stated to observed deviation, and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -33,23 +34,26 @@ from eimi_lab.vision.following.edge_points import estimate_scatter
 from tests.shared.real_pictures import PICTURES, Picture, PictureScore, pictures
 
 Array = NDArray[np.float64]
-_DEGREE = 7  # of the polynomial about which the scatter of an edge is computed
+_DEGREE = 7  # degree of the polynomial about which the scatter of an edge is computed
 
 
-def stated_over_seen(edge: EdgePoints) -> float:
-    """Return the ratio of the stated to the observed standard deviation of the points of an edge.
+def stated_over_observed(edge: EdgePoints) -> float:
+    """Return the stated standard deviation of an edge's points divided by their observed standard deviation.
 
-    The observed deviation is the scatter of the points about a polynomial in the arc length. Return NaN for too few
-    points.
+    The search for the edges states a deviation for each point. The observed deviation is the scatter of the points
+    about a polynomial in the arc length. Return NaN if the edge has too few points.
     """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
-    return math.sqrt(float((edge.sigma_mm**2).mean())) / _SeenScatter(edge.points_mm).deviation
+    return math.sqrt(float((edge.sigma_mm**2).mean())) / _Scatter(edge.points_mm).deviation
 
 
 @dataclass(frozen=True)
-class _SeenScatter:
-    """The scatter of n points of an edge about a polynomial in the arc length; `points` has shape (n, 2), (x, y)."""
+class _Scatter:
+    """The scatter of n points of an edge about a polynomial in the arc length.
+
+    `points` contains x and y of the points, mm or px, shape (n, 2). All lengths have the unit of the points.
+    """
 
     points: Array
 
@@ -79,8 +83,8 @@ class _SeenScatter:
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw random scatter about an edge many times; return statistics of the ratio of stated to observed deviation.
 
-    The scatter has an exponential correlation along the edge. The correlation of neighbouring points is that of the
-    observed points.
+    The scatter has an exponential correlation along the edge. Neighbouring points are as strongly correlated as the
+    points of the detected edge.
 
     Parameters
     ----------
@@ -89,26 +93,27 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
     draws : int
         Number of random draws.
     rng : numpy Generator
+        Random number generator.
 
     Returns
     -------
     low, high : float
-        Ends of the 95 % range of stated deviation over observed deviation.
+        Ends of the 95 % range of the stated deviation divided by the observed deviation.
     median : float
-        Median of stated deviation over true deviation.
+        Median of the stated deviation divided by the true deviation.
     """
-    scatter = _SeenScatter(points_px)
+    scatter = _Scatter(points_px)
     shared = float((scatter.across[1:] * scatter.across[:-1]).sum() / (scatter.across**2).sum())
     length = -scatter.along[-1] / (len(scatter.along) - 1) / math.log(min(max(shared, 0.01), 0.95))
     decay = np.exp(-np.abs(scatter.along[:, None] - scatter.along) / length)
     root = scatter.deviation * np.linalg.cholesky(decay + 1e-9 * np.eye(len(decay)))
-    over_seen, over_true = [], []
+    over_observed, over_true = [], []
     for _ in range(draws):
         drawn = scatter.line + (root @ rng.normal(size=len(root)))[:, None] * scatter.normal
         points, sigma, inliers = estimate_scatter(drawn, np.ones(len(drawn)))
-        over_seen.append(stated_over_seen(EdgePoints(points[inliers], sigma[inliers])))
+        over_observed.append(stated_over_observed(EdgePoints(points[inliers], sigma[inliers])))
         over_true.append(float(np.median(sigma)) / scatter.deviation)
-    low, high = np.percentile(over_seen, (2.5, 97.5))
+    low, high = np.percentile(over_observed, (2.5, 97.5))
     return float(low), float(high), float(np.median(over_true))
 
 
@@ -154,7 +159,7 @@ def _report(picture: Picture, edges: EdgeSet, scored: PictureScore, seconds: flo
     kind = "refused" if not usable else "good" if scored.good else "WRONG" if scored.wrong else "thin"
     counts[kind] += 1
     flags = " ".join(dict.fromkeys(flag.name for flag in edges.flags)) or "none"
-    ratios = ", ".join(f"{stated_over_seen(edge):.2f}" for edge in (edges.left, edges.right) if len(edge.points_mm))
+    ratios = ", ".join(f"{stated_over_observed(edge):.2f}" for edge in (edges.left, edges.right) if len(edge.points_mm))
     figures = f"{scored.coverage:.2f} | {scored.median:.2f} | {scored.p95:.2f} | {ratios} | {seconds:.2f}"
     print(f"| {picture.name} | {points[0]} + {points[1]} | {figures} | {flags} |", flush=True)
 

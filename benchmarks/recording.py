@@ -1,9 +1,9 @@
-"""Measure the recording of a ring-down from a fast camera: `python -m benchmarks.recording`.
+"""Count the recorded and lost frames of a fast camera that records a free vibration: `python -m benchmarks.recording`.
 
 Another process sends pre-rendered noisy frames through the interface of a camera: 1.3 megapixels at 120 Hz, and 640 x
-480 pixels at 500 Hz. A run records the frames for ten seconds and writes them to disk. Every frame is then read back
-and compared with the frame that was sent. The load of the machine is printed, because other programs can cause lost
-frames.
+480 pixels at 500 Hz. A measurement records the frames for ten seconds and writes them to the disk. Every frame is then
+read back and compared with the frame that was sent. The load of the machine is printed, because other programs can
+cause lost frames.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Measure the time and memory of `eimi report` for three datasets with twenty fits.
 
-Each of four laws is fitted to the bending data and in four strain ranges of a tensile test. The datasets are the
-shipped specimens type1 to type3 on the virtual rig, with 16 states each. The tensile test is the file of `--curve`.
-Without `--curve` it is a curve of Yeoh's law, which no law of two terms can follow to its end.
+Each of four laws is fitted to the bending data and in four strain ranges of a tensile test. The datasets belong to the
+shipped specimens type1 to type3 on the virtual rig, with 16 states each. The tensile test is read from the file of
+`--curve`. Without `--curve` the tensile test is a curve of Yeoh's law up to a strain of 4, which no law of two terms
+can follow to its end.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _LARGEST_STRAIN, _ROWS = 4.0, 200
 
 
 def curve(path: Path) -> Path:
-    """Write a tensile test (strain and stress) to a file, and return the path of the file."""
+    """Write the tensile test of a Yeoh material, with strain and stress in kPa, to a file; return the file's path."""
     strain = np.linspace(0.0, _LARGEST_STRAIN, _ROWS + 1)[1:]
     stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], np.array([_YEOH_PA]), strain)[0]
     rows = [f"{e:.4f},{s:.5f}" for e, s in zip(strain, stress_kPa, strict=True)]

@@ -1,8 +1,8 @@
 """Draw pictures of a report for inspection: ``python -m benchmarks.report_pictures report.html -o FOLDER``.
 
 Headless Chromium draws the whole page 1400 and 800 px wide, and prints the page on A4. `pdftoppm` (poppler) makes a
-picture of every printed page. Look for a heading without its figure, a table or figure that is cut, text that is too
-small at 800 px, and information that only a colour shows.
+picture of every printed page. In the pictures, a person looks for a heading without its figure, a table or figure that
+is cut, text that is too small at 800 px, and information that only a colour shows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from PIL import Image, ImageChops
 
 WIDTHS_PX = (1400, 800)
-_TALL_PX = 16000  # more than the height of any report; the empty part is cut off
+_TALL_PX = 16000  # height of the window, more than the height of any report; the empty part is cut off
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _TIMEOUT_S = 300
 

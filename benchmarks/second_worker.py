@@ -2,6 +2,7 @@
 
     python -m benchmarks.second_worker DATASET.h5 [--fits 48]
 
+The grid consists of the fit of one law to a dataset and of its bootstrap replicates, which are fits to resampled data.
 The grid is computed alternately in one process and in two processes. The time with two processes includes their start.
 """
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.seeds
 
-The noise and the search use the same seed. The edges belong to a 30 x 3 mm beam with a magnet in 16 field states,
-simulated on 80 x 10 elements. Each edge has 100 points with normal noise of 1 µm on each coordinate.
+The noise and the search of the fit use the same seed. The edges belong to a 30 x 3 mm beam with a magnet in 16 fields,
+which is simulated on 80 x 10 elements. Each edge has 100 points with normal noise of 1 µm on each coordinate.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ TRUTH = {
 
 
 def measured(model: str, seed: int) -> Experiment:
-    """Return the noisy edges of a beam of the law `model` with its example parameters."""
+    """Simulate a beam, and return the experiment of a fit: the beam's noisy edges, its loads and its model.
+
+    The material follows the law `model` with the parameters in `TRUTH`. `seed` is the seed of the noise.
+    """
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)

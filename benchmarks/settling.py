@@ -1,7 +1,9 @@
-"""Measure the time of the settling statistic for a frame: `python -m benchmarks.settling`.
+"""Measure the time that the settling statistic needs for a frame: `python -m benchmarks.settling`.
 
-The frames have shot noise, a beam with two edges, and 1.3 or 5 million pixels. In the first column the band along the
-edges is determined anew for each frame. In the second column the band is kept, as in a run while the beam is quiet.
+The settling statistic compares two frames near the edges of the beam, and thereby shows whether the beam still moves.
+The frames have shot noise, a beam with two edges, and 1.3 or 5 million pixels. In the first column the band of pixels
+along the edges is determined again for each frame. In the second column the band of an earlier frame is used, as in a
+measurement while the beam is at rest.
 """
 
 from __future__ import annotations
@@ -18,7 +20,10 @@ REPEATS = 20
 
 
 def frame(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return a noisy frame of a beam that is a tenth of the picture wide and hangs over three quarters of it."""
+    """Return a noisy frame of a hanging beam, with the shape (height, width).
+
+    The beam covers a tenth of the width and three quarters of the height of the picture.
+    """
     rows, columns = shape
     across = np.abs(np.arange(columns) - columns / 2) - columns / 20
     beam = 0.06 + 0.94 / (1 + np.exp(-across / 0.6))

@@ -1,4 +1,4 @@
-"""Compare the solid element and the beam model with a solid section with exact solutions, plane strain and FElupe.
+"""Verify the solid element and the solid model against exact solutions, plane strain and FElupe, another program.
 
 python -m benchmarks.solid [--short]
 """

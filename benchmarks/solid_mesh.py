@@ -1,8 +1,8 @@
-"""Measure the error of the modulus due to the mesh of a beam model with a solid section.
+"""Measure the error of the modulus that the mesh of the solid model causes.
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-The error is given without and with the correction from the planar meshes.
+The error is given without and with a correction: the difference between a fine and a coarse mesh of the planar model.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 
 
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
-    """Return the rotation of the tip (degrees) in plane stress in each of K states, shape (K,).
+    """Return the rotation of the tip (degrees) of the planar model in plane stress in each of K fields, shape (K,).
 
     The mesh has `along` x `across` elements. `factor` multiplies the modulus.
     """
@@ -36,13 +36,16 @@ def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> 
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotation of the tip (degrees) of the solid beam model in each of K states, shape (K,)."""
+    """Return the rotation of the tip (degrees) of the solid model in each of K fields, shape (K,).
+
+    `mesh` contains the numbers of elements along and across, and of additional elements in each part of the depth.
+    """
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """Print the error of the modulus (%) in the state with the highest field, for each specimen and mesh.
+    """Print the error of the modulus (%) in the highest field, for each specimen and mesh.
 
     With --short only one case is computed.
     """

@@ -2,9 +2,10 @@
 
     python -m benchmarks.speed [FIGURE.png]
 
-The figures are processor times of one thread. The curve consists of 16 field states of a 30 x 3 mm beam with a 4 mm
-magnet. The cost of the curve is measured for a batch of candidates, for one candidate, and for growing numbers of
-candidates, states and elements. Whole fits follow (`benchmarks.fit_cost`).
+The figures are processor times of one thread. A curve consists of the tip positions of a 30 x 3 mm beam with a 4 mm
+magnet in 16 fields. A candidate is one set of parameters of a law, and a batch is a group of candidates that are solved
+together. The time of the curve is measured for a batch, for one candidate, and for growing numbers of candidates,
+fields and elements. The times of whole fits follow (`benchmarks.fit_cost`).
 """
 
 from __future__ import annotations
@@ -30,20 +31,23 @@ EXAMPLES = {
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
 MESHES = ((8, 1), (13, 1), (26, 1), (52, 1), (104, 1), (208, 1))
-TOLERANCE_MM = 1e-2  # as in the identification
+TOLERANCE_MM = 1e-2  # tolerance of the simulated shapes, as in a fit
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return the parameters of `size` candidates of a law: example parameters with moduli spread by a third."""
+    """Return `size` sets of the n parameters of a law, shape (size, n).
+
+    The parameters are example parameters, whose moduli are varied by about a third.
+    """
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the shortest processor time (s) of solving one batch of candidates.
+    """Return the shortest processor time (s) of several solutions of one batch of candidates.
 
-    A first batch computes the tables and is not counted.
+    A first solution, which is not counted, computes tables that the later solutions use again.
     """
 
     def solve() -> Shapes:
@@ -89,7 +93,10 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Return the slope of log(cost) against log(number of candidates, states or elements), over the last 3 pairs."""
+    """Return the slope of log(cost) against log(number), from the last three pairs (number, cost).
+
+    The number counts candidates, states or elements.
+    """
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 
 

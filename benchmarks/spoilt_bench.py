@@ -20,8 +20,12 @@ from eimi_lab.config.protocol import load_protocol
 from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
 UNIDENTIFIED = "it may not be the supply of the coil"
-"""Words of a guardian that switched a supply off but could not confirm the identity of the supply."""
+"""Words of a guardian that switched a supply off but could not confirm the identity of the supply.
+
+The guardian is the process that watches a run and switches the coil off if the run fails.
+"""
 TRIES_FOR_S = 15.0
+"""Time (s) for which a trial waits for such a guardian before the trial ends the guardian."""
 
 SHIPPED = "dragon_skin_10"
 FULL_A = 1.5
@@ -30,7 +34,11 @@ NAMES = 6000
 
 
 class Supply:
-    """An emulated supply in a separate process, with all changes of the coil that the process has reported."""
+    """An emulated supply in a separate process, which reports every change of the output, set-point and current.
+
+    `driver` is the name of the emulated family of supplies. `transport` is the kind of line: "pty", "port", "tcp" or
+    "hislip".
+    """
 
     def __init__(self, driver: str, transport: str) -> None:
         self._process = subprocess.Popen(
@@ -41,7 +49,8 @@ class Supply:
         )
         assert self._process.stdout is not None
         self.driver, self.transport = driver, transport
-        self.told: list[tuple[float, bool, float, float]] = []
+        # Time (s), output, set-point (A) and true current (A) after each change.
+        self.changes: list[tuple[float, bool, float, float]] = []
         self._listener = threading.Thread(target=self._listen, daemon=True)
         lines = [self._process.stdout.readline().strip() for _ in range(2)]  # the two lines come in any order
         self.address = next(line for line in lines if not re.match(r"\d+\.\d{4} ", line))
@@ -53,7 +62,7 @@ class Supply:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             at, on, set_A, true_A = line.split()
-            self.told.append((float(at), on == "1", float(set_A), float(true_A)))
+            self.changes.append((float(at), on == "1", float(set_A), float(true_A)))
 
     def tell(self, word: str) -> None:
         """Cause the fault with this name, or end the present fault with `none`."""
@@ -62,24 +71,27 @@ class Supply:
 
     def on(self) -> bool:
         """Return whether the output is on."""
-        return bool(self.told) and self.told[-1][1]
+        return bool(self.changes) and self.changes[-1][1]
 
     def at_full(self) -> bool:
-        """Return whether the output is on with the full current."""
-        return self.on() and self.told[-1][2] >= FULL_A - 1e-6
+        """Return whether the output is on and its set-point is the full current."""
+        return self.on() and self.changes[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
         """Return the time (s, monotonic clock) at which the output was last switched off."""
-        off_s = self.told[-1][0]
-        for at, on, _, _ in reversed(self.told):
+        off_s = self.changes[-1][0]
+        for at, on, _, _ in reversed(self.changes):
             if on:
                 break
             off_s = at
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at the time `at_s`, within the smallest change of the current that is printed."""
-        return next((true_A for told_s, _, _, true_A in reversed(self.told) if told_s <= at_s), 0.0)
+        """Return the true current (A) at the time `at_s` (s, monotonic clock).
+
+        The result can differ from the true current by the smallest change that the process of the supply reports.
+        """
+        return next((true_A for change_s, _, _, true_A in reversed(self.changes) if change_s <= at_s), 0.0)
 
     def close(self) -> None:
         """End the process of the supply."""
@@ -94,11 +106,15 @@ class Trial:
 
     Attributes
     ----------
+    folder : Path
+        The folder with the files of the bench.
+    supply : Supply
+        The emulated supply.
     unread : bool
-        Whether the standard error of the run goes into a full pipe that nobody reads.
+        True if the standard error of the run goes into a full pipe that nobody reads.
     lines : list of str
         The messages.
-    heard_s : list of float
+    arrived_s : list of float
         The time (s, monotonic clock) at which each message arrived.
     """
 
@@ -106,7 +122,7 @@ class Trial:
     supply: Supply
     unread: bool = False
     lines: list[str] = field(default_factory=list)
-    heard_s: list[float] = field(default_factory=list)
+    arrived_s: list[float] = field(default_factory=list)
 
     def begin(self) -> None:
         """Start the run, and wait until the full current is set."""
@@ -163,14 +179,14 @@ maximum = 12.0
 
     def hear(self, line: str) -> None:
         """Record a message of the run or of its guardian, and the time at which the message arrived."""
-        self.heard_s.append(time.monotonic())
+        self.arrived_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
     def wait_for_words(self, pattern: str, after_s: float) -> float:
         """Wait until a message contains the pattern; return the time (s) of the message, but at least `after_s`."""
         wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
         first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
-        return max(after_s, self.heard_s[first])
+        return max(after_s, self.arrived_s[first])
 
     def end_guardian(self) -> None:
         """End a guardian that still tries to reach a supply, although the supply will not answer again."""
@@ -178,8 +194,8 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether `TRIES_FOR_S` have passed since the guardian reported that it cannot identify the supply."""
-        reported_s = [at_s for line, at_s in zip(self.lines, self.heard_s, strict=False) if UNIDENTIFIED in line]
+        """Return whether the guardian reported an unidentified supply more than `TRIES_FOR_S` (s) ago."""
+        reported_s = [at_s for line, at_s in zip(self.lines, self.arrived_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
@@ -191,7 +207,11 @@ maximum = 12.0
         return began
 
     def spoil(self, name: str) -> float:
-        """Cause a fault of the camera or of the clock; return the time (s) of the fault."""
+        """Cause a fault of the camera or of the clock, and return the time (s, monotonic clock) of the fault.
+
+        `name` is a fault of `benchmarks.spoilt_run`, such as "grab" or "clock". For a fault of "grab" or "flush", the
+        method waits until the run has called the faulty method.
+        """
         (self.folder / name).touch()
         began = time.monotonic()
         if name not in {"clock", "close"}:

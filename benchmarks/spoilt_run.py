@@ -1,10 +1,10 @@
-"""Run `eimi` with a camera of 30 frames per second. Files beside the camera's recording cause faults.
+"""Run `eimi` with a camera of 30 frames per second. Certain files in the present folder cause faults.
 
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
 If a file `grab`, `flush` or `close` exists, the camera's method of this name never returns. With a file `grab-locked`,
-the method `grab` also keeps Python's lock, so that no other part of the program runs. With a file `clock` the wall
-clock steps back by two minutes.
+the method `grab` also keeps Python's global lock, so that no other part of the program runs. With a file `clock` the
+wall clock steps back by two minutes. The file `reached` appears when a method that never returns is called.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Change the camera class and the wall clock, so that files in the folder `beside` cause faults."""
+    """Replace methods of the camera class and the wall clock, so that files in the folder `beside` cause faults."""
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

@@ -1,9 +1,9 @@
 """The map from each line of the code to the tests that execute the line, which selects the tests of a mistake.
 
-``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests under coverage with one context for each test, and
-writes the map. A run under coverage takes about twice as long as the tests alone. ``--add`` adds tests to the map of
-the same code. Coverage does not follow a process that a test starts. If a test starts a module in a process, the test
-is found by the name of the module.
+``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests with the package coverage, which records the lines
+that each test executes, and writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to
+the map of the same code. Coverage does not record a process that a test starts. A test that starts a module in a
+process is therefore selected if its file contains the name of the module.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(
 
 
 def record(tests: Sequence[str], add: bool = False) -> int:
-    """Run the tests and write the map, or add the tests to the map; return pytest's exit status."""
+    """Run the tests with coverage, and write the map; return pytest's exit status.
+
+    If `add` is true, the tests are added to the existing map.
+    """
     with tempfile.TemporaryDirectory() as folder:
         new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"
         settings.write_text(_SETTINGS, encoding="utf-8")
@@ -66,7 +69,7 @@ def seconds_in(report: Path) -> dict[str, float]:
 class TestsByLine:
     """The recorded map from the lines of the code to the tests that execute them."""
 
-    __test__ = False  # it is no test, in spite of its name
+    __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
         """Read the map from its file. Raises FileNotFoundError if the map was not recorded."""
@@ -77,7 +80,9 @@ class TestsByLine:
         self._seconds: dict[str, float] = json.loads(SECONDS.read_text(encoding="utf-8"))
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests for a mistake in a line, within `MOST_TESTS` and `MOST_S`, in the order of trial.
+        """Return the tests for a mistake in a line, in the order in which they are to be run.
+
+        At most `MOST_TESTS` tests, which together take at most `MOST_S` (s), are returned.
 
         The function returns the tests that execute the line. If a fixture executes the line, the other tests of the
         fixture's file follow, because they may use the fixture. A line outside all functions is executed only by the

@@ -2,9 +2,10 @@
 
 The first table compares the frequencies with Euler-Bernoulli beams, and the complex frequency of one mode with closed
 forms. It also compares the complex frequency of small vibrations with a solution in time, which has another mesh and
-another integrator. The second table fits hidden materials with two Prony terms. For each material a run with two
-ring-downs and two recordings of creep is simulated by the rod of the virtual rig and then fitted. The rod has the
-stiffness of a solid beam whose dimensions differ from the stated dimensions by their uncertainties.
+another integrator. The second table fits hidden materials, whose parameters the fit does not know, with two Prony
+terms. For each material, two free vibrations (ring-downs) and two recordings of creep are simulated by the rod model of
+the virtual rig and then fitted. The rod has the stiffness of a solid beam. The dimensions of this beam differ from the
+dimensions in the fit by random errors of the size of their uncertainties.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="solid", magnet=MAGNET)
 FLAT = replace(BEAM, section="plane-stress")
 DOWN = np.array([9.80665, 0.0])
 STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0, "remanence": 0.012}
-FIELDS = ((5.0, 30.0), (0.0, 20.0), (7.0, 30.0), (0.0, 20.0))  # mT, and the time in s for which each lasts
+FIELDS = ((5.0, 30.0), (0.0, 20.0), (7.0, 30.0), (0.0, 20.0))  # each field (mT) and its duration (s)
 REST_MM = np.column_stack([np.linspace(4, 29, 8), np.zeros(8)])
 NOISE_MM, FRAME_S, RINGING_S = 0.005, 0.015, 16.0
 STEP_S, RELEASE_STEPS = 0.00125, 1600
@@ -94,10 +95,18 @@ def _constant(value: float, _: float) -> float:
 
 
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
-    """Simulate a run of one hidden material; return the material and the data of the run.
+    """Draw a random viscoelastic material, simulate a measurement of the material, and return both.
 
-    The material is given by the instantaneous modulus (Pa) and the Prony series. The data are the recorded motions and
-    the static states.
+    Returns
+    -------
+    instantaneous : float
+        The instantaneous shear modulus of the material, Pa.
+    series : Prony
+        The Prony series of the material.
+    recorded : list of RecordedMotion
+        The noisy recordings of ring-downs and creep.
+    static : StaticStates
+        The fields, their times, and the modulus of an elastic fit to the states at the ends of the fields.
     """
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))
@@ -108,14 +117,14 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
     beam = MovingBeam(specimen, stiffness, at_rest, series, lambda field_mT: (np.array([0.0, 1e-3 * field_mT]), DOWN))
     beam.start(0.0, 0.0)
     share = REST_MM[:, 0] / specimen.flexible_length_mm
-    recorded, begins, seen, tips, now = [], [], [], [], 0.0
+    recorded, begins, ends, tips, now = [], [], [], [], 0.0
     for number, (field, seconds) in enumerate(FIELDS):
         begins.append(now)
         times = np.append(np.arange(FRAME_S, RINGING_S, FRAME_S), np.geomspace(RINGING_S, seconds, 20))
         coordinates = beam.advance(now + seconds, partial(_constant, field), now + times)
         now += seconds
         places = [beam.rod.places_mm(z, share, REST_MM[:, 1]) for z in coordinates]
-        seen.append(now)
+        ends.append(now)
         tips.append(float(np.degrees(beam.rod.end @ coordinates[-1])))
         noisy = np.array(places) + NOISE_MM * rng.standard_normal((len(places), 8, 2))
         earlier = [(-1e3, in_field(0.0))] + [(begins[k] - begins[-1], in_field(FIELDS[k][0])) for k in range(number)]
@@ -132,13 +141,13 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
     nominal, moduli = SolidBeside(BEAM, 16, 2), at_rest * np.geomspace(0.8, 1.3, 5)
     bent = [k for k, (field, _) in enumerate(FIELDS) if field]
     fields = Loads.along([FIELDS[k][0] for k in bent])
-    # What an elastic fit with the stated dimensions finds.
+    # The modulus that an elastic fit with the nominal dimensions would identify.
     angles = np.stack([nominal.tip_angle_deg(nominal.solve(NEO, np.array([[mu]]), fields))[0] for mu in moduli])
     logs = [CubicSpline(-angles[:, i], np.log(moduli))(-tips[k]) for i, k in enumerate(bent)]
     static = StaticStates(
         Loads.along([field for field, _ in FIELDS]),
         np.array(begins),
-        np.array(seen),
+        np.array(ends),
         float(np.exp(np.mean(logs))),
         0.002,
         {},
@@ -147,23 +156,27 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
 
 
 def print_hidden(seed: int) -> bool:
-    """Fit one hidden material, print the errors, and return whether the interval contains the true modulus."""
+    """Fit the random material of a seed, print the errors, and return whether the interval contains the true modulus.
+
+    The interval is the 95 % interval of the dynamic shear modulus.
+    """
     instantaneous, series, motions, static = hidden_run(np.random.default_rng(seed))
     stated = [StatedSource(key, sigma, "specimen") for key, sigma in STATED.items()]
-    found: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)
-    truth = instantaneous * float(series.complex_ratio(np.array(2j * np.pi * found.frequency_Hz)).real)
-    modulus = found.dynamic_shear_modulus
+    identified: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)
+    truth = instantaneous * float(series.complex_ratio(np.array(2j * np.pi * identified.frequency_Hz)).real)
+    modulus = identified.dynamic_shear_modulus
     holds = modulus.interval_95[0] <= truth <= modulus.interval_95[1]
-    fitted = Prony(np.array([t.g for t in found.prony]), np.array([t.tau_s for t in found.prony]))
-    curve = found.instantaneous_shear_modulus.value * fitted.ratio(TIMES_S) / (instantaneous * series.ratio(TIMES_S))
-    # The error that all moduli share comes from the dimensions. The remaining error is that of the Prony series.
+    fitted = Prony(np.array([t.g for t in identified.prony]), np.array([t.tau_s for t in identified.prony]))
+    fitted_Pa = identified.instantaneous_shear_modulus.value * fitted.ratio(TIMES_S)
+    curve = fitted_Pa / (instantaneous * series.ratio(TIMES_S))
+    # The dimensions cause an error that all moduli share. The error that remains is the error of the Prony series.
     shape = curve / curve[0]
     interval = 50 * (modulus.interval_95[1] - modulus.interval_95[0]) / modulus.value
     print(
         f"{seed:4d}: {len(fitted.g)} terms, dynamic modulus {100 * (modulus.value / truth - 1):+.2f} % "
         f"(±{interval:.1f} %)"
         f"{'' if holds else ' (outside)'}, mu(t) / mu(0.03 s) within {100 * np.abs(shape - 1).max():.2f} %, "
-        f"moment {found.moment.value if found.moment else float('nan'):.3f}, {found.wall_s:.1f} s"
+        f"moment {identified.moment.value if identified.moment else float('nan'):.3f}, {identified.wall_s:.1f} s"
     )
     return holds
 

@@ -2,16 +2,18 @@
 
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 
-Each experiment is a virtual measurement of `benchmarks.coverage`: a hidden Neo-Hookean beam with drawn values on 26 x 3
-elements. The edges are simulated with noise, without pictures. All sources are drawn together: 3 degrees of the
-direction of magnetisation, 0.1 mm of the shape at rest, 0.02 mm of taper, the background field, the gradient of the
-coil's field, scale, clamp, angles and dimensions (`Source.usual`).
+Each experiment is a virtual measurement, as in `benchmarks.coverage`: a Neo-Hookean beam, whose modulus the fit does
+not know, is simulated on 26 x 3 elements. A source is an input with an uncertainty. The true values of all sources are
+drawn at random with their usual standard uncertainties: 3 degrees for the direction of magnetisation, 0.1 mm for the
+shape at rest, 0.02 mm for the taper, and the usual values (`Source.usual`) for the background field, the gradient of
+the coil's field, scale, clamp, angles and dimensions. The edges get noise; no pictures are rendered.
 
-Some experiments are fitted in full, evenly over all beams and levels of noise: polish, corrections, budget and draws of
-`eimi fit`. The other experiments are fitted quickly. A quick fit minimises the same objective. It uses beams that were
-solved once for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit
-has the mean width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick
-fits of the same experiments.
+Some experiments, evenly over all beams and levels of noise, are fitted in full. A full fit has the same local
+optimisation, corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`.
+The other experiments are fitted quickly. A quick fit minimises the same objective. It uses beams that were solved once
+for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit has the mean
+width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick fits of the
+same experiments.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ from tests.shared.virtual_measurements import (
 Array = NDArray[np.float64]
 Ends = Mapping[tuple[str, float], tuple[float, float]]
 
-LOG_MODULI = np.linspace(-0.8, 0.8, 21)  # from the true modulus
+LOG_MODULI = np.linspace(-0.8, 0.8, 21)  # ln(modulus / true modulus) of the beams that are solved
 FINE = np.linspace(LOG_MODULI[0], LOG_MODULI[-1], 3201)
 
 
@@ -70,9 +72,9 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the dimensions of the beam (a text, in mm) and the noise (mm) of an experiment.
+    """Return the group of an experiment: the dimensions of the beam as a text in mm, and the noise of the edges in mm.
 
-    All quick fits of experiments with the same dimensions and noise get an interval of the same relative width.
+    The intervals of all quick fits in one group have the same relative width.
     """
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
@@ -118,7 +120,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="number of processes")
     options = parser.parse_args()
     cases = [Case(number, options.seed, is_usual=True) for number in range(options.experiments)]
-    step = max(1, 192 // options.full)  # 192 experiments pass through all beams and levels of noise
+    step = max(1, 192 // options.full)  # every 192 experiments contain all beams and levels of noise
     with ProcessPoolExecutor(options.workers) as pool:
         full = list(pool.map(outcome, cases[: step * options.full : step]))
         ends = mean_ends(full)
