@@ -1,4 +1,4 @@
-"""Measure time and memory of `eimi fit`, and how they grow with the number of states.
+"""Measure time and memory of `eimi fit`, and the growth of both with the number of states (load steps).
 
 The script also measures the size of the data that a worker process receives. The specimen and the calibration of the
 virtual rig are shipped files. The edges are simulated from a Neo-Hookean solid, with normal noise of 2 µm. Each fit

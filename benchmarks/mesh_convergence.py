@@ -1,8 +1,8 @@
-"""Measure how the position of the tip at 15 mT depends on the mesh.
+"""Measure how the position of the tip of a beam at 15 mT depends on the mesh.
 
 python -m benchmarks.mesh_convergence [FIGURE.png]
 
-The paper of the method contains the same study.
+The error on each mesh is the distance from the tip on the finest mesh. With a file name, the errors are also drawn.
 """
 
 from __future__ import annotations

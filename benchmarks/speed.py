@@ -101,7 +101,10 @@ def slope(points: list[tuple[int, float]]) -> float:
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
-    """Draw the measured costs against the numbers of candidates, states and elements, each with a line of slope 1."""
+    """Draw the measured costs against the numbers of candidates, states and elements, each with a line of slope 1.
+
+    `curves` contains pairs (number, time in ms) for "candidates", "states" and "elements". `path` is the file to write.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.1), layout="constrained")

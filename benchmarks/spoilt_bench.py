@@ -104,6 +104,8 @@ class Supply:
 class Trial:
     """One run on an emulated supply, with the messages of the run and of its guardian.
 
+    The guardian is the process that watches the run and switches the coil off if the run fails.
+
     Attributes
     ----------
     folder : Path
@@ -178,7 +180,7 @@ maximum = 12.0
             self.hear(line)
 
     def hear(self, line: str) -> None:
-        """Record a message of the run or of its guardian, and the time at which the message arrived."""
+        """Append a message to `lines`, and the present time (s, monotonic clock) to `arrived_s`."""
         self.arrived_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
@@ -189,7 +191,10 @@ maximum = 12.0
         return max(after_s, self.arrived_s[first])
 
     def end_guardian(self) -> None:
-        """End a guardian that still tries to reach a supply, although the supply will not answer again."""
+        """End the guardian, which switches the coil off after a failed run, if its process is still running.
+
+        The guardian would otherwise try to reach a supply that will not answer again.
+        """
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 

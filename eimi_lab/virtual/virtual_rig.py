@@ -140,7 +140,8 @@ class VirtualCamera:
     def grab(self, timeout_s: float) -> Frame:
         """Return the next frame of the beam in the field of the coil.
 
-        Raises InstrumentError if the beam has no equilibrium, or if the coil of another process does not answer.
+        `timeout_s` has no effect, because the simulation always delivers a frame. Raises InstrumentError if the beam
+        has no equilibrium, or if the coil of another process does not answer.
         """
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
@@ -280,7 +281,10 @@ def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, 
 
 
 def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
-    """Return the true background field along the axis of the coil, mT."""
+    """Return the true background field, the field without a current, along the axis of the coil, mT.
+
+    `bench` contains the true properties that differ from the calibration.
+    """
     true_calibration = calibration.model_copy(update=_hidden(bench))
     axis_rad = np.radians(BeamFrame(true_calibration).field_deg)
     return 1e3 * float(stated_background_T(true_calibration) @ [np.cos(axis_rad), np.sin(axis_rad)])

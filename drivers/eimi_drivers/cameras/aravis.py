@@ -236,7 +236,10 @@ class AravisCamera:
             self._aravis.stream_push_buffer(self._stream, buffer)
 
     def _popped(self, timeout_s: float) -> int | None:
-        """Return the next buffer with a received frame; None if no frame arrives within `timeout_s` (s)."""
+        """Return the address of the next buffer with a received frame; None if no frame arrives within `timeout_s` (s).
+
+        The frame can be incomplete.
+        """
         if timeout_s > 0:
             buffer = self._aravis.stream_timeout_pop_buffer(self._stream, max(round(1e6 * timeout_s), 1))
         else:

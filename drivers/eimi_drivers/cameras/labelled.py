@@ -10,7 +10,10 @@ from eimi_drivers.interfaces import InstrumentError
 
 @contextmanager
 def labelled(label: str) -> Iterator[None]:
-    """Put `label` and a colon before the message of an InstrumentError, unless the message begins with `label`."""
+    """Put `label` and a colon before the message of an InstrumentError that is raised in the context.
+
+    A message that already begins with `label` is not changed.
+    """
     try:
         yield
     except InstrumentError as error:

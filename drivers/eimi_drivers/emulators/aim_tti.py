@@ -78,7 +78,8 @@ class AimTtiDialect:
     Attributes
     ----------
     lock : int
-        1 if this interface holds the lock, 0 if no interface holds it, -1 if another interface holds it.
+        The holder of the lock, which gives exclusive control of the supply: 1 for this interface, 0 for no interface,
+        -1 for another interface.
     """
 
     identification = "THURLBY THANDAR, CPX400DP, EMULATED, 1.00 - 1.00"
@@ -225,7 +226,10 @@ class AimTtiDialect:
                 self._events |= COMMAND_ERROR
 
     def _obey(self, accepted: bool) -> None:
-        """Store an error unless a command was accepted: `LOCKED_OUT` if the supply is locked, else out of range."""
+        """Store an error if a command was not accepted.
+
+        The error is `LOCKED_OUT` if a person uses the front panel. Otherwise the error is "out of range".
+        """
         if not accepted:
             self._refuse(LOCKED_OUT if self.supply.locked else self.model.out_of_range)
 

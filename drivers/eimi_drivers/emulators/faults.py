@@ -112,7 +112,7 @@ LINE_FAULTS = frozenset(list(Fault)[: list(Fault).index(Fault.SHORTED)]) - {Faul
 
 
 class FaultyInstrument:
-    """An emulated instrument on a line that can have faults.
+    """An emulated instrument whose line, the connection to the driver, can have faults.
 
     Without a fault, messages are passed to the instrument unchanged. A fault that is injected begins with the next
     message.

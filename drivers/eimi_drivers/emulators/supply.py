@@ -188,7 +188,7 @@ class CoilSupply:
     def set_current(self, current_A: float) -> bool:
         """Set the current (A), and return whether the supply accepted the value.
 
-        A current that is out of range is not accepted. A locked supply accepts no command.
+        A current that is out of range is not accepted. While a person uses the front panel, no value is accepted.
         """
         lowest = -self.max_current_A if self.bipolar else 0.0
         return lowest <= current_A <= self.max_current_A and self._obey(set_current_A=current_A)
@@ -196,22 +196,29 @@ class CoilSupply:
     def set_voltage(self, voltage_V: float) -> bool:
         """Set the voltage (V), and return whether the supply accepted the value.
 
-        A voltage that is out of range is not accepted. A locked supply accepts no command.
+        A voltage that is out of range is not accepted. While a person uses the front panel, no value is accepted.
         """
         return 0.0 <= voltage_V <= self.max_voltage_V and self._obey(set_voltage_V=voltage_V)
 
     def switch(self, on: bool) -> bool:
-        """Switch the output on or off, and return False if the supply is locked. Switching on clears a trip."""
+        """Switch the output on or off, and return True. Switching on clears a trip.
+
+        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
+        """
         return self._obey(output=on, tripped=self.state.tripped and not on)
 
     def arm(self, armed: bool) -> bool:
-        """Arm or disarm the over-current protection at the current set-point; return False if the supply is locked."""
+        """Switch the over-current protection, which trips at the current set-point, on or off, and return True.
+
+        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
+        """
         return self._obey(armed=armed)
 
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
-        """Set the trip levels of the current (A) and the voltage (V), and return False if the supply is locked.
+        """Set the current (A) and the voltage (V) above which a protection switches the output off, and return True.
 
-        None leaves a level unchanged.
+        None leaves a level unchanged. If the supply is locked because a person uses the front panel, nothing changes
+        and the result is False.
         """
         state = self.state
         return self._obey(
@@ -220,7 +227,10 @@ class CoilSupply:
         )
 
     def clear_trip(self) -> bool:
-        """Clear a trip, and return False if the supply is locked. The output stays off."""
+        """Clear a trip, and return True. The output stays off.
+
+        If the supply is locked because a person uses the front panel, nothing changes and the result is False.
+        """
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
@@ -237,7 +247,8 @@ class CoilSupply:
     def reset(self, current_A: float = 0.0) -> bool:
         """Switch the output off, set 0 V and `current_A` (A), and clear a trip, as after the message ``*RST``.
 
-        Return False, without any change, if the supply is locked.
+        Return True. If the supply is locked because a person uses the front panel, nothing changes and the result is
+        False.
         """
         return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
 

@@ -40,7 +40,7 @@ class TripLevel:
     def apply(self, level: float, on: bool) -> bool:
         """Set the level (V or A) and the switch of the protection, and return whether both were accepted.
 
-        The result is False if the level is out of range or the supply is locked.
+        The result is False, and nothing changes, if the level is out of range or a person uses the front panel.
         """
         if not 0 < level <= self._highest:
             return False
@@ -54,5 +54,8 @@ class TripLevel:
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:
-        """Switch the protection on or off, and return False if the supply is locked."""
+        """Switch the protection on or off, and return True.
+
+        If a person uses the front panel, nothing changes and the result is False.
+        """
         return self.apply(self.level, on)

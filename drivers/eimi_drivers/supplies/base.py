@@ -195,10 +195,14 @@ class SupplyBase(ABC):
         """Arm the protections inside the supply and read them back, before the output is switched on."""
 
     def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
-        """Start the watchdog inside the supply, before the output is switched on."""
+        """Start the watchdog before the output is switched on.
+
+        The watchdog is a timer inside the supply that switches the output off if no message arrives in time. A driver
+        of a supply without a watchdog does nothing here.
+        """
 
     def _disarm_watchdog(self) -> None:  # noqa: B027
-        """Stop the watchdog inside the supply, after the output was switched off."""
+        """Stop the watchdog, a timer inside the supply, after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage (V), the largest voltage of the output, and verify the set-point.

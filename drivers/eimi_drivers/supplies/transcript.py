@@ -175,10 +175,10 @@ class ReplayedTransport:
 
 
 def escaped(raw: bytes) -> str:
-    """Return bytes as one line of ASCII text in Python's escaped form."""
+    r"""Return bytes as one line of ASCII text, in which escape sequences such as ``\n`` replace other bytes."""
     return raw.decode("latin-1").encode("unicode_escape").decode("ascii")
 
 
 def unescaped(text: str) -> bytes:
-    """Return the bytes from which `escaped` made this text."""
+    r"""Return the bytes that an ASCII text with escape sequences of Python, such as ``\n``, stands for."""
     return text.encode("ascii").decode("unicode_escape").encode("latin-1")

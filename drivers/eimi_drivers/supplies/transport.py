@@ -56,7 +56,7 @@ _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
 class Transport(Protocol):
-    """A line that carries bytes to and from one instrument."""
+    """A line: a serial, USB or network connection that carries bytes to and from one instrument."""
 
     address: str
     """The address in the rig file.
