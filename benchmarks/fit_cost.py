@@ -83,7 +83,11 @@ def spent(*arguments: str) -> tuple[float, float]:
 
 
 def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) -> tuple[float, float]:
-    """Return the shortest processor time (s) and the largest memory (MB) of several runs of `eimi fit`."""
+    """Return the shortest processor time (s) and the largest memory (MB) of several runs of `eimi fit`.
+
+    Each run fits all `laws` to the dataset `path`. `section` is the model of the beam, such as "plane-stress" or
+    "solid", and `repeats` is the number of runs.
+    """
     models = [word for law in laws for word in ("--model", law)]
     fit = ("fit", str(path), "--force", "--section", section, "-o", str(path.with_suffix(".json")), *models)
     seconds, largest = zip(*(spent(*fit) for _ in range(repeats)), strict=True)
@@ -91,7 +95,10 @@ def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) 
 
 
 def task_kB(path: Path, section: str) -> float:
-    """Return the size (kB) of the task that a worker receives for one fit: the function and its arguments."""
+    """Return the size (kB) of the task that a worker process receives for one fit: the function and its arguments.
+
+    The fit belongs to the dataset `path`. `section` is the model of the beam, such as "plane-stress" or "solid".
+    """
     evidence = load_evidence(path, section=section)
     task = {"model": "ogden", "experiments": [evidence.experiment], "seed": 1}
     return len(pickle.dumps((identify, task))) / 1e3

@@ -126,7 +126,7 @@ def every_mutant() -> list[Mutant]:
 
 
 def copied(project: Path, folder: Path) -> Path:
-    """Copy the project into a folder, compile the copy, and return the path of the copy."""
+    """Copy the project into a folder, compile the Python files of the copy to bytecode, and return the copy's path."""
     left_out = shutil.ignore_patterns(
         ".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site", ".coverage*", ".tests_by_line*"
     )

@@ -52,7 +52,10 @@ def demonstration(folder: Path, *more: str) -> dict[str, Json]:
 
 
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
-    """Acquire a dataset of a hidden material, fit the dataset, and return the results as JSON values."""
+    """Simulate a measurement, fit the dataset, and return the results as JSON values.
+
+    The virtual specimen `specimen` has the material of `HIDDEN` with the name `hidden`. The files are in `folder`.
+    """
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):
         (folder / file.name).write_bytes(file.read_bytes())
@@ -65,7 +68,11 @@ def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
 
 
 def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
-    """Return the edges, the fits (by law) and the validations of a dataset as JSON values."""
+    """Return the edges, the fits and the validations of a dataset as JSON values.
+
+    A validation contains the errors of one fit (`eimi validate`). `dataset` and `fits` are files in `folder`. The fits
+    and the validations have the names of the laws as keys.
+    """
     eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
     with open_dataset(folder / dataset) as opened:
         edges = [
@@ -136,9 +143,9 @@ def quantity(path: tuple[str, ...]) -> str:
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences between two sets of results.
+    """Print the differences between the results before and after a change of the code.
 
-    Return True if no quantity is missing and no relative difference is larger than `rtol`.
+    Return True if `after` contains every quantity of `before` and no relative difference is larger than `rtol`.
     """
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}

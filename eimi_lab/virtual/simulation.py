@@ -235,7 +235,10 @@ def simulate(
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
-    """Return x (mm), y (mm) and the angle (degrees) of the tip for P sets of parameters in K states, (P, K, 3)."""
+    """Return x (mm), y (mm) and the angle (degrees) of the tip, shape (P, K, 3).
+
+    ``shapes`` contains the shapes of ``model`` for P sets of parameters in K states.
+    """
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
     place = model.positions(shapes, point)[:, :, 0, :2]

@@ -257,7 +257,10 @@ def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock
 
 
 def true_field_mT(rig: Rig, coil: Coil) -> Callable[[], float]:
-    """Return a function that returns the present true field at the magnet along the axis of the coil, mT."""
+    """Return a function that returns the present true field at the magnet along the axis of the coil, mT.
+
+    The field is the sum of the coil's field and the background field.
+    """
     bench = _virtual(rig).materials.bench or TrueBench()
     mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     offset_mT = _along_axis_mT(rig.calibration, bench)

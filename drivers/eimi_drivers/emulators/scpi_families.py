@@ -17,7 +17,10 @@ MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
 class _SeveralChannels(ScpiDialect):
-    """Emulated SCPI supply with several channels, which refuses messages for channels without the coil."""
+    """Emulated SCPI supply with several channels. The coil is connected to one channel.
+
+    A message for another channel causes an error.
+    """
 
     def _on_the_coil(self, channel: str) -> None:
         if channel != str(self.channel):

@@ -182,7 +182,7 @@ class FWBellDialect(SensorDialect):
 
 
 class TextLineDialect(SensorDialect):
-    """Emulated microcontroller board with the program that docs/howto/measure_the_field.md contains."""
+    """Emulated microcontroller board that answers like a board with the program in docs/howto/measure_the_field.md."""
 
     identification = "eimi-lab,hall-board,1,1.0"
 

@@ -63,7 +63,7 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
     """End the present faults of an emulated supply, its coil and its line.
 
-    After the fault SWAP the other supply continues to answer.
+    The fault SWAP replaces the supply by another supply. The other supply continues to answer.
     """
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False
@@ -73,9 +73,10 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 
 
 def another_unit(driver: str, clock: Clock) -> Responder:
-    """Return an emulated supply of the same model that is off and has another serial number.
+    """Return a second emulated supply of the same model, which is off and has another serial number.
 
-    A Korad has no serial number. Its identity is therefore equal to the identity of the first supply.
+    `driver` is the name of the family in `DIALECTS`. A Korad has no serial number. The second supply of this family
+    therefore has the same identity as the first supply.
     """
     unit = emulate(driver, CoilSupply(clock))
     if isinstance(unit, ScpiDialect):
