@@ -113,7 +113,7 @@ def rounded_region() -> str:
 
 
 def main() -> None:
-    """Print the table of the faults."""
+    """Print the table: one row for each fault of the camera, with the counts of frames and the driver's reaction."""
     print("| fault | frame | frames | wrong | lost | time of a frame | driver |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for size_px in SIZES_PX:

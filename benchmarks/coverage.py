@@ -14,9 +14,9 @@ Two simplifications make this number of experiments affordable:
 
 - The fit has four states and 13 x 1 elements. The global search of `eimi fit` is left out, because it does not change
   the optimum. The local optimisation (polish) starts within 20 % of the true modulus, and the other parameters start
-  anywhere in the middle half of their ranges. All later steps are those of `eimi fit`: the corrections for mesh and
-  solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random draws
-  of the interval.
+  anywhere in the middle half of their ranges. All later steps are the same as in `eimi fit`: the corrections for mesh
+  and solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random
+  draws of the interval.
 - The depth effect, the difference between the solid and the planar model, is solved once for each law and nominal
   specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
   of the deflection, and the drawn values change the effect by a few hundredths.

@@ -7,9 +7,9 @@ two or three terms of the library, drawn at random, and an initial shear modulus
 carries at least 15 % of the stress at the end of the tensile test. The evidence for each law consists of
 
 - a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
-- a beam of type 1, 2 or 3 bent in six states, simulated on a finer mesh than that of the fit, with 0.4 µm of noise on
-  its edge points. The material lot of the beam is stiffer or softer than the lot of the tensile test by 2 % (one
-  standard deviation). The discovery knows this uncertainty.
+- a beam of type 1, 2 or 3 bent in six states (load steps), simulated on a finer mesh than the mesh of the fit, with
+  0.4 µm of noise on its edge points. The material lot of the beam is stiffer or softer than the lot of the tensile test
+  by 2 % (one standard deviation). The discovery knows this uncertainty.
 
 Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid model. ``--solid`` uses the
 solid model for both. The search for the modulus at the beginning of a discovery is left out: the discovery starts

@@ -2,9 +2,9 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-The script prints the address of the supply. It then prints a line for every change of the output, of the set-point or
-of the true current. The line contains four values: the time (s) on the monotonic clock, which all processes of a
-machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
+The script prints the address of the supply. The script then prints a line for every change of the output, of the
+set-point or of the true current. The line contains four values: the time (s) on the monotonic clock, which all
+processes of a machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
 
 The name of a fault on the standard input, such as `shorted`, begins this fault; see ``eimi emulate --faults``. The
 fault `slow` delays answers by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends all faults. The transport `port` is

@@ -9,7 +9,7 @@ more than 10 s of processor time for a file, is counted and replaced.
 
 With --recover, only datasets are mutated. A separate process then recovers each dataset as `eimi recover` does, with
 the same limits of memory and time. A process that dies or exceeds the time limit is then not a fault, because the
-command `eimi recover` reports such an end in one line.
+command `eimi recover` reports the failure in one line.
 """
 
 from __future__ import annotations

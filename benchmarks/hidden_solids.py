@@ -62,9 +62,9 @@ def noisy_edges(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeOb
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
     """Fit a law to the edges of a simulated solid, and return a text with the result.
 
-    The text gives the bias of the modulus and its 95 % interval (%). It also gives the error of the edges (µm): the
-    root mean square in each state, averaged over the states. If the solid model corrected a planar fit, the change of
-    the modulus by this correction (%) follows. `true_Pa` is the true modulus, Pa.
+    The text gives the bias of the modulus and its 95 % interval (%). The text also gives the error of the edges (µm):
+    the root mean square in each state, averaged over the states. If the solid model corrected a planar fit, the change
+    of the modulus by this correction (%) follows. `true_Pa` is the true modulus, Pa.
     """
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])

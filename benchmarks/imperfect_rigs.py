@@ -9,8 +9,8 @@ Neo-Hookean solid on a finer mesh than the mesh of a fit, in eight fields up to 
 
 Every imperfection is fitted with the straight shape of the specimen file and with the rest shape, the shape without
 load, that is measured in the edges. The first line of a fit gives the error of the modulus and its 95 % interval from
-noise and mesh. It also says whether the 95 % interval from all uncertainties in the files contains the true modulus.
-The second line gives the rank of the true cause among the compared causes. The last lines count the ranks.
+noise and mesh. The line also says whether the 95 % interval from all uncertainties in the files contains the true
+modulus. The second line gives the rank of the true cause among the compared causes. The last lines count the ranks.
 
 --both      The fields have both polarities, and increase and then decrease.
 --measured  Only the fits with the measured rest shape are made.
@@ -344,8 +344,8 @@ def summary(places: Sequence[Place]) -> str:
 def in_words(fit: Fit) -> str:
     """Return a text with the error of the modulus in one fit.
 
-    The text gives the error with the interval from noise and mesh (%). It then gives the half-width (%) of the interval
-    from all uncertainties, and whether this interval contains the true modulus.
+    The text gives the error with the interval from noise and mesh (%). The text then gives the half-width (%) of the
+    interval from all uncertainties, and whether this interval contains the true modulus.
     """
     modulus = fit.initial_shear_modulus
     low, high = modulus.interval_95

@@ -46,7 +46,7 @@ def size_MB(package: Distribution) -> float:
 
 
 def main() -> None:
-    """Print the table of package sizes."""
+    """Print the table: the size (MB) of each package and its share (%) of the whole installation."""
     packages: dict[str, Distribution] = {}
     needed("eimi-lab", packages)
     sizes = {name: size_MB(package) for name, package in packages.items()}

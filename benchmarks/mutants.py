@@ -11,11 +11,11 @@ fails; the mistake is then caught. A mistake that makes a test hang is caught on
 the test. With ``--results`` a run continues where an earlier run ended, and repeats the mistakes that survived.
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
-the seed. The tests that execute the line are run, the quickest first. They come from the map of `tests_by_line`, which
-must be recorded before. A mistake counts as missed if no test executes its line, or if its tests end without a result.
-Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not counted. The script
-prints the shares of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209,
-1927), and the time.
+the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
+`tests_by_line` and must exist before. A mistake counts as missed if no test executes its line, or if its tests end
+without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not
+counted. The script prints the shares of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat.
+Assoc. 22, 209, 1927), and the time.
 """
 
 from __future__ import annotations

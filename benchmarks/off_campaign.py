@@ -7,9 +7,9 @@ Each trial is a complete `eimi acquire` with the ramp, settling and limits of a 
 random moment after the current is set.
 
 The table shows how long the output stayed on after the fault or, if the supply did not answer for some time, after the
-supply answered again. It also shows how many states were reported as stored but are not in the file. The script also
-checks that the run reports the fault. The exit status is 0 if every trial met all requirements. `--fault NAME` runs one
-fault only, and `--list` prints the names of the faults.
+supply answered again. The table also shows how many states were reported as stored but are not in the file. The script
+also checks that the run reports the fault. The exit status is 0 if every trial met all requirements. `--fault NAME`
+runs one fault only, and `--list` prints the names of the faults.
 """
 
 from __future__ import annotations

@@ -107,7 +107,10 @@ def _spin() -> None:
 
 @contextmanager
 def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
-    """Open the page of a folder in a headless browser; yield the page and the process of the server."""
+    """Start the live page for a folder, and open the page in a browser without a window while the context lasts.
+
+    Yield the page and the process of its server.
+    """
     from playwright.sync_api import sync_playwright
 
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]

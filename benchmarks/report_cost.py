@@ -34,7 +34,7 @@ def curve(path: Path) -> Path:
 
 
 def main() -> None:
-    """Print the table of time and memory."""
+    """Print the table: processor time (s), memory (MB) and wall-clock time (s) of `eimi report`, for three sizes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--curve", type=Path, help="file with a tensile test")
     parser.add_argument("--repeats", type=int, default=3, help="number of runs; the fastest counts")

@@ -25,7 +25,7 @@ UNIDENTIFIED = "it may not be the supply of the coil"
 The guardian is the process that watches a run and switches the coil off if the run fails.
 """
 TRIES_FOR_S = 15.0
-"""Time (s) for which a trial waits for such a guardian before the trial ends the guardian."""
+"""Time (s) after these words within which the guardian must end. A trial then ends a guardian that still runs."""
 
 SHIPPED = "dragon_skin_10"
 FULL_A = 1.5

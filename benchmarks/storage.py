@@ -1,6 +1,6 @@
 """Measure how many frames are stored per second, and what limits this rate: `python -m benchmarks.storage`.
 
-The frames have the size and the noise of the virtual camera. The noise limits their compression.
+The frames have the size and the noise of the virtual camera. The noise limits the compression of the frames.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOISE_GREY = 1.3
 
 
 def frames(count: int) -> list[Frame]:
-    """Return frames of a dark beam on a bright background, with noise."""
+    """Return `count` frames of the same dark beam on a bright background, each with different noise."""
     random = np.random.default_rng(0)
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)
     still = np.tile(30 + 170 / (1 + np.exp(-(across - 50) / 1.0)), (HEIGHT, 1))

@@ -1,4 +1,4 @@
-"""The map from each line of the code to the tests that execute the line, which selects the tests of a mistake.
+"""The map from each line of the code to the tests that execute the line, for `benchmarks.mutants`.
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests with the package coverage, which records the lines
 that each test executes, and writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to

@@ -1,8 +1,8 @@
 """Verify frequencies, losses and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
 
 The first table compares the frequencies with Euler-Bernoulli beams, and the complex frequency of one mode with closed
-forms. It also compares the complex frequency of small vibrations with a solution in time, which has another mesh and
-another integrator. The second table fits hidden materials, whose parameters the fit does not know, with two Prony
+forms. The table also compares the complex frequency of small vibrations with a solution in time, which has another mesh
+and another integrator. The second table fits hidden materials, whose parameters the fit does not know, with two Prony
 terms. For each material, two free vibrations (ring-downs) and two recordings of creep are simulated by the rod model of
 the virtual rig and then fitted. The rod has the stiffness of a solid beam. The dimensions of this beam differ from the
 dimensions in the fit by random errors of the size of their uncertainties.

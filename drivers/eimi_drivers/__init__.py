@@ -13,7 +13,8 @@ lan_instruments  list the instruments that announce themselves on the network
 discovery     list the instruments that are attached
 clock         a clock of real seconds for real instruments, and a clock of simulated seconds for the virtual rig
 
-This package handles set-points, measured values and pixels only. It imports neither `eimi_lab` nor `eimi_fitting`.
+This package handles set-points, measured values and pixels only. The package imports neither `eimi_lab` nor
+`eimi_fitting`.
 """
 
 import logging

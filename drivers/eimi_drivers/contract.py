@@ -28,8 +28,8 @@ def check_supply_driver(name: str, driver: object) -> None:
     name : str
         The name of the driver in the message.
     driver : object
-        The class or the function that opens a supply. A class must have the methods of `PowerSupply`. Its optional
-        method `connect` must accept one argument, the address.
+        The class or the function that opens a supply. A class must have the methods of `PowerSupply`. If the driver has
+        the optional method `connect`, this method must accept one argument, the address.
     """
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
@@ -61,8 +61,8 @@ def check_sensor_driver(name: str, driver: object) -> None:
     name : str
         The name of the driver in the message.
     driver : object
-        The class or the function that opens a sensor. A class must have the methods of `Sensor`. Its optional method
-        `connect` must accept one argument, the address.
+        The class or the function that opens a sensor. A class must have the methods of `Sensor`. If the driver has the
+        optional method `connect`, this method must accept one argument, the address.
     """
     faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
     _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])

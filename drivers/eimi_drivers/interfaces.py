@@ -8,7 +8,7 @@ of a driver are defined by `SupplyDriver`, `CameraDriver` and `SensorDriver`.
 The members listed in a protocol are required. The protocol's docstring lists the optional members. For each optional
 member it gives the value that eimi-lab assumes if the member is absent.
 
-`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members. They
+`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members, and
 report all missing members in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing`
 check the behaviour of a driver.
 """
@@ -160,7 +160,7 @@ class Off:
     Parameters
     ----------
     current_A : float
-        The last measured current, A. Its magnitude is at most `limit_A`.
+        The last measured current, A, whose magnitude is at most `limit_A`.
     limit_A : float
         The largest current with which the supply counts as off, A.
     found_off : bool

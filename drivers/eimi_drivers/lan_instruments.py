@@ -1,7 +1,7 @@
 """List the instruments that announce themselves on the local network (multicast DNS).
 
-An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number. It announces its
-interfaces as ``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). The
+An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number. The instrument announces
+its interfaces as ``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). The
 search opens no connection to an instrument, because the instrument may be in use.
 """
 

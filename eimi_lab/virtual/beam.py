@@ -204,9 +204,10 @@ def _solved(
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
     """Return the solid model, its depth effect, and the field in mT up to which the depth effect was computed.
 
-    The depth effect is the difference between the shapes of the solid and the planar model. It is computed up to the
-    strongest field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter of this field. If
-    the solid has no equilibrium up to a quarter either, the depth effect is None and the returned field is 0.
+    The depth effect is the difference between the shapes of the solid and the planar model. The depth effect is
+    computed up to the strongest field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter
+    of this field. If the solid has no equilibrium up to a quarter either, the depth effect is None and the returned
+    field is 0.
     """
     beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):

@@ -12,8 +12,8 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel's area that is inside a polygon.
 
     The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
-    the borders of the pixels. Each piece covers the part of its own pixel that is to the right of the piece. It also
-    covers all pixels further to the right, by the height of the piece. A cumulative sum along the rows adds these
+    the borders of the pixels. Each piece covers the part of its own pixel that is to the right of the piece. The piece
+    also covers all pixels further to the right, by the height of the piece. A cumulative sum along the rows adds these
     contributions. Areas of upward and downward pieces have opposite signs, so that only the inside of the polygon
     remains.
 

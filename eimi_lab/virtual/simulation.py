@@ -253,7 +253,7 @@ def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
     Parameters
     ----------
     planar
-        The planar beam model. It computes the scatter of the draws, also if the beam is modelled as a solid.
+        The planar beam model, which computes the scatter of the draws, also if the beam is modelled as a solid.
     shapes
         The shapes of the planar model. The first set of parameters is nominal, and the other sets are the draws.
     tip

@@ -44,7 +44,7 @@ def emulated_instrument(rule: RigSensor, field_mT: Callable[[], float], clock: C
     Parameters
     ----------
     rule
-        The entry of the sensor in the rig file. It gives the driver and the measured quantity.
+        The entry of the sensor in the rig file, which gives the driver and the measured quantity.
     field_mT
         Returns the true field at the magnet along the axis of the coil, mT.
     clock

@@ -109,9 +109,9 @@ def choose_format(pixel_format: str | None, bit_depth: int | None, present: str,
     pixel_format : str, optional
         The requested format.
     bit_depth : int, optional
-        The requested number of bits of a grey value. It selects a grey format if `pixel_format` is None.
+        The requested number of bits of a grey value, which selects a grey format if `pixel_format` is None.
     present : str
-        The present format of the camera. It is returned if nothing is requested.
+        The present format of the camera, which is returned if nothing is requested.
     offered : iterable of str
         The formats of the camera.
 

@@ -43,7 +43,7 @@ class CameraSettings:
         unless a frame rate is set.
     row_time_s : float, optional
         Time between the exposures of two neighbouring rows of a rolling shutter, s; 0 for a global shutter. This value
-        is read from the camera and cannot be set. It is None if the camera does not report the value.
+        is read from the camera and cannot be set. None if the camera does not report the value.
     """
 
     exposure_s: float | None = None

@@ -52,7 +52,7 @@ class TimedCamera:
         name : str
             The name of the camera in messages.
         open_it : callable
-            A function that opens the camera and returns it. Its errors are raised unchanged.
+            A function that opens and returns the camera. Errors of this function are raised unchanged.
         seconds : callable
             A function that returns the time (s) with which the time limits are measured. For a real camera it is
             `time.monotonic`. For a simulated camera it is `time.process_time`, so that the load of the computer causes

@@ -1,7 +1,7 @@
 """Emulate families of SCPI supplies that have several channels and apply each message to the selected channel.
 
 The coil is connected to one channel. A message for another channel causes an error. The messages in this module were
-written independently of the drivers' profiles, so that the tests find a wrong message in a profile.
+written independently of the messages in the drivers, so that tests find a wrong message in a driver.
 """
 
 from __future__ import annotations
@@ -91,9 +91,9 @@ class _ChannelSelected(ScpiDialect):
 class RigolDp800Dialect(_ChannelSelected):
     """Emulated Rigol DP800, in which a message can also contain the channel (``:SOURce1:``, ``CH1``).
 
-    Over-voltage and over-current protection are off after power-up. They can also be set with ``VOLTage:PROTection``
-    and ``CURRent:PROTection``. Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut page 2-35 (first
-    edition), over-current protection pages 2-56 and 2-57 (edition for the DP832A).
+    Over-voltage and over-current protection are off after power-up. Both protections can also be set with
+    ``VOLTage:PROTection`` and ``CURRent:PROTection``. Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut
+    page 2-35 (first edition), over-current protection pages 2-56 and 2-57 (edition for the DP832A).
     """
 
     identification = "RIGOL TECHNOLOGIES,DP832,EMULATED,00.01.16"

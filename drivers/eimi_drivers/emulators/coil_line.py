@@ -15,7 +15,7 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout, ReplyNotUnderstood
 
 ANSWER_WITHIN_S = 30.0
-"""Time limit (s) of an answer. It is long because other programs may delay the process with the coil."""
+"""Time limit (s) of an answer. The limit is long because other programs may delay the process with the coil."""
 
 ADDRESS = re.compile(r"TCPIP::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET")
 """The form of the address of an emulated coil that `eimi emulate` prints."""

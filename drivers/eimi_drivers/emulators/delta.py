@@ -1,7 +1,8 @@
 """Emulate Delta Elektronika's SM15K, and an SM supply with a PSC-ETH card.
 
-The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
-in a profile. Each word of a message can be shortened to three or more letters: ``SOU:VOL`` is ``SOURCE:VOLTAGE``.
+The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
+message in a driver. Each word of a message can be shortened to three or more letters: ``SOU:VOL`` is
+``SOURCE:VOLTAGE``.
 """
 
 from __future__ import annotations

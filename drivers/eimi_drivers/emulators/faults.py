@@ -129,7 +129,7 @@ class FaultyInstrument:
     Attributes
     ----------
     instrument : Responder
-        The instrument that answers at present. It changes with `swap`.
+        The instrument that answers at present. The method `swap` replaces this instrument.
     lost : bool
         True after the line was cut permanently, until `reconnect` is called.
     """

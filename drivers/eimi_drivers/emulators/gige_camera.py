@@ -74,7 +74,8 @@ def serve_gige(
     ----------
     picture : callable
         Returns the picture of the whole sensor at the moment of the exposure, shape (height, width). The function is
-        called in a thread of Aravis. It should return within a second, because the camera does not answer meanwhile.
+        called in a thread of Aravis. The function should return within a second, because the camera does not answer
+        meanwhile.
     size_px : tuple of int
         Width and height of the sensor, px.
     address : str
@@ -86,8 +87,8 @@ def serve_gige(
     shutter : str
         The kind of shutter that the camera reports: "Global" or "Rolling".
     triggers_per_s : float
-        The number of times per second at which the camera checks for a software trigger, Hz. It is the largest rate of
-        triggered frames.
+        The number of times per second at which the camera checks for a software trigger, Hz. Triggered frames cannot
+        have a higher rate.
 
     Yields
     ------

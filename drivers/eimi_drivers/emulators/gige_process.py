@@ -62,8 +62,8 @@ def gige_process(
     Parameters
     ----------
     prepare : callable
-        A function that is called in the new process and returns the function `picture` of `serve_gige`. It must be
-        picklable.
+        A function that is called in the new process and returns the function `picture` of `serve_gige`. `prepare` must
+        be picklable.
     size_px : tuple of int
         Width and height of the sensor, px.
     **camera

@@ -1,7 +1,7 @@
 """Emulate Keithley's supplies of the series 2200 (one channel) and 2260B.
 
-The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
-in a profile.
+The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
+message in a driver.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Emulate Keysight's power systems N6700, N6900 and RP7900, which have a watchdog for their outputs.
 
-The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
-in a profile.
+The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
+message in a driver.
 """
 
 from __future__ import annotations

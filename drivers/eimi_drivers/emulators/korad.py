@@ -23,7 +23,7 @@ class KoradDialect:
         first message is undone. With the default 0 no message is lost. Other values work only in the same process,
         because a pseudo-terminal does not preserve the time between messages.
     protection_bit : int
-        The bit of the status byte that reports a trip. It depends on the firmware: 0x20 or 0x80.
+        The bit of the status byte that reports a trip: 0x20 or 0x80, depending on the firmware.
     """
 
     identification = b"KORADKA3005PV2.0"

@@ -1,7 +1,7 @@
 """Emulate families of SCPI supplies that have one channel or expect the channel in each message.
 
-The messages in this module were written independently of the drivers' profiles, so that the tests find a wrong message
-in a profile. The coil is connected to one channel. A message for another channel causes an error.
+The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
+message in a driver. The coil is connected to one channel. A message for another channel causes an error.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class LakeShoreDialect(SensorDialect):
     def answer(self, query: str) -> str:
         """Return the answer to ``UNIT?``, ``RDGFIELD?``, ``RANGE?`` or ``RDGMODE?``.
 
-        The commands ``UNIT``, ``RANGE`` and ``RDGMODE`` are obeyed. Their answer is an empty text.
+        The commands ``UNIT``, ``RANGE`` and ``RDGMODE`` are obeyed, and the answer to a command is an empty text.
         """
         header, _, argument = query.partition(" ")
         match header:
@@ -162,7 +162,7 @@ class FWBellDialect(SensorDialect):
     def answer(self, query: str) -> str:
         """Return the answer to a query for the field, the unit or the range, also in short form.
 
-        The commands that set unit and range are obeyed. Their answer is an empty text.
+        The commands that set unit and range are obeyed, and the answer to a command is an empty text.
         """
         words = query.upper().replace("MEASURE", "MEAS")
         header, _, argument = words.partition(" ")

@@ -40,8 +40,8 @@ class EmulatedSession:
     fault : Fault or None
         The fault; None for no fault.
     after_s : float
-        The time (s) until the fault begins. It is counted from the moment at which the output is on and the current
-        set-point is not zero.
+        The time (s) until the fault begins, counted from the moment at which the output is on and the current set-point
+        is not zero.
     say : callable
         Takes the texts for the user: the addresses and, with a fault, the beginning of the fault and each change of the
         true current.

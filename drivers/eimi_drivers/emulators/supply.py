@@ -98,8 +98,8 @@ class CoilSupply:
     hunting_A : float
         The amplitude of a permanent oscillation of the current, A.
     shorted_A : float
-        The current through a shorted regulator, A. It flows at any set-point and even if the output is off. Set-points
-        and output still read back as they were set.
+        The current through a shorted regulator, A. This current flows at any set-point and even if the output is off.
+        Set-points and output still read back as they were set.
     offset_A : float
         The error that the meter adds to every current, A.
     fallen : bool
@@ -270,7 +270,10 @@ class CoilSupply:
         return self.state.output
 
     def constant_voltage(self) -> bool:
-        """Return whether the voltage set-point limits the current, because it is below current set-point times R."""
+        """Return whether the voltage set-point limits the current.
+
+        This is true if the voltage set-point is below the current set-point times the resistance of the coil.
+        """
         return self.state.set_voltage_V < abs(self.state.set_current_A) * self.resistance_ohm()
 
     def _age_s(self) -> float:

@@ -45,7 +45,7 @@ class CoilThermometer:
     clock : Clock
         The clock of the rig.
     at_rest_degC : float
-        The temperature T₀ of the coil before the run, °C. It is the temperature of the room.
+        The temperature T₀ of the coil before the run, °C, which is the temperature of the room.
     at_rest_A : float
         The current with which the resistance R₀ is measured before the run, A.
     """
@@ -72,8 +72,8 @@ class CoilThermometer:
         Parameters
         ----------
         between_readings : callable
-            A function that is called before each measurement, so that the caller can watch the supply. It may raise
-            an error.
+            A function that is called before each measurement, so that the caller can watch the supply. The function may
+            raise an error.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Drive Aim-TTi supplies of the QL (Series II), MX, QPX and CPX series over TCP, USB or RS-232.
 
 The commands contain the number of the output: ``V1 12.00``, ``OP1 1``. On the LAN the supply accepts commands on TCP
-port 9221. It also answers VXI-11, but only so that programs can find it on the network.
+port 9221. The supply also answers VXI-11, but only so that programs can find the supply on the network.
 
 Sources: MX180T/TP instruction manual, page 35 (commands and responses). QPX600D/DP instruction manual, page 30 (limit
 event status register). Manual of the Sorensen XDL series II, which is the same as the QL series, pages 33 (limit event
@@ -113,7 +113,8 @@ class AimTtiSupply(SupplyBase):
 
     Before the first set-point the driver clears the error registers of the supply and requests exclusive control
     (``IFLOCK``). While the driver has control, no other interface can change the supply. The driver releases control
-    after it has switched the output off. It sends the messages that switch off even if another interface has control.
+    after it has switched the output off. The driver sends the messages that switch off even if another interface has
+    control.
 
     The driver never changes the range of an output. If a set-point is outside the present range, the error message
     contains the range. The current set-points have steps of 1 mA for the QL and MX series and of 10 mA for the other

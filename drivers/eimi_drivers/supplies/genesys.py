@@ -35,7 +35,7 @@ FAULTS = {
 }
 """The meaning of each bit of the fault register, ``FR`` in the answer to ``STT?``.
 
-Bit 0x40 is not a fault: it reports that the output is off.
+Bit 0x40 is not a fault. This bit reports that the output is off.
 """
 
 REFUSALS = {
@@ -57,7 +57,7 @@ Source: TDK-Lambda, Genesys user manual 83-507-013, tables 7-1 and 7-2. The manu
 
 E01 refuses a voltage set-point above 95 % of the level of the over-voltage protection (OVP). E04 refuses an OVP level
 below the voltage set-point plus 5 % of the rated voltage. Before the driver changes the voltage, it therefore sets the
-OVP to its highest level. It sets the final OVP level before the output is switched on.
+OVP to its highest level. The driver sets the final OVP level before the output is switched on.
 """
 
 READ_BACK_OF_RATING = 0.003

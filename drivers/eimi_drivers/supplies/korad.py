@@ -44,8 +44,8 @@ class KoradSupply(SupplyBase):
     current set-point, and a supply that feeds a coil always works at the current set-point. The current is limited by
     the limits of the driver and by the constant-current regulator of the supply.
 
-    The supply acknowledges no message. Its answers have neither a checksum nor a terminator. The driver therefore
-    accepts a value only in the form that the supply uses, and verifies a set-point by two correct answers.
+    The supply acknowledges no message. The answers of the supply have neither a checksum nor a terminator. The driver
+    therefore accepts a value only in the form that the supply uses, and verifies a set-point by two correct answers.
     """
 
     name = "korad"
@@ -63,7 +63,7 @@ class KoradSupply(SupplyBase):
     def identify(self) -> Identity:
         """Return the identity of the supply, from its answer to ``*IDN?``.
 
-        The answer has no terminator. It is complete when no byte has arrived for 50 ms. Raises AnotherSupply if the
+        The answer has no terminator, and is complete when no byte has arrived for 50 ms. Raises AnotherSupply if the
         identity differs from the first identity since the driver was opened.
         """
         reply = self._ask("*IDN?", 1)

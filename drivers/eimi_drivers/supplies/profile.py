@@ -18,12 +18,12 @@ class Watchdog:
     Parameters
     ----------
     arm : tuple of str
-        Messages that start the timer. They are sent in this order before the output is switched on. ``{seconds}``
+        Messages that start the timer, which are sent in this order before the output is switched on. ``{seconds}``
         stands for `seconds`.
     verify : tuple of (str, float or None)
         Queries that verify the timer, each with the number that the supply must answer. None stands for `seconds`.
     disarm : str
-        Message that stops the timer. It is sent after the output was switched off.
+        Message that stops the timer, which is sent after the output was switched off.
     seconds : int
         The time of the timer, s. A run sends a message to the supply every 2 s.
     effect : str
@@ -71,11 +71,11 @@ class Profile:
     stop_bits : int
         The number of stop bits on a serial line.
     remote : str
-        Message that brings the supply into remote mode on a serial line. It is sent before the first message and again
-        after the line was reopened. Empty if the family needs no such message.
+        Message that brings the supply into remote mode on a serial line. The message is sent before the first message
+        and again after the line was reopened. Empty if the family needs no such message.
     select : str
-        Message that selects the channel. It is sent before every message that concerns a channel. Empty if each message
-        contains the channel, or if the family has one channel.
+        Message that selects the channel, which is sent before every message that concerns a channel. Empty if each
+        message contains the channel, or if the family has one channel.
     modes : tuple of (str, str, str)
         Settings without which a set-point would have another meaning or no effect. Each entry has three parts: a query,
         the beginning of the right answer (alternatives are separated by ``|``), and the command that corrects the
@@ -88,14 +88,14 @@ class Profile:
     measure_voltage, measure_current : str
         The queries for the measured voltage (V) and current (A).
     protect : tuple of str
-        Messages that arm the protections inside the supply. They are sent before `on`.
+        Messages that arm the protections inside the supply, which are sent before `on`.
     armed : tuple of (str, str)
         Queries that verify the protections, each with the level or the switch (0 or 1) that the supply must answer. If
         the answer has two parts, such as ``13.2,ON``, the first part is the level and the second part must be ON.
     protections : str
         A description of the armed protections for the user.
     on, off : tuple of str
-        Messages that switch the output on and off. They are sent in this order.
+        Messages that switch the output on and off, each in the order in which the messages are sent.
     output : str
         The query for the output. The supply answers 1 or ON if the output is on, 0 or OFF if it is off.
     output_bit : int

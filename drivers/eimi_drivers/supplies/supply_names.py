@@ -162,8 +162,8 @@ def open_with(
     transcript : Path, optional
         A new file that records every message.
     between_messages : callable, optional
-        A function that is called before each message if the driver has the member `connect`. It may raise an error in
-        order to interrupt a call of the supply.
+        A function that is called before each message if the driver has the member `connect`. The function may raise an
+        error in order to interrupt a call of the supply.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 r"""Record the messages on a line in a file, and play a recording back in place of the instrument.
 
-Each line of the file is one event. It contains the time since the first event (s), the kind of the event, and the bytes
-in Python's escaped form.
+Each line of the file is one event. The line contains the time since the first event (s), the kind of the event, and the
+bytes as text with Python's escape sequences.
 
     0.000000 open TCPIP::192.168.0.5::5025::SOCKET
     0.000213 > MEAS:CURR?\n
@@ -80,7 +80,7 @@ class RecordingTransport:
 
 
 class ReplayedTransport:
-    """A line that answers from a transcript instead of an instrument, without delay.
+    """A line that answers from a transcript, a file with recorded messages, instead of an instrument, without delay.
 
     TranscriptMismatch is raised if the driver sends another message than the next message of the transcript, or reads
     when the transcript contains no answer. An error in the transcript is raised again. `assert_complete` checks that

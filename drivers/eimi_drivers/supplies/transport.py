@@ -425,7 +425,7 @@ def _wait_by_the_monotonic_clock() -> None:
 
 
 class Responder(Protocol):
-    """An object that takes the place of an instrument: it receives bytes and returns the answer as bytes."""
+    """An object that replaces an instrument: the object receives bytes and returns the answer as bytes."""
 
     def receive(self, data: bytes) -> bytes:
         """Receive a message and return the answer, which may be empty. Raises ConnectionError if the line is cut."""
