@@ -1,6 +1,6 @@
 """The command line: read the arguments, run the command, print its result, and exit with a status.
 
-The commands are functions of `eimi_lab.commands`; `GROUPS` lists them as `eimi --help` shows them.
+The commands are functions in `eimi_lab.commands`. `GROUPS` lists the commands in the order of `eimi --help`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _name(command: Callable[..., Any]) -> str:
 
 
 class _CommandsInGroups(TyperGroup):
-    """Lists the commands of `eimi --help` in groups, each command with its whole summary."""
+    """A group of commands whose --help lists the commands under titles, each command with its whole summary."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
@@ -118,7 +118,7 @@ def main() -> None:
     except Stopped as stopped:  # a second signal came before the first was reported
         status = _report_stop(stopped)
     timed = sys.modules.get("eimi_drivers.cameras.timed")
-    if timed and timed.calls_under_way():  # its library could wait for this call at exit, for ever
+    if timed and timed.calls_under_way():  # a normal exit could wait forever for this call of a camera's library
         sys.stdout.flush()
         os._exit(status)
     sys.exit(status)
@@ -168,9 +168,9 @@ def _help_of_command(error: Exception) -> str:
 
 
 def _rejected_value(error: Exception) -> str:
-    """Return the rejected value for the end of a message.
+    """Return a text with the rejected value of an option, which is appended to the message of typer.
 
-    If pydantic checked the value, typer's message does not contain it. Otherwise the text is empty.
+    The text is empty if the message contains the value already, that is, if typer and not pydantic checked the value.
     """
     from pydantic import ValidationError
 

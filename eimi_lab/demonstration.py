@@ -37,7 +37,7 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """A fit, with the true initial shear modulus of the virtual rig, Pa."""
+    """A fit, together with the true initial shear modulus of the virtual beam, Pa."""
 
     fit: FitRecord
     truth_Pa: float
@@ -50,7 +50,10 @@ class Score:
 
 @dataclass(frozen=True)
 class Demonstration:
-    """The result of a demonstration: its files, the true law, and the fits with the true modulus."""
+    """The result of a demonstration: the written files, the true law of the virtual beam, and the fits.
+
+    `true_parameters` are the parameters of the true law by name; the unit of a parameter is part of the name.
+    """
 
     dataset: Path
     fits: Path
@@ -71,20 +74,20 @@ def demonstrate(
     force: bool,
     progress: Progress,
 ) -> Demonstration:
-    """Acquire, segment, fit and report on the virtual rig, and write the files into a folder.
+    """Acquire a dataset on a virtual rig, find the edges, fit laws, write the report, and compare with the true law.
 
     Parameters
     ----------
     folder : Path
         The folder for the files.
     material : str
-        Name of a silicone, such as `Dragon Skin 10`, or of its protocol.
+        Name of a silicone, such as `Dragon Skin 10`, or of its protocol, such as `dragon_skin_10`.
     specimen, rig : str
         Names or paths of the specimen and of a virtual rig.
     quick : bool
         Whether to fit only one law to a few states.
     seed : int
-        Seed of the searches.
+        Seed of the random numbers of the searches.
     force : bool
         Whether to replace existing files.
     progress : callable
@@ -138,6 +141,6 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
-    """Return a specimen with another material. The material is also changed in its text, which the dataset stores."""
+    """Return a copy of a specimen with another material, also in its text, which the dataset stores."""
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

@@ -4,11 +4,11 @@ run               the run itself
 stepping          one state after another
 coil              change the current in ramps, and compare the measured current with the set-point
 settling          decide from consecutive frames whether the beam is at rest
-capture           the frames of one state and their flags
-transients        frames that are kept while the beam settles or creeps
-ring_downs        steps of the current to zero, of which every frame is recorded
+capture           take the frames of one state, and name their defects (flags)
+transients        choose the frames that are kept while the beam settles or creeps
+ring_downs        set the current to zero in one step, and record every frame of the swinging beam
 conditioning      load cycles before the run, and the change of the beam's shape that the cycles cause
-pausing           wait for a person
+pausing           switch the coil off between two states until a person continues the run
 polarity          swap the leads of a coil whose supply cannot reverse its current
 resuming          continue a run that ended early
 supply_trial      try a driver on a real supply without a coil
@@ -26,10 +26,10 @@ sensing           read the sensors of the bench
 interlocks        end the run if a reading leaves its bounds
 heating           decide whether the coil withstands a protocol
 switching_off     end every run with the coil off
-doubt             say that the coil may still be on while switching off takes long
+doubt             report that the coil may still be on, if switching it off takes long
 interruption      react to signals during an operation
-guardian          the connection of the run to its guardian process
-guardian_process  the process that switches the coil off if the run dies or stands still
+guardian          start the guardian process of a run, and exchange messages with it
+guardian_process  the guardian process: it switches the coil off if the run dies or stands still
 events            one dataclass for each thing that happens in a run
 event_words       events in English, for a person
 event_lines       events as lines of JSON, for a program

@@ -1,9 +1,9 @@
 """Send a supply driver that the user's program added to the guardian process.
 
-The guardian process switches the coil off if the run dies. In that process, `SUPPLIES` contains only the drivers of
-this package and of installed packages. A driver of the user's program is therefore sent with cloudpickle. If its class
-comes from a module, the guardian process imports the module. If its class comes from a script or a notebook, the code
-of the class is sent.
+The guardian process switches the coil off if the run dies. In the guardian process, the registry `SUPPLIES` contains
+only the drivers of this package and of installed packages. A driver of the user's program is therefore sent with
+cloudpickle. If the class of the driver comes from a module, the guardian process imports the module. If the class comes
+from a script or a notebook, the code of the class is sent.
 """
 
 from __future__ import annotations
@@ -19,10 +19,18 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Return a driver as a text from which `unpack` adds the driver in another process.
+    """Return the text from which `unpack` adds a supply driver in another process.
 
-    The text contains the class as base64 and the module search path. It is empty for the driver of an installed
-    package.
+    Parameters
+    ----------
+    name : str
+        Name of the driver in the registry `SUPPLIES`.
+
+    Returns
+    -------
+    str
+        The class of the driver as base64 and the module search path, as JSON. The text is empty for the driver of an
+        installed package, which the other process has too.
 
     Raises
     ------
@@ -51,7 +59,15 @@ def pack(name: str) -> str:
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add a driver to `SUPPLIES` of this process from a text that `pack` returned. An empty text adds nothing."""
+    """Add a supply driver to the registry `SUPPLIES` of this process.
+
+    Parameters
+    ----------
+    name : str
+        Name of the driver.
+    packed : str
+        Text that `pack` returned in another process. An empty text adds nothing.
+    """
     if packed:
         content = json.loads(packed)
         sys.path.extend(folder for folder in content["path"] if folder not in sys.path)

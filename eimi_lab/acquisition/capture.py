@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """The frames of one state, the readings taken after each frame, and the flags of the state.
+    """The frames of one state, the readings taken after each frame, and the flags (defects) of the state.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ def capture(
     sense : callable
         Reads the sensors; called once after each frame.
     noise : Noise
-        Noise of the camera, for the flags.
+        Noise of the camera, with which the frames are checked for defects.
     stop_if_asked : callable
         Called before each frame. It raises an exception if the run has to stop.
     see : callable

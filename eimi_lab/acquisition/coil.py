@@ -38,24 +38,25 @@ FOLLOWS_WITHIN_S = 1.5
 """Largest assumed lag (s) of the measured current behind the set-points of a ramp."""
 
 EXCHANGES_REMEMBERED = 3
-"""Number of exchanges with the supply whose longest duration is the expected duration of a step of the ramp down."""
+"""Number of recent exchanges with the supply. The longest of their durations is the expected duration of a step of the
+ramp down."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
 """Time (s) after which a wrong current is measured again. Only a second wrong value ends the run."""
 
 
 def without_contact(supply: object) -> str:
-    """Return, in the words of the driver, what the output does after the cable is pulled or the computer fails."""
+    """Return the state of the output after the cable is pulled or the computer fails, in the words of the driver."""
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
 def no_sensors() -> dict[str, float]:
-    """Return an empty dictionary: the argument `sense` for a bench without sensors."""
+    """Return an empty dictionary. A bench without sensors passes this function as the argument `sense`."""
     return {}
 
 
 def never() -> None:
-    """Do nothing: the argument `stop_if_asked` for a ramp that must not be interrupted."""
+    """Do nothing. A ramp that must not be interrupted has this function as its argument `stop_if_asked`."""
 
 
 class Coil:
@@ -140,7 +141,9 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Start the time limit of the ramp down now, or `ago_s` (s) ago. Only the first call has an effect.
+        """Start the time limit of the ramp down now, or set its start to `ago_s` (s) before now.
+
+        Only the first call has an effect.
 
         The handler of a signal calls this method. The duration of an exchange with the supply that is in progress then
         counts as part of the ramp down.
@@ -159,8 +162,8 @@ class Coil:
         stop_if_asked : callable
             Called between the check for faults and the measurement. It may raise an exception.
         early_s : float
-            Time by which the interval is shortened, s. If another thread calls the method with a positive `early_s`,
-            the calls of the run itself never have to measure.
+            Time by which the interval is shortened, s. A second thread calls the method with a positive `early_s`, so
+            that the calls of the run itself never have to measure.
 
         Raises
         ------
@@ -254,12 +257,16 @@ class Coil:
         )
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points sent since the previous call of this method, with their times on the clock."""
+        """Return the set-points that were sent since the previous call of this method, with the times of sending."""
         new, self._set_points = self._set_points, []
         return new
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
-        """Change the current of the coil to `current_A` in a ramp. Raises the errors of `PowerSupply.set_current`."""
+        """Change the current of the coil to `current_A` (A) in a ramp.
+
+        `stop_if_asked` is called between the steps and may raise an exception. Raises the errors of
+        `PowerSupply.set_current`.
+        """
         start = self.asked_A
         steps = math.ceil(round(abs(current_A - start) / self._rule.step_A, 6))
         pause = self._rule.step_A / self._rule.rate_A_per_s
@@ -270,11 +277,12 @@ class Coil:
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to zero within `ramp.down_within_s`. If the supply is slow, the steps are larger than in the protocol.
+        """Ramp the current to zero within `ramp.down_within_s` of the protocol.
 
-        If `count_the_end` was called, the time counts from that call. The ramp ends early if the next step would
-        probably exceed the time: switching off then sends zero without waiting for an answer. If `out_of_control` or
-        `unreachable` is set, there is no ramp. Raises the errors of `PowerSupply.set_current`.
+        If the supply is slow, the steps are larger than in the protocol. If `count_the_end` was called, the time counts
+        from this call. The ramp ends early if the next step would probably exceed the time: switching off then sends
+        zero without waiting for an answer. If `out_of_control` or `unreachable` is set, there is no ramp. Raises the
+        errors of `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return

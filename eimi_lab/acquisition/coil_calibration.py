@@ -44,7 +44,8 @@ class CoilCalibration:
     field_mT : ndarray, shape (n,)
         Mean of the readings of the probe at each current, mT.
     line : FieldLine
-        Straight line through the readings: its slope (mT/A) and its offset (mT), converted to the place of the magnet.
+        Straight line through the readings: its slope (mT/A) and its offset (mT), converted from the position of the
+        probe to the position of the magnet.
     hysteresis_mT : float
         Largest difference between the mean readings of the probe at one current, for example on the way up and on the
         way down, mT.
@@ -57,9 +58,10 @@ class CoilCalibration:
 
 
 def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
-    """Return the currents of a calibration (A): up to the largest current and back to zero in equal steps.
+    """Return the currents (A) at which a calibration measures the field.
 
-    If the supply is bipolar, the same currents follow with the opposite sign.
+    The currents rise from zero to the largest current and fall back to zero in equal steps. If the supply is bipolar,
+    the same currents follow with the opposite sign.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
     largest_A : float or None
         Largest current, A; None takes the largest current that the rig allows.
     steps : int
-        Number of currents from zero to the largest.
+        Number of currents from zero to the largest current, both included.
 
     Raises
     ------
@@ -101,6 +103,11 @@ def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> Coil
         The currents, A, in the order of the measurement.
     on_event : OnEvent
         Receives warnings, and the events of switching off.
+
+    Returns
+    -------
+    CoilCalibration
+        The field at each current, and the straight line through the readings.
 
     Raises
     ------
@@ -152,12 +159,12 @@ def _evaluated(
     line_of: Callable[..., FieldLine | None],
 ) -> CoilCalibration:
     values = np.array([[reading.value for reading in at_one] for at_one in readings])
-    stated = [[reading.standard_uncertainty for reading in at_one] for at_one in readings]
-    line = line_of(np.repeat(current_A, READINGS), values.ravel(), np.array(stated, dtype=float).ravel())
+    sigmas = [[reading.standard_uncertainty for reading in at_one] for at_one in readings]
+    line = line_of(np.repeat(current_A, READINGS), values.ravel(), np.array(sigmas, dtype=float).ravel())
     assert line is not None  # there are at least two currents
     means = values.mean(axis=1)
-    at = [means[current_A == current] for current in np.unique(current_A)]
-    return CoilCalibration(current_A, means, line, float(max(np.ptp(same) for same in at)))
+    at_same_current = [means[current_A == current] for current in np.unique(current_A)]
+    return CoilCalibration(current_A, means, line, float(max(np.ptp(means_mT) for means_mT in at_same_current)))
 
 
 def _read(sensing: Sensing, name: str, bench: CoilBench, stop_if_asked: Callable[[], None]) -> list[SensorReading]:

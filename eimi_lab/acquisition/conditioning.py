@@ -28,7 +28,25 @@ def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], Non
     """Apply the load cycles before a run, and store frames of the beam at rest.
 
     The stored frames show the unloaded beam before the cycles, the loaded beam in the first and in the last cycle, and
-    the unloaded beam after the cycles. Sends `ConditioningDone`. Raises InstrumentError, StorageFailed, Stopped.
+    the unloaded beam after the cycles. At the end the event `ConditioningDone` is sent.
+
+    Parameters
+    ----------
+    run : Stepping
+        The run, with the output of the supply on.
+    rule : Conditioning
+        Number of the cycles, and their largest current (A).
+    stop_if_asked : callable
+        Called between the operations. It raises an exception if the run has to stop.
+
+    Raises
+    ------
+    InstrumentError
+        If an instrument fails or the current is wrong.
+    StorageFailed
+        If the frames cannot be stored.
+    Stopped
+        If a signal asked the run to stop.
     """
     shapes = [(1, _at_rest(run, stop_if_asked))]
     for cycle in range(1, rule.cycles + 1):
@@ -53,7 +71,8 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
     """Yield, for each current, the change of the beam's shape between the first and the last frame at this current.
 
-    The change is the distance between the two tips. If a tip is not visible, the whole images are compared.
+    The change is the distance between the two positions of the beam's tip. If the tip is not visible in one of the
+    frames, the whole images are compared.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

@@ -11,10 +11,19 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 
 @contextmanager
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
-    """Send `doubt` from another thread if the context is not left within `seconds`; if `doubt` is None, send nothing.
+    """Report that the coil may still be on, if the context takes longer than a given time.
 
     The context contains an attempt to switch the coil off. On a line that has failed, the attempt can take several
     seconds before it raises an error.
+
+    Parameters
+    ----------
+    seconds : float
+        The time, s.
+    doubt : OffNotConfirmed or None
+        The event that is sent after this time, from another thread; None sends nothing.
+    on_event : OnEvent
+        Receives the event.
     """
     if doubt is None:
         yield

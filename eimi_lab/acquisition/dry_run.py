@@ -31,22 +31,22 @@ from eimi_lab.config.specimen import SpecimenFile
 FIRST_STATES, LAST_STATES = 6, 2
 """Numbers of states at the beginning and at the end that a summary lists; the states between them are details."""
 
-STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
+STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # emulated in place of a simulated supply or one without an emulator
 FRAME_S = 1 / 30
-ABOVE_LIMITS = 1.2  # rating of the emulated supply over the limits, because protections are set above the limits
+ABOVE_LIMITS = 1.2  # rating of the emulated supply divided by the limits, because protections are set above the limits
 GENESYS_V = 30.0  # voltage rating of the emulated Genesys
 RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the voltage limit is never reached
 
 
 class _Wire(InProcessTransport):
-    """A transport to an emulated supply that passes every message to a function before sending the message."""
+    """A line to an emulated supply that passes every message to the function `say` before sending the message."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
         self._say = say
 
     def write(self, message: bytes) -> None:
-        """Pass a message to the function, and then send it."""
+        """Pass a message to the function `say`, and then send the message."""
         self._say(message.decode("ascii", "backslashreplace").rstrip())
         super().write(message)
 
@@ -89,8 +89,9 @@ def dry_run(
     """List the steps of a run and the messages to its supply, without using an instrument.
 
     The run is carried out on an emulated supply in simulated time. The simulated beam is at rest at once, so that the
-    simulated duration is the shortest possible one. The longest possible duration is given too. A driver of another
-    package has no emulator: the messages of this driver are not listed, and the times are those of another supply.
+    simulated duration is the shortest possible duration. The longest possible duration is listed too. A driver of
+    another package has no emulator: the messages of this driver are not listed, and the times are the times of another
+    supply.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def dry_run(
     rig : Rig
         The rig, for its limits and drivers. Its instruments are not used.
     say : callable
-        Receives each step as a line of text. The last line is the duration.
+        Receives each step as a line of text. The last line gives the shortest and the longest duration of the run.
     say_detail : callable, optional
         Receives the details as lines of text: each message to the supply with its simulated time, the end of each
         state, and states in the middle of a long run. By default `say` receives the details.

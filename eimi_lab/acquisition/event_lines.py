@@ -58,9 +58,10 @@ def _finite(value: Any) -> Any:
 
 
 class EventLines:
-    """Writes events as lines of JSON to a file descriptor in a thread, so that the sender never waits.
+    """A listener that writes events as lines of JSON to a file descriptor.
 
-    At the end the thread closes the descriptor.
+    A separate thread writes the lines, so that the sender of an event never waits. After `finish` this thread closes
+    the descriptor.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -74,7 +75,7 @@ class EventLines:
         self._waiting.put(to_line(event) + "\n")
 
     def finish(self) -> None:
-        """Wait until the remaining events are written, for at most `LAST_LINES_S`."""
+        """Wait for at most `LAST_LINES_S` until the remaining events are written."""
         self._waiting.put(None)
         self._writer.join(LAST_LINES_S)
 

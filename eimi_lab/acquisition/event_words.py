@@ -41,7 +41,8 @@ from eimi_lab.acquisition.guardian import STILL_FOR_S
 from eimi_lab.process.errors import tell
 
 VISIBLE_MOTION_PX = 0.2
-"""Smallest reported motion of the tip; the corners of the tip are located to about a tenth of a pixel."""
+"""Smallest reported motion of the beam's tip, pixels; the corners of the tip are located to about a tenth of a pixel.
+"""
 
 _TAKEOVER: dict[Takeover, str] = {
     "run_died": "the run died",
@@ -56,16 +57,16 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that describes events in sentences and passes the sentences to two functions.
 
-    Two events have no sentence here: an error that ends the run, and a coil that may still be on at the end of the run.
-    For both, the run raises an exception, whose message the command prints. During the run, the listener reports each
-    failed attempt to switch the coil off, and the result of further attempts.
+    The listener passes on no sentence about two events: an error that ends the run, and a coil that may still be on at
+    the end of the run. For both events, the run raises an exception, whose message the command prints. During the run,
+    the listener reports each failed attempt to switch the coil off, and the result of further attempts.
 
     Parameters
     ----------
     report : callable
         Receives a sentence about each stored state and each stored ring-down.
     remark : callable
-        Receives the other sentences.
+        Receives the sentences about all other events, such as a pause or a warning.
 
     Returns
     -------
@@ -98,9 +99,9 @@ def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) 
     Parameters
     ----------
     without_contact : str
-        What the output does without contact to the computer, in the words of the driver.
+        State of the output after the contact to the computer is lost, in the words of the driver.
     interlocks : tuple of str
-        Names of the readings with interlocks.
+        Names of the readings that have an interlock: bounds outside which the run ends.
     """
     checked = (
         f"only the run checks the interlocks ({', '.join(interlocks)}); if the run stands still for {STILL_FOR_S:g} s "
@@ -301,7 +302,14 @@ def _(event: RunEnded) -> str:
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
     """Return a sentence about the coil and the dataset after a run that was asked to stop.
 
-    The sentence is the message of `Stopped`.
+    The sentence becomes the message of the exception `Stopped`.
+
+    Parameters
+    ----------
+    off : OffConfirmed or None
+        The event that confirmed the coil off; None if no such event was sent.
+    ended : RunEnded
+        The last event of the run.
     """
     return f"{in_words(off)}; {in_words(ended)}" if off else in_words(ended)
 
@@ -315,12 +323,12 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a confirmation for a person who pressed STOP on the page.
+    """Return a sentence that confirms to a person who pressed STOP on the page that the coil is off.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil.
+        The last event about the coil. Only an `OffConfirmed` adds how the coil was confirmed off.
     seconds : float
         Time from STOP to the confirmation, s.
     """

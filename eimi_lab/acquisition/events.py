@@ -41,17 +41,19 @@ The thread of the run calls the listener, with three exceptions. Another thread 
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing with an event: the listener of a run whose events nobody needs."""
+    """Do nothing with an event. This function is the listener of a run whose events nobody needs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunBegun(Event):
     """A run begins; no instrument has been used yet.
 
-    `without_contact` is the state of the coil after its cable is pulled, in the words of the driver; empty if the coil
-    is simulated. `hottest_share` is the largest predicted heat of the coil, as a fraction of the allowed heat; null if
-    the rig file gives no rating of the coil. `interlocks` are the names of the readings with interlocks. The run checks
-    these readings; its guardian does not.
+    `states` is the number of states, `currents_A` their currents. `resumes` is true if the run continues an earlier
+    run. `guardian` is true if a guardian process switches the coil off if the run dies. `without_contact` is the state
+    of the coil after the cable to the supply is pulled, in the words of the driver; empty if the coil is simulated.
+    `hottest_share` is the largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig file
+    gives no rating of the coil. `interlocks` are the names of the readings whose bounds the run checks; the guardian
+    process does not check these readings.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -70,7 +72,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched on or off. The supply read back the same state of the output."""
+    """The output of the supply was switched on (`on` is true) or off, as the supply itself then reports."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -94,7 +96,10 @@ class ShapeChange:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditioningDone(Event):
-    """All load cycles before the run are done. `changes` gives the change of the beam's shape at each current."""
+    """All load cycles before the run are done. `changes` gives the change of the beam's shape at each current.
+
+    `cycles` is the number of load cycles.
+    """
 
     event: ClassVar[str] = "conditioning_done"
     cycles: int
@@ -105,7 +110,8 @@ class ConditioningDone(Event):
 class Settled(Event):
     """The run has finished its wait for the beam to come to rest.
 
-    `at_rest` is false if the beam still moved at the end.
+    `state` is the number of the state, from 0. `waited_s` is the duration of the wait. `at_rest` is false if the beam
+    still moved at the end of the wait.
     """
 
     event: ClassVar[str] = "settled"
@@ -116,7 +122,11 @@ class Settled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStored(Event):
-    """A state was written to the dataset on the disk. `flags` are the names of the defects of the state's frames."""
+    """A state was written to the dataset on the disk.
+
+    `state` is the number of the state, from 0. `current_A` is its set-point. `waited_s` is the time that the run waited
+    for the beam to come to rest. `flags` are the names of the defects of the state's frames.
+    """
 
     event: ClassVar[str] = "state_stored"
     state: int
@@ -157,7 +167,7 @@ class StateStoredBefore(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PauseRequested(Event):
-    """A person asked for a pause. The pause begins when the present state is stored."""
+    """A person asked for a pause. The pause begins after the present state was stored."""
 
     event: ClassVar[str] = "pause_requested"
 
@@ -201,7 +211,7 @@ class SuspendRefused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PageGone(Event):
-    """The program of the page that started the run has ended. The run stops."""
+    """The program that serves the page in the browser, and that started the run, has ended. The run stops."""
 
     event: ClassVar[str] = "page_gone"
 
@@ -260,12 +270,12 @@ class Fault(Event):
 class OffConfirmed(Event):
     """The coil is off.
 
-    `by` is the process that switched the coil off. `determined_by` is "commanded" if the supply reads back zero and
-    off; it is "measured" if in addition a measured current is below the limit. `current_A` and `limit_A` are the
-    measured current and the limit; null if the supply cannot measure. `takeover` is the reason why the guardian
-    switched the coil off; null if the run switched it off. `run_killed` is true if the guardian killed the run before
-    switching off. `address` is the address of the supply; empty if the run switched the coil off. `remark` describes
-    failures before the coil was off, in words; usually empty.
+    `by` is the process that switched the coil off. `determined_by` is "commanded" if the supply reports a set-point of
+    zero and an output that is off; it is "measured" if in addition a measured current is below the limit. `current_A`
+    and `limit_A` are the measured current and the limit; null if the supply cannot measure. `takeover` is the reason
+    why the guardian process switched the coil off; null if the run switched it off. `run_killed` is true if the
+    guardian killed the run before switching off. `address` is the address of the supply; empty if the run switched the
+    coil off. `remark` describes failures before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"

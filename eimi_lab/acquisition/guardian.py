@@ -4,8 +4,8 @@ The guardian process switches the coil off if the run dies or stands still. Its 
 connect the run and the guardian:
 
 - The run holds the only writing end of the first pipe. The operating system closes this end when the run ends, for any
-reason. While the guardian is armed, every step of the run writes a message to the pipe, a beat. Without beats the
-guardian treats the run as standing still.
+reason. While the guardian is armed, every step of the run writes a short message, called a beat, to the pipe. Without
+beats the guardian treats the run as standing still.
 - On the second pipe, the guardian reports that it is alive. Without these reports the run ends, because a run without a
 guardian is not allowed.
 """
@@ -28,19 +28,22 @@ from eimi_lab.process.pipes import handed_down, never_wait_to_write, readable
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
-"""Time (s) without a beat after which the guardian treats the run as standing still."""
+"""Time (s) without a beat (a message that the run is alive) after which the guardian treats the run as standing still.
+"""
 
 SILENT_FOR_S = 1.5
-"""Time (s) without a report after which the run treats the guardian as gone. Reports come four times as often."""
+"""Time (s) without a report after which the run treats the guardian as gone. A report comes every quarter of this time.
+"""
 
 BEAT_EVERY_S = 0.1
 LONGEST_GAP_S = 10.0
-"""Longest time (s) between two beats. After a longer gap the run ends: its process stopped or the computer slept."""
+"""Longest time (s) between two beats. After a longer gap the run ends, because its process was stopped or the computer
+slept."""
 TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
-ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
-RECOGNISED = b"recognised"
+ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "
+RECOGNISED = b"recognised"  # the constants from ARM on are messages of the run
 
 
 class StoodStill(InstrumentError):
@@ -52,8 +55,9 @@ class Ward:
     """The supply that the guardian switches off: its driver, its address and the limits of the rig.
 
     `packed` is the code of a driver that the user's program added, see `added_driver.pack`. `identity` contains the
-    identification text and the serial number of the supply that the run uses; None until the run has read them.
-    `recognised` is true if the run switched the output off and still measured a current.
+    identification text and the serial number of the supply that the run uses; None until the run has read both.
+    `recognised` is true if the run switched the output off and still measured a current. The guardian then knows that
+    this supply is the supply of the coil, although its output is off.
     """
 
     driver: str
@@ -72,9 +76,9 @@ class Ward:
 
 
 class Guardian:
-    """The connection of a run to its guardian process; see `guarding`.
+    """The connection of a run to its guardian process, which switches the coil off if the run dies.
 
-    The guardian is armed while the output of the supply may be on.
+    The guardian is armed while the output of the supply may be on. `guarding` creates and closes the connection.
 
     Parameters
     ----------
@@ -146,7 +150,10 @@ class Guardian:
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Allow the run `seconds` (s) without a beat, once. The method never waits and raises no error."""
+        """Tell the guardian that the next beat may come as late as `seconds` (s) from now.
+
+        A beat is a message that the run is alive. The method never waits and raises no error.
+        """
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds
@@ -167,9 +174,9 @@ class Guardian:
             self._gap_s = max(self._gap_s, gap_s)
 
     def check(self) -> None:
-        """Raise InstrumentError if the guardian process ended, does not answer or has taken over.
+        """Raise InstrumentError if the guardian process ended, does not answer or has begun to switch the coil off.
 
-        The error ends the run.
+        Raise StoodStill if the run itself took no step for longer than `LONGEST_GAP_S`. Both errors end the run.
         """
         if not self._armed:
             return
@@ -198,7 +205,10 @@ class Guardian:
         return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
-        """Disarm the guardian after the coil was confirmed off. No error is raised if the guardian process is gone."""
+        """Tell the guardian that the coil was confirmed off, so that the guardian no longer switches it off.
+
+        No error is raised if the guardian process is gone.
+        """
         self._armed = False
         self._send(DISARM)
 

@@ -77,7 +77,15 @@ ASKED: Takeover = "run_could_not_switch_off"
 
 
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
-    """Wait for the end of the run, and switch the coil off if it may still be on."""
+    """Wait until the run ends or stands still, and switch the coil off if it may still be on.
+
+    Parameters
+    ----------
+    ward : Ward
+        The supply of the coil.
+    on_event : OnEvent
+        Receives the events of the guardian.
+    """
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -102,13 +110,13 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
             takeover=takeover,
             trying_process=os.getpid(),
         )
-        # A run that asks has already reported the coil, perhaps with a measured current.
+        # A run that asked the guardian to switch off has already reported that the coil may be on.
         with doubted_after(DOUBTED_AFTER_S, None if takeover == ASKED else doubt, on_event):
             switch_off_for_the_run(ward, takeover, run, on_event)
 
 
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
-    """Wait until the run ends or stands still.
+    """Wait until the run ends, stands still or asks this process to switch the coil off.
 
     Returns
     -------
@@ -150,7 +158,18 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     """Switch the supply off and measure its current, repeatedly, until the coil is off or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
-    If the first attempt fails, the guardian therefore kills the process `run`.
+    If the first attempt fails, the guardian therefore kills the run.
+
+    Parameters
+    ----------
+    ward : Ward
+        The supply of the coil.
+    takeover : str
+        Reason why the guardian switches off, for the events.
+    run : Starter
+        The process of the run.
+    on_event : OnEvent
+        Receives the result, and a report about the failed attempts every `REPORT_EVERY_S`.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
@@ -256,10 +275,19 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _compare(ward: Ward, supply: PowerSupply) -> str:
-    """Return why the supply did not give its identity, in words; empty if it gave the identity of the run's supply.
+    """Compare the identity of the open supply with the identity that the run sent.
 
-    A supply that does not answer is switched off nevertheless, because it may be the supply of the coil. Raises
-    AnotherSupply if another supply answers.
+    A supply that does not give its identity is switched off nevertheless, because it may be the supply of the coil.
+
+    Returns
+    -------
+    str
+        Why the supply did not give its identity, in words. Empty if both identities are equal, or the run sent none.
+
+    Raises
+    ------
+    AnotherSupply
+        If the supply gave another identity.
     """
     if ward.identity is None:
         return ""
@@ -278,7 +306,11 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off, now and in every earlier attempt. If the output is on, add True to `was_on`."""
+    """Return whether the output of the supply is off now and was off in every earlier attempt.
+
+    If the output is on, add True to `was_on`, which is empty while no attempt found the output on. Return False if the
+    supply does not answer.
+    """
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -287,12 +319,19 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_one_of_a_kind(ward: Ward) -> bool:
-    """Return whether no other supply can have the same identity and address, or the run has sent no identity."""
+    """Return whether the supply that answers is certainly the supply of the coil, if its identity is the expected one.
+
+    This is so for a supply with a serial number and for a supply on a pseudo-terminal. True is also returned if the run
+    has sent no identity.
+    """
     return ward.identity is None or bool(ward.identity[1]) or "/dev/pts/" in ward.address
 
 
 def _stay() -> None:
-    """Do nothing while Windows logs the user off: the run ends first, and this process waits for the end of the run."""
+    """Do nothing when Windows closes the console or logs the user off.
+
+    The run ends first, and the guardian has to wait for the end of the run.
+    """
 
 
 def _say(message: bytes) -> None:
@@ -313,9 +352,10 @@ def main(ward: str, events: str | None = None) -> None:
     Parameters
     ----------
     ward : str
-        A `Ward` as JSON.
+        The fields of a `Ward` (driver, address and limits of the supply) as JSON.
     events : str or None
-        Name of the descriptor to which events are written; None if no program reads them.
+        Name of the file descriptor to which the events are written (`pipes.received`); None if no program reads the
+        events.
     """
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))

@@ -27,14 +27,15 @@ STORED_WITHIN_S = 0.1  # longest time for storing one frame of a transient
 
 @dataclass(frozen=True)
 class Heating:
-    """The largest heat of the coil during a run, and when it occurs.
+    """The largest heat of the coil during a run, and the stage of the run in which this heat occurs.
 
     Attributes
     ----------
     stage : str
         The stage of the run in which the heat is largest, in words.
     share : float
-        The largest heat as a share of the allowed heat, h / I₀² of this module.
+        The largest heat divided by the allowed heat: h / I₀², with the heat h (A²) of the equation in this module and
+        the continuous current I₀ (A). A value above 1 means that the coil may become too hot.
     """
 
     stage: str
@@ -44,7 +45,14 @@ class Heating:
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
     """Return the largest heat of the coil in a run in which every stage takes its longest time.
 
-    During a ramp, I² is replaced by its mean over the ramp. Pauses are left out.
+    During a ramp, the squared current is replaced by its mean over the ramp. Pauses are left out.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The currents and the longest times of the run.
+    rating : CoilRating
+        The continuous current (A) and the thermal time constant (s) of the coil.
     """
     heat_A2, before_A, worst = 0.0, 0.0, Heating("the beginning", 0.0)
     for stage, current_A, held_s in _stages(protocol):
@@ -105,7 +113,7 @@ class Warming:
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:
-        """Return the heat at the time `now_s` (s) as a share of the allowed heat, h / I₀²."""
+        """Return the heat of the coil at the time `now_s` (s) divided by the allowed heat."""
         return self._heat(now_s) / self._rating.continuous_current_A**2
 
     def _heat(self, now_s: float) -> float:

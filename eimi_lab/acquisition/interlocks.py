@@ -18,12 +18,15 @@ class BeyondInterlock(InstrumentError):
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
-    """Return the readings of a supply that an interlock can bound, by their names in the rig file."""
+    """Return the values that an interlock can check, such as the current (A), by their names in the rig file.
+
+    `measured` is a measurement of the supply.
+    """
     return {name: reading(measured) for name, reading in READINGS.items()}
 
 
 class Interlocks:
-    """The interlocks of a rig; they end a run whose readings leave their bounds.
+    """The interlocks of a rig: bounds of readings. A reading outside its bounds ends the run.
 
     Parameters
     ----------
@@ -42,9 +45,9 @@ class Interlocks:
         return bool(self._rules)
 
     def hold(self, readings: Mapping[str, float]) -> bool:
-        """Return whether readings are within their bounds.
+        """Return whether all given readings are within their bounds.
 
-        `readings` contains the values by name; some names may be missing.
+        `readings` contains the values by name. A reading without a value counts as within its bounds.
         """
         return all(_is_within(rule, readings[rule.reading]) for rule in self._rules if rule.reading in readings)
 
@@ -61,9 +64,9 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if the last value of a reading is older than its longest silence.
+        """Raise BeyondInterlock if the last value of a reading is older than `longest_silence_s` of its interlock.
 
-        There is no limit for the time until the first value.
+        `now_s` is the time on the clock of the run (s). There is no limit for the time until the first value.
         """
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
@@ -71,14 +74,17 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget the times of all readings. The silence of each reading then counts from its next value.
+        """Discard the times of all readings, because a value may come late while the output is off.
 
-        While the output is off, the next value may come late.
+        The time without a value then counts from the next value of each reading.
         """
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:
-        """Raise BeyondInterlock before a run begins if a reading is outside its bounds or is missing."""
+        """Raise BeyondInterlock before a run begins, if a reading is outside its bounds or is missing.
+
+        `readings` contains the values by name.
+        """
         for rule in self._rules:
             value = readings.get(rule.reading)
             if value is None or not _is_within(rule, value):

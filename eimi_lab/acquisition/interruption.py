@@ -17,7 +17,10 @@ from typing import Protocol
 
 
 class Heeded(Protocol):
-    """A run that reacts to signals. `stop_if_asked` and `leave_in_haste` may raise `Stopped` and InstrumentError."""
+    """A run that reacts to signals such as Ctrl-C.
+
+    `stop_if_asked` and `leave_in_haste` interrupt the run by raising `Stopped` or InstrumentError.
+    """
 
     def stop_if_asked(self) -> None:
         """Interrupt the present operation of the run if a signal has come."""
@@ -33,10 +36,10 @@ class Heeded(Protocol):
 
 
 class Interruption:
-    """Calls by which the instruments of a bench and the writer of its dataset let the run react to a signal.
+    """Methods by which a run reacts to signals during long operations of its instruments and of its dataset writer.
 
-    The instruments and the writer call the methods during long operations. Each call is passed to the run that is
-    inside `heeding`. Without such a run, the methods do nothing.
+    The instruments and the writer call the methods during such operations. Each call is passed to the run whose context
+    `heeding` is open. If no such context is open, the methods do nothing.
     """
 
     def __init__(self) -> None:
@@ -44,7 +47,7 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Pass the calls of the instruments and of the writer to `run` until the context ends."""
+        """Pass every call of the instruments and of the writer of the dataset to `run` until the context ends."""
         self._run = run
         try:
             yield

@@ -27,7 +27,7 @@ Show = Callable[[Live], None]
 
 
 def show_nothing(live: Live) -> None:
-    """Do nothing: the argument `show` for a run without a viewer."""
+    """Do nothing with a frame. A run without a viewer has this function as its argument `show`."""
 
 
 class WatchedCamera:
@@ -41,7 +41,7 @@ class WatchedCamera:
         Receives every frame. The thread of the run calls this function: it must return quickly, and an exception in it
         ends the run.
     cue : Cue
-        Receives the number of the present state.
+        Receives the number of the present state, for a camera that plays a recording.
     """
 
     def __init__(self, camera: Camera, show: Show, cue: Cue) -> None:
@@ -62,7 +62,7 @@ class WatchedCamera:
         return self.watched.identify()
 
     def flush(self) -> None:
-        """Discard the frames that the camera has taken and that were not yet read."""
+        """Discard the frames that the camera has taken and that the program has not read yet."""
         self.watched.flush()
 
     def grab(self, timeout_s: float) -> Frame:

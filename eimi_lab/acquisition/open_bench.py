@@ -33,17 +33,17 @@ class Bench:
     supply, camera, clock
         The supply of the coil, the camera, and the clock of the run.
     truth : dict or None
-        Material and geometry of a virtual beam; None on a real bench.
+        Material and geometry of a virtual (simulated) beam; None on a real bench.
     guardian : Guardian or None
         Switches the supply off if the run dies; None for a simulated supply, which ends together with the run.
     camera_settings : CameraSettings
         Values that were read back from the camera after it was set up.
     cue : Cue
-        Present state of the run, for a recording in place of a camera.
+        Holds the number of the present state of the run, for a recording in place of a camera.
     interruption : Interruption
-        Called by supply and camera during long operations, so that a signal can interrupt these operations.
+        Supply and camera call its methods during long operations, so that a signal can interrupt these operations.
     relay : callable or None
-        Swaps the leads of the coil; None if a person has to swap them.
+        Swaps the leads of the coil by a relay; None if a person has to swap the leads.
     sensors : tuple of OpenSensor
         The sensors of the rig.
     """
@@ -73,7 +73,7 @@ def open_bench(
 ) -> Iterator[Bench]:
     """Open the instruments of a rig for a run, and close them at the end of the context.
 
-    Closing does not switch the supply off; `switching_off` switches the supply off.
+    The end of the context does not switch the supply off; use `switching_off` inside the context.
 
     Parameters
     ----------
@@ -82,14 +82,14 @@ def open_bench(
     specimen : SpecimenFile
         The specimen. Only a virtual beam uses it.
     limits : SupplyLimits
-        Limits of the protocol. Of each limit, the stricter value of rig and protocol applies.
+        Limits of the protocol. For each limit, the smaller value of rig and protocol applies.
     transcript : Path or None
         New file that records every message to and from the supply. The supply of a virtual rig exchanges no messages.
     on_event : OnEvent or None
         Receives a warning if the camera or a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
-        File descriptor to which the guardian writes its events as lines of JSON. The guardian always prints its events
-        on standard error too.
+        File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
+        as lines of JSON. The guardian always prints its events on standard error too.
     rate_Hz : float or None
         Frame rate of the camera, Hz, if the rig file gives no frame rate.
 

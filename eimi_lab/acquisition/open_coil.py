@@ -23,7 +23,8 @@ from eimi_lab.process.progress import silent
 class CoilBench:
     """The open supply of a coil, its clock, its guardian and the open sensors of the rig.
 
-    `guardian` is None for a simulated supply. `interruption` lets a signal interrupt long operations of the supply.
+    The guardian is the process that switches the coil off if the run dies; None for a simulated supply, which ends
+    together with the run. `interruption` lets a signal such as Ctrl-C interrupt long operations of the supply.
     """
 
     supply: PowerSupply
@@ -52,7 +53,8 @@ def open_coil(
     on_event : OnEvent or None
         Receives a warning if a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
-        File descriptor to which the guardian writes its events as lines of JSON.
+        File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
+        as lines of JSON. None writes no events.
 
     Yields
     ------
@@ -96,10 +98,18 @@ def open_coil(
 def open_virtual_sensors(
     rig: Rig, supply: PowerSupply, field_mT: Callable[[], float], clock: Clock
 ) -> tuple[OpenSensor, ...]:
-    """Open and return the sensors of a virtual rig.
+    """Open and return the sensors of a virtual rig, whose instruments are simulated.
 
-    An emulated sensor measures the true field `field_mT` (mT). A sensor that uses the coil as a thermometer measures
-    through `supply`.
+    Parameters
+    ----------
+    rig : Rig
+        The rig file, which lists the sensors.
+    supply : PowerSupply
+        The simulated supply. A sensor that uses the coil as a thermometer reads the current and voltage of this supply.
+    field_mT : callable
+        Returns the true magnetic field, mT, which every other sensor measures.
+    clock : Clock
+        The simulated clock.
     """
     from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
@@ -113,7 +123,10 @@ def open_virtual_sensors(
 
 
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor. An error is only a warning, because the coil is off and the states are stored."""
+    """Close a camera or a sensor, and send an error as a warning event to `on_event`.
+
+    The error does not end the run, because the coil is off and the states are stored.
+    """
     try:
         instrument.close()
     except InstrumentError as error:
@@ -121,7 +134,10 @@ def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
 
 
 def attached() -> str:
-    """Return a sentence with the attached instruments, for the error message about an instrument that was not found."""
+    """Return a text that lists the serial ports and cameras of this computer.
+
+    The text is part of the error message about an instrument that was not found.
+    """
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
     ports = ", ".join(port.address for port in list_serial_ports()) or "none"

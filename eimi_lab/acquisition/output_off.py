@@ -17,8 +17,28 @@ def begin_with_output_off(
 ) -> None:
     """Refuse a supply whose output is on, or switch its output off if `take_over` is true.
 
-    If the output is off, the current is measured too; a current above the off limit is an error. If `simulated` is true
-    and the output is off, nothing is measured, see `Coil`. Raises InstrumentError, SwitchOffFailed, Stopped.
+    Parameters
+    ----------
+    bench : Bench or CoilBench
+        The open instruments.
+    ramp : Ramp
+        Rate and step of the ramp down, if the output is switched off.
+    take_over : bool
+        Whether an output that is on is ramped down and switched off. If false, the supply is refused.
+    simulated : bool
+        Whether the supply is simulated. If it is and its output is off, no current is measured.
+    on_event : OnEvent
+        Receives the events of switching off.
+
+    Raises
+    ------
+    InstrumentError
+        If the output is on and `take_over` is false, or the supply fails.
+    SwitchOffFailed
+        If the output is off but the measured current is above the off limit (the largest current that counts as off),
+        or the coil could not be confirmed off.
+    Stopped
+        If a signal came while the output was switched off.
     """
     supply = bench.supply
     if simulated and not supply.output_on():

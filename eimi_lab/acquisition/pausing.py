@@ -19,7 +19,7 @@ LOOK_EVERY_S = 0.1
 
 
 def no_input() -> str | None:
-    """Return None: the argument `typed` for a run without a terminal."""
+    """Return None: no line was typed. A run without a terminal has this function as its argument `typed`."""
     return None
 
 
@@ -44,7 +44,10 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that first checks whether a person asked for a pause and then calls `stop_if_asked`."""
+        """Return a function that reads the terminal for a request to pause, and then calls `stop_if_asked`.
+
+        After a request the function sets `asked` and sends `PauseRequested`. The run calls the function in every step.
+        """
 
         def move_on() -> None:
             if self._typed() == PAUSE_KEY and not self.asked:

@@ -25,7 +25,7 @@ NOISE_FRAMES = 8
 
 @dataclass
 class Cue:
-    """The number of the present state of the run, for a camera that plays a recording."""
+    """The number of the present state of the run, which a camera that plays a recording reads."""
 
     state: int = 0
 
@@ -56,12 +56,13 @@ class PlayedCamera:
         return self._camera.identify()
 
     def flush(self) -> None:
-        """Do nothing: a recording has no frames that were taken before the call."""
+        """Do nothing, because a recording buffers no old frames."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame of the recording.
+        """Return the next frame of the recording, or the picture of the present state again.
 
-        Raises EndOfPlayback at the end of a recording that is played only once.
+        `timeout_s` is the longest wait for a frame, s. Raises EndOfPlayback at the end of a recording that is played
+        only once.
         """
         frame = self._held
         if not self._rule.picture_a_state:

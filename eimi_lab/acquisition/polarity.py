@@ -17,7 +17,7 @@ from eimi_lab.config.rig import Rig
 
 
 def cannot_reverse(rig: Rig) -> bool:
-    """Return whether the supply of a rig can only give currents of one sign.
+    """Return whether the supply of a rig can only give currents of one sign. True for every simulated supply.
 
     Raises InstrumentError for an unknown driver.
     """
@@ -49,7 +49,26 @@ class Polarity:
     def prepare(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> bool:
         """Swap the leads if a state needs the other polarity, then ramp through the states before `state` again.
 
-        Returns whether the leads were swapped. Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
+        The states before `state` are passed again because the shape of a beam depends on its history of loads.
+
+        Parameters
+        ----------
+        run : Stepping
+            The run.
+        state : int
+            Number of the next state.
+        stop_if_asked : callable
+            Called between the operations. It raises an exception if the run has to stop.
+
+        Returns
+        -------
+        bool
+            Whether the leads were swapped.
+
+        Raises
+        ------
+        Stopped, InstrumentError, SwitchOffFailed, StorageFailed
+            For the same reasons as `Stepping.take`, and if the coil could not be confirmed off.
         """
         current_A = run.protocol.currents_A[state]
         if self._pauses is None or current_A == 0 or (current_A < 0) == run.coil.leads_swapped:

@@ -1,6 +1,7 @@
 """Resume a run that ended early.
 
-The states that the run stored are counted, and instruments and files are compared with those of the present run.
+The states that the earlier part of the run stored are counted. The instruments and files of the earlier part are
+compared with the present instruments and files.
 """
 
 from __future__ import annotations
@@ -26,19 +27,20 @@ from eimi_lab.process.writer_lock import only_writer
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A run that ended early: the number of its stored states, and the present time on its clock (s)."""
+    """A run that ended early: the number of its stored states, and the time (s) from its beginning until now."""
 
     states: int
     elapsed_s: float
 
 
 def refuse_taken(path: Path, force: bool) -> None:
-    """Raise InputError if a new run must not write `path`.
+    """Raise InputError if a new run must not write a dataset to `path`, for example because the file exists.
 
-    For the dataset of an unfinished run the message names --resume.
+    If the file is the dataset of an unfinished run, the message names --resume. If `force` is true, an existing file is
+    not refused.
     """
     if path.is_file() and not force:
-        with only_writer(path):  # a run that is still writing is not an unfinished one
+        with only_writer(path):  # raises an error for a run that is still writing
             if unfinished := _describe_unfinished(path):
                 raise InputError(
                     f"{path}: {unfinished}; --resume continues this run; give another name to begin a new run"
@@ -47,7 +49,7 @@ def refuse_taken(path: Path, force: bool) -> None:
 
 
 def _describe_unfinished(path: Path) -> str:
-    """Return in words how many states an unfinished run stored. The text is empty for any other file."""
+    """Return a text with the number of states that an unfinished run stored; empty for any other file."""
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:

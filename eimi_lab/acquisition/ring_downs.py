@@ -27,14 +27,16 @@ from eimi_lab.dataset.moving.recording_checks import LOST, SLOW
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.steps import RingDownStep, SetPoint
 
-_LOOK_EVERY_S, _EARLY_S = 0.1, 0.5  # the other thread checks the supply earlier than the thread of the run would
-_NO_IMAGE = np.zeros((0, 0), np.uint8)  # stored in place of the image, which would stay in memory
-_SAME_PACE = 0.02  # largest difference of a camera's clock from that of the run, as a share
+_LOOK_EVERY_S, _EARLY_S = 0.1, 0.5  # the second thread checks the supply so early that the run itself never has to
+_NO_IMAGE = np.zeros((0, 0), np.uint8)  # replaces the image of a kept frame, so that no image stays in memory
+_SAME_PACE = 0.02  # largest relative difference of the rates of the camera's clock and the clock of the run
 _WAITED_S = 1.0  # the first or the last frames may have waited in the camera's buffers for this time
 
 
 def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop_if_asked: Callable[[], None]) -> None:
     """Record the ring-downs of the protocol that the dataset does not contain yet.
+
+    In a ring-down the current is set to zero in one step, and every frame of the swinging beam is recorded.
 
     Parameters
     ----------
@@ -43,8 +45,8 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
     rule : RingDown
         Duration, frame rate and number of the ring-downs.
     unfinished : ExitStack
-        If the run fails or is asked to stop, the frames taken so far are stored when the caller closes this stack,
-        after the coil is off.
+        Receives the context of the ring-down. If the run fails or is asked to stop, the caller closes this stack after
+        the coil is off. The frames taken so far are then stored.
     stop_if_asked : callable
         Called before each frame. It raises an exception if the run has to stop.
 
@@ -74,9 +76,10 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield a recorder of one ring-down.
+    """Yield a recorder of the ring-down with the given number.
 
-    At the end, also after an error, store the frames and send `RingDownStored`.
+    At the end of the context, also after an error, store the frames and send `RingDownStored`. `from_A` is the current
+    before the step to zero, A.
     """
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:

@@ -129,7 +129,7 @@ def acquire(
     Parameters
     ----------
     protocol, specimen, rig
-        The loaded files.
+        The contents of the protocol file, the specimen file and the rig file.
     bench : Bench
         The open instruments.
     path : Path
@@ -144,11 +144,12 @@ def acquire(
         Whether an output that is on before the run is switched off. If `take_over` is false and the output is on, the
         run is refused.
     note : str
-        Text to store with the run in the dataset.
+        A remark of the person, which is stored in the dataset.
     show : Show
-        Receives every frame.
+        Receives every frame of the camera during the run, for a live view.
     typed : callable
-        Returns the next line that a person typed, or None; see `pausing`.
+        Returns the next line that a person typed on the terminal; None if no line was typed. A line asks for a pause or
+        ends a pause.
 
     Returns
     -------
@@ -256,10 +257,11 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data for the last event of a run.
+    """The data from which the last event of a run is made.
 
-    These are the path of the dataset, the number of stored states, the number of states of the protocol, and the last
-    event of a coil that is off.
+    `path` is the dataset, `states` the number of states in the protocol and `stored` the number of states in the
+    dataset before the writer is open. `writer` then knows path and number. `off` is the last event that confirmed the
+    coil off.
     """
 
     path: Path
@@ -296,7 +298,8 @@ def _run_begun(
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
     """Yield a function that sends an event of the run to the log and to `on_event`.
 
-    The first event of the run is sent at the beginning of the context, and the last event at its end.
+    The context itself sends the first event `begun` at its beginning. At its end it sends the last event, made from
+    `ending`, and before it a `Fault` after an error.
     """
 
     def send(event: Event) -> None:

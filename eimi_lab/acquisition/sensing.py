@@ -16,7 +16,7 @@ TRIED_AGAIN_AFTER_S = 2.0
 
 
 def _ignore(message: str) -> None:
-    """Do nothing: the argument `warn` for a caller that needs no warnings."""
+    """Do nothing with a warning. A caller that needs no warnings passes this function as the argument `warn`."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,16 @@ class OpenSensor:
 
 
 def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> CoilThermometer:
-    """Return a sensor that uses the coil as a thermometer.
+    """Return a sensor that measures the temperature of the coil by the resistance of the coil.
 
-    The resistance of the coil follows from readings of its supply.
+    Parameters
+    ----------
+    rule : RigSensor
+        Table of the sensor in the rig file, with the temperature (°C) and the current (A) of the measurement at rest.
+    supply : PowerSupply
+        The supply of the coil. Its measured voltage and current give the resistance.
+    clock : Clock
+        Clock of the run.
     """
     assert rule.at_rest_degC is not None  # the model of the rig file requires both
     assert rule.at_rest_A is not None
@@ -38,9 +45,10 @@ def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> Coil
 
 
 class Sensing:
-    """Reads all sensors of a bench.
+    """The sensors of a bench, which are read together.
 
-    A sensor that fails is left out of the results until it answers again. The user receives one warning about it.
+    A sensor that fails is left out of the results until the sensor answers again. The user receives one warning about
+    this sensor.
 
     Parameters
     ----------
@@ -51,8 +59,8 @@ class Sensing:
     warn : callable
         Receives a warning for the user, as text.
     beat : callable
-        Called before each sensor is read. It reports that the run is alive, because several sensors without an answer
-        can take long.
+        Called before each sensor is read. The function reports to the guardian process that the run is alive, because
+        several sensors without an answer can take long.
     """
 
     def __init__(
@@ -106,7 +114,21 @@ class Sensing:
     def measure_at_rest(self, coil: Coil, stop_if_asked: Callable[[], None]) -> None:
         """Measure the resistance of the cold coil, if a sensor uses the coil as a thermometer.
 
-        The output is on. The current is zero before the call and after it. Raises InstrumentError, Stopped.
+        The output of the supply has to be on. The current is zero before and after the call.
+
+        Parameters
+        ----------
+        coil : Coil
+            The coil, whose current is ramped to `at_rest_A` of the sensor and back to zero.
+        stop_if_asked : callable
+            Called between the operations. It raises an exception if the run has to stop.
+
+        Raises
+        ------
+        InstrumentError
+            If the supply fails or the current is wrong.
+        Stopped
+            If a signal asked the run to stop.
         """
         for each in self._sensors:
             if isinstance(each.sensor, CoilThermometer):
@@ -116,7 +138,7 @@ class Sensing:
                 coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:
-        """Return a new value of every sensor that answers, by the name of the sensor."""
+        """Return a new value of every sensor that answers, in the unit of the sensor, by the name of the sensor."""
         return {name: reading.value for name, reading in self.read().items()}
 
     def read(self) -> dict[str, SensorReading]:

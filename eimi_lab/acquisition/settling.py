@@ -1,7 +1,8 @@
 """Wait until the beam is at rest, which means that consecutive frames differ only by the noise of the camera.
 
-`eimi_lab.vision.settling_statistic` defines the difference ratio of two frames. The noise is measured before the run,
-with the coil off.
+The difference ratio of two frames is their mean squared difference divided by the mean squared difference that the
+noise alone causes (`eimi_lab.vision.settling_statistic`). The ratio is about 1 for a beam at rest. The noise is
+measured before the run, with the coil off.
 """
 
 from __future__ import annotations
@@ -31,10 +32,11 @@ class Settling:
     Attributes
     ----------
     ratio : float
-        Difference ratio of the last two consecutive frames. If the beam did not come to rest, the largest ratio of the
-        last `pairs` pairs of consecutive frames.
+        Difference ratio of the last two consecutive frames: their mean squared difference, divided by the mean squared
+        difference due to noise. If the beam did not come to rest, the largest ratio of the last `settle.pairs` pairs of
+        consecutive frames.
     drift_ratio : float
-        Last difference ratio of two frames `drift_window_s` apart; infinite if no such ratio was computed.
+        Last difference ratio of two frames `settle.drift_window_s` apart; infinite if no such ratio was computed.
     waited_s : float
         Duration of the wait, s.
     flags : tuple of Flag
@@ -48,7 +50,7 @@ class Settling:
 
 
 def ignore_frame(frame: Frame, at_s: float) -> None:
-    """Do nothing with a frame: the argument `see` for a caller that needs no frames."""
+    """Do nothing with a frame. A caller that needs no frames passes this function as the argument `see`."""
 
 
 def wait_until_settled(
@@ -62,14 +64,16 @@ def wait_until_settled(
 ) -> Settling:
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
-    The beam is at rest if two conditions are fulfilled. The difference ratio of consecutive frames was at most
-    `noise_ratio` for `pairs` pairs in a row. The ratio of two frames `drift_window_s` apart is also at most
-    `noise_ratio`; this condition detects creep. A frame that equals the previous frame including its noise is a
-    repetition by the camera and is not counted.
+    The difference ratio of two frames is their mean squared difference divided by the mean squared difference due to
+    noise. The beam is at rest if two conditions are fulfilled. First, the difference ratio of consecutive frames was at
+    most `rule.noise_ratio` for `rule.pairs` pairs in a row. Second, the difference ratio of two frames
+    `rule.drift_window_s` apart is at most `rule.noise_ratio`; this condition detects creep. A frame that equals the
+    previous frame including its noise is a repetition by the camera and is not counted.
 
-    The ratio is computed in a band of pixels along the edges of the beam. Finding this band takes most of the time. The
-    band is therefore found only when the ratio first falls to `noise_ratio`, and in the frame that ends the wait. A
-    beam that has moved out of an old band gives a small ratio although it moves. The new band then shows the motion.
+    The ratio is computed in a band of pixels along the edges of the beam. The band is found only in the first pair of
+    frames, when the ratio first falls to `rule.noise_ratio`, and in the frame that ends the wait, because finding the
+    band takes most of the time. In an old band, a beam that has moved out of the band gives a small ratio although the
+    beam moves. The new band then shows the motion.
 
     Parameters
     ----------
@@ -78,7 +82,7 @@ def wait_until_settled(
     clock : Clock
         Measures the time.
     rule : Settle
-        Limits of ratio and time.
+        Table [settle] of the protocol, with the limits of the ratio and of the times.
     noise : Noise
         Noise of the camera.
     stop_if_asked : callable
@@ -96,8 +100,8 @@ def wait_until_settled(
     camera.flush()
     began = clock.now()
     past: deque[tuple[float, NDArray[Any]]] = deque()
-    quiet, ratio, drift = 0, float("inf"), float("inf")
-    recent: deque[float] = deque(maxlen=rule.pairs)  # the last ratio alone may be small by chance
+    quiet, ratio, drift = 0, float("inf"), float("inf")  # quiet: number of successive pairs with a small ratio
+    recent: deque[float] = deque(maxlen=rule.pairs)  # several ratios, because one ratio may be small by chance
     band = None
     while clock.now() <= max(began + rule.timeout_s, not_before_s):
         stop_if_asked()

@@ -25,15 +25,16 @@ from eimi_lab.vision.flags import judge
 from eimi_lab.vision.settling_statistic import Noise
 
 MISSING = "missing_frames"
-"""Name of the value that counts missing frames; if it is not zero, a state has the flag DROPPED."""
+"""Name of the check that counts missing frames; a state with missing frames has the flag DROPPED."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """A run in progress: its bench, its files, and the clock and the time at which it began.
+    """A run in progress: its files, its open instruments, its writer and its clock.
 
-    `began_s` is the time on the clock at which the run began; for a resumed run, at which its first part began.
-    `on_event` receives the events.
+    `noise` is the noise of the camera. `began_s` is the time on the clock (s) at which the run began; for a resumed
+    run, the time at which its first part began. `on_event` receives the events. `guardian` is None for a simulated
+    supply.
     """
 
     protocol: Protocol
@@ -52,8 +53,8 @@ class Stepping:
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Ramp through all states before `state` without taking frames.
 
-        The shape of a beam depends on its history of loads. If the leads of the coil are swapped, the states of the
-        other polarity are left out.
+        The shape of a beam depends on its history of loads. If the leads of the coil are swapped, only the states with
+        a negative current are passed.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:
@@ -62,7 +63,8 @@ class Stepping:
     def report_lost_frames(self, state: int | None) -> int:
         """Return the number of frames that the camera lost since the previous call.
 
-        Send `FramesLost` if any were lost.
+        Send the event `FramesLost` if this number is not zero. `state` is the number of the present state for the
+        event; None before, between and after the states.
         """
         reasons = self.camera.newly_lost()
         if reasons:
@@ -70,7 +72,24 @@ class Stepping:
         return reasons.total()
 
     def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Take the state with number `state` and store it. Raises InstrumentError, StorageFailed, Stopped."""
+        """Take the frames of the state with number `state`, and store the state.
+
+        Parameters
+        ----------
+        state : int
+            Number of the state, from 0.
+        stop_if_asked : callable
+            Called between the operations. It raises an exception if the run has to stop.
+
+        Raises
+        ------
+        InstrumentError
+            If an instrument fails or the current is wrong.
+        StorageFailed
+            If the state cannot be stored.
+        Stopped
+            If a signal asked the run to stop.
+        """
         self.report_lost_frames(None)
         try:
             self._take(state, stop_if_asked)

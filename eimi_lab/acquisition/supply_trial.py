@@ -32,11 +32,11 @@ class TrialStep:
     Parameters
     ----------
     check : str
-        What was checked.
+        Description of the property of the supply that the step checked.
     passed : bool
         Whether the step passed. After a step that failed, the output is switched off and the trial ends.
     outcome : str
-        What was measured, or the error.
+        The measured values or the answer of the supply, in words; after a failure, the error message.
     """
 
     check: str
@@ -88,7 +88,7 @@ def try_supply(
     transcript : Path
         New file that records every message, see `eimi_drivers.supplies.transcript`.
     before_switching_on : callable
-        Called before the output is switched on, to ask a person to look at the front panel.
+        Called before the output is switched on. The function asks a person to look at the front panel.
 
     Returns
     -------
@@ -225,7 +225,10 @@ def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guard
 
 
 def _measure_zero(trial: SupplyTrial, supply: PowerSupply, clock: Clock) -> None:
-    """Carry out the step that measures which current the meter shows when no current flows."""
+    """Carry out the step that measures the zero error of the ammeter: its readings while no current flows.
+
+    Raises _Failed if the step fails.
+    """
 
     def shows() -> str:
         readings_A = []

@@ -42,7 +42,10 @@ class _InHaste(Exception):
 
 
 class _SignalsHeeded:
-    """The signals that came during a run, and the reaction of the run to these signals; see `switching_off`."""
+    """The signals that came during a run, and the reactions of the run to these signals.
+
+    The first signal ends the run with a ramp down of the current. A second signal leaves the ramp down out.
+    """
 
     def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         self._coil, self._guardian, self._on_event = coil, guardian, on_event
@@ -51,7 +54,10 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Store the number and the time of a signal, as its handler. A suspension (Ctrl-Z) is only marked."""
+        """Store the number of a signal and start the time limit of the ramp down. This is the handler of the signals.
+
+        For a suspension (Ctrl-Z), only the request is stored.
+        """
         if number == SUSPEND:
             self._suspended = True
         else:
@@ -67,7 +73,10 @@ class _SignalsHeeded:
             self._on_event(SuspendRefused())
 
     def stop_if_asked(self) -> None:
-        """Raise an error if the run has to stop; see `switching_off`."""
+        """Raise Stopped or InstrumentError if the run has to stop.
+
+        The reason is a signal, a missing guardian process, a fault of the supply or a wrong current.
+        """
         self.move_on()
         self._refuse_a_gap()
         raise_if_asked()
@@ -88,9 +97,9 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
-        """Raise StoodStill if the computer slept or the process was stopped. The ramp down is then left out.
+        """Raise StoodStill if the computer slept or the process was stopped.
 
-        The bench may have changed in the meantime.
+        The ramp down is then left out, because the bench may have changed in the meantime.
         """
         if self._guardian:
             try:
@@ -157,18 +166,29 @@ def switching_off(
 ) -> Iterator[Callable[[], None]]:
     """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
 
-    The run calls `stop_if_asked` in every step. This function sends a beat to the guardian and watches the supply. It
-    raises Stopped if a signal has come. It raises InstrumentError if the guardian is gone, the supply reports a fault
-    or the current is wrong.
+    The run calls `stop_if_asked` in every step. This function reports to the guardian (the process that switches the
+    coil off if the run dies) that the run is alive, and watches the supply. It raises Stopped if a signal has come. It
+    raises InstrumentError if the guardian is gone, the supply reports a fault or the current is wrong.
 
-    The guardian is armed when the context begins. It is disarmed only after the supply was confirmed off.
+    The guardian is armed when the context begins. The guardian is disarmed only after the supply was confirmed off.
 
     The handler of a signal only stores the number and the time of the signal. The run reacts between two operations, so
     that no exchange with an instrument and no write to a file is interrupted. After a second signal the ramp down is
     left out, and operations that support `interruption` end early. Ctrl-Z is refused, because a suspended run would
     leave the coil on. At the end, the previous handlers are set again.
 
-    Python delivers signals only to the main thread. In another thread, the context reacts to no signal of its own.
+    Python delivers signals only to the main thread. In another thread, the context installs no signal handlers.
+
+    Parameters
+    ----------
+    coil : Coil
+        The coil.
+    guardian : Guardian or None
+        The connection to the guardian; None for a simulated supply.
+    interruption : Interruption or None
+        Passes the calls of instruments and writer to this run, so that a signal can end their long operations.
+    on_event : OnEvent
+        Receives the events of signals and of switching off.
 
     Raises
     ------
@@ -213,7 +233,23 @@ def ramp_down_and_switch_off(
 ) -> None:
     """Ramp the coil down and switch it off. The coil is switched off even if the ramp down fails.
 
-    Raises SwitchOffFailed if the coil could not be confirmed off, and InstrumentError if only the ramp down failed.
+    Parameters
+    ----------
+    coil : Coil
+        The coil.
+    guardian : Guardian or None
+        The guardian process, which is disarmed after the coil was confirmed off; None for a simulated supply.
+    go_on_down : callable
+        Called between the steps of the ramp. An exception in this function ends the ramp early.
+    on_event : OnEvent
+        Receives the events of switching off.
+
+    Raises
+    ------
+    SwitchOffFailed
+        If the coil could not be confirmed off.
+    InstrumentError
+        If the coil is off but the ramp down failed.
     """
     try:
         coil.ramp_down(go_on_down)

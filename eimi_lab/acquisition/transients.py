@@ -10,20 +10,26 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 
 
 class Transient:
-    """Chooses at most `budget` frames of a state, spaced logarithmically in the time since the current last changed.
+    """The frames of a state that are kept while the beam settles or creeps: at most `budget` frames.
 
-    Creep proceeds with the logarithm of time. After every chosen frame, the remaining frames are distributed again over
-    the remaining time. All of the `budget` frames are therefore used even if the camera is slower than the first
-    intervals.
+    The kept frames are spaced logarithmically in the time since the current last changed, because creep proceeds with
+    the logarithm of time. After every kept frame, the intervals of the remaining frames are computed again. The number
+    `budget` is therefore reached even if the camera is slower than the first intervals.
 
     Parameters
     ----------
     budget : int
-        Largest number of frames.
+        Largest number of kept frames.
     lasts_s : float
-        Longest time over which the frames are spread, s: the time that the beam may take to settle, or the dwell.
+        Longest time over which the kept frames are spread, s: the time that the beam may take to settle, or the time
+        for which the current is held (`settle.dwell_s`).
     coil : Coil
-        The coil, for the time of the last set-point.
+        The coil, which gives the time of its last set-point.
+
+    Attributes
+    ----------
+    moments : list of Moment
+        The kept frames with their times.
     """
 
     def __init__(self, budget: int, lasts_s: float, coil: Coil) -> None:
@@ -32,7 +38,7 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Keep a frame if the next logarithmic interval is over.
+        """Keep a new frame in `moments` if the present logarithmic interval is over.
 
         `at_s` is the time of the frame on the clock of the run, s.
         """

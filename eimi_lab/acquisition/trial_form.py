@@ -1,4 +1,4 @@
-"""Fill in the form "tried on" of docs/instruments.md for the trial of a supply."""
+"""Fill in the form of docs/instruments.md that reports the trial of a supply driver on a real supply."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def trial_form(trial: SupplyTrial, who: str, panel: str, transcript: Path) -> st
     panel : str
         What the front panel showed, in the person's words.
     transcript : Path
-        The file with the recorded messages.
+        The file with the messages to and from the supply. The form contains only the name of this file.
 
     Returns
     -------

@@ -11,7 +11,7 @@ showing           report, demo
 publishing        publish
 studying          discover, study
 watching          dashboard
-shared_options    options of several commands, and options that are fields of a dataclass
+shared_options    options of several commands, and the conversion of a dataclass into options of a command
 picture_options   options that help the program to find the beam in images
 motion_options    options of `eimi import` for ring-downs and creep
 track_options     options of `eimi import` for tracked points

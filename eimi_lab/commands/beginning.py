@@ -39,9 +39,9 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """Return the text of a states.csv in which the user has to fill in the currents.
+    """Return the text of a states.csv for the images in a folder. The user has to fill in the current of each image.
 
-    The table has a row for each image in the folder, or one example row if the folder has no images.
+    If the folder contains no images, the table has one example row.
     """
     from eimi_drivers.cameras.image_series import natural_key
     from eimi_lab.vision.image_files import ENDINGS

@@ -65,5 +65,5 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Return examples as a text for --help in which lines are not wrapped."""
+    """Return the examples of a command as a text for --help. A control character prevents that lines are wrapped."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

@@ -168,7 +168,10 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The inputs and the output of an import of states: source, table of states, specimen and dataset."""
+    """The inputs and the output of an import of states: source, table of states (states.csv), specimen and dataset.
+
+    ``force`` is true if an existing dataset is replaced.
+    """
 
     source: Path
     states: Path
@@ -221,7 +224,10 @@ def _import_tracks(
 
 
 def _check_source(source: Path, states: Path | None) -> None:
-    """Raise InputError if the source of an import does not exist, or if it is a table of states or a dataset."""
+    """Raise InputError if the source of an import cannot be imported.
+
+    This is so if the source does not exist, is also given as ``states``, or is a dataset or a TOML file.
+    """
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
     if states is not None and states.exists() and source.samefile(states):

@@ -20,7 +20,10 @@ _NOT_NEGATIVE = ("hanging", "removed")
 
 @dataclass(frozen=True)
 class MotionOptions(PictureOptions):
-    """Options of `eimi import` for facts about the recording of a motion that the recording does not contain."""
+    """Options of `eimi import` for a motion of the beam: facts that the recording itself does not contain.
+
+    A motion is a ring-down (the beam swings freely) or creep under a constant load.
+    """
 
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="SOURCE shows a beam that swings freely after a flick or a release")
@@ -62,7 +65,7 @@ class MotionOptions(PictureOptions):
     ] = None
 
     def motion_facts(self) -> MotionFacts | None:
-        """Return the facts about the recording of a motion; None if neither --ring-down nor --creep is given.
+        """Return the values of the options for a motion; None if neither --ring-down nor --creep is given.
 
         Raises
         ------
@@ -73,18 +76,18 @@ class MotionOptions(PictureOptions):
         from eimi_lab.dataset.moving.motion_facts import MotionFacts
 
         values = {name: getattr(self, name) for name in (*_POSITIVE, *_NOT_NEGATIVE, "released", "row_time")}
-        stated = {name: value for name, value in values.items() if value is not None}
+        given = {name: value for name, value in values.items() if value is not None}
         if self.ring_down and self.creep:
             raise InputError(
                 "--ring-down and --creep: give only one of them; import the other motion into a second dataset"
             )
         if not (self.ring_down or self.creep):
-            if stated:
+            if given:
                 raise InputError(
-                    f"--{next(iter(stated)).replace('_', '-')}: is only for a motion; also give --ring-down or --creep"
+                    f"--{next(iter(given)).replace('_', '-')}: is only for a motion; also give --ring-down or --creep"
                 )
             return None
-        for name, value in stated.items():
+        for name, value in given.items():
             low = 0.0 if name in _POSITIVE else -math.inf
             if not math.isfinite(value) or value <= low or (name in _NOT_NEGATIVE and value < 0):
                 wanted = "greater than 0" if name in _POSITIVE else "0 or more"

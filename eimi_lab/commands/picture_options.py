@@ -58,9 +58,9 @@ class PictureOptions:
     ] = None
 
     def changes(self) -> dict[str, Any]:
-        """Return the values that the options give for keys of a calibration, by key.
+        """Return the calibration values that the user gave with these options, by their keys in calibration.toml.
 
-        For the form of the result see `eimi_lab.config.calibration.Changes`.
+        Options that were not given are left out. `eimi_lab.config.calibration.Changes` lists the keys.
 
         Raises
         ------
@@ -107,7 +107,7 @@ def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
 def ask_where(
     missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path, every: int | None = None
 ) -> InputError:
-    """Write an image of the beam with rulers, and return an error that asks the user to read values from this image.
+    """Write an image of the beam with pixel rulers at its sides, and return an error that asks the user to read values.
 
     Parameters
     ----------
@@ -120,12 +120,12 @@ def ask_where(
     output : Path
         The dataset. The image with rulers is written to the same folder.
     every : int or None
-        The number n, if only every n-th frame of a video is imported.
+        The number n if only every n-th frame of a video is imported; otherwise None.
 
     Returns
     -------
     InputError
-        The error, which the caller raises.
+        The error. This function does not raise it; the caller does.
 
     Raises
     ------

@@ -39,14 +39,20 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command with each path converted by `eimi_lab.process.paths.reachable`."""
+    """Return an argument of a command, in which every path has a form that Windows can open, also if it is long.
+
+    The argument may be a path, a list with paths, or any other value, which is returned unchanged.
+    """
     if isinstance(argument, Path):
         return reachable(argument)
     return [_reachable(item) for item in argument] if isinstance(argument, list) else argument
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """Return a command that prints the result of ``command``, and that also has the options --json and --quiet."""
+    """Return a function for typer that runs ``command`` and prints its result.
+
+    The function has the options of ``command``, and in addition --json and --quiet.
+    """
     parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
     printing_options = [

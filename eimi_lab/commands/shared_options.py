@@ -23,12 +23,13 @@ Force = Annotated[bool, typer.Option("--force", help="overwrite existing files")
 
 
 def with_fields(kind: type) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
-    """Return a decorator that adds an option to a command for each field of a dataclass.
+    """Return a decorator that gives a command one option for each field of a dataclass.
 
     Parameters
     ----------
     kind : type
-        The dataclass. The decorated function takes an instance of this class as its parameter ``options``.
+        The dataclass. The decorated function has a parameter ``options``, and receives an instance of this class whose
+        fields have the values of the options.
     """
 
     def decorate(command: Callable[..., Result]) -> Callable[..., Result]:

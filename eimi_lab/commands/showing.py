@@ -15,11 +15,14 @@ from eimi_lab.commands.shared_options import Force, Output, Specimen
 # The packages on which results depend.
 _PACKAGES = ("numpy", "scipy", "cma", "h5py", "opencv-python-headless")
 
-_DEFAULT_WORKERS = 4  # at most: each takes some hundred megabytes
+_DEFAULT_WORKERS = 4  # largest number without --workers, because each process needs some hundred megabytes
 
 
 def print_versions(asked: bool) -> None:
-    """If ``asked`` is True, print the versions of eimi-lab, Python and the most important packages, and exit."""
+    """Print the versions of eimi-lab, Python and the most important packages, and end the program.
+
+    If ``asked`` is False, because --version was not given, do nothing.
+    """
     if asked:
         import platform
         from importlib.metadata import version

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImportOptions(MotionOptions):
-    """The options of `eimi import` on the beam in images, on a motion, and on the file of a tracking program."""
+    """All options of `eimi import` that describe its source: images of the beam, a motion, or tracked points."""
 
     format: Annotated[
         str | None,
@@ -45,7 +45,9 @@ class ImportOptions(MotionOptions):
     ] = None
 
     def placing(self, calibration: Calibration | None) -> Placing:
-        """Return the rule by which coordinates of tracked points are converted into the beam frame.
+        """Return the rule by which coordinates of tracked points are converted into the beam frame (mm).
+
+        `calibration` is the loaded calibration file; None if --calibration is not given.
 
         Raises
         ------

@@ -30,7 +30,7 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     Returns
     -------
     Result
-        The steps of the test, and the files.
+        The outcome of each step of the test, and the paths of the report and the transcript.
 
     Raises
     ------

@@ -15,7 +15,7 @@ coil_shape        the table [field] of a calibration: the field of the coil as a
 people            people.toml: the authors of a published archive
 materials         materials.toml: the true materials of the specimens of a virtual rig
 simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera
-uncertainty       the table [uncertainty] of specimens, calibrations and rigs
+uncertainty       the table [uncertainty] in the files of specimens, calibrations and rigs
 rig_uncertainty   the uncertainty of the current, read from the rig file in a dataset
 csv_tables        CSV tables that a user writes
 json_text         parsing of JSON text; NaN, very long numbers and very deep nesting are errors

@@ -29,9 +29,9 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
-# Keys that the hash of a calibration has only if the calibration has them.
+# Keys of later releases. If a calibration lacks them, its hash leaves them out, so that the hash stays the same.
 _OF_LATER_RELEASES = ("background_field_mT", "field", "camera_tilt_deg", "ruler_px")
-_ROUNDING = 1e-9  # of the sine of an angle
+_ROUNDING = 1e-9  # allowed rounding error of the sine of an angle
 LARGEST_CAMERA_TILT_DEG = 30.0
 
 
@@ -170,8 +170,9 @@ class Calibration(Document):
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the sources of uncertainty in the table [uncertainty] of the calibration.
+        """Return one source of uncertainty for each quantity in the table [uncertainty] of the calibration.
 
+        A source tells the inference the standard uncertainty of the quantity, and which datasets have the same error.
         The errors of a calibration are common to all datasets with this calibration. The error of the coil constant is
         common to all datasets with the same coil constant.
         """
@@ -192,7 +193,7 @@ class Calibration(Document):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the values of the calibration, which does not depend on layout and comments of the file."""
+        """The SHA-256 hash of the values of the calibration; layout and comments of the file do not change it."""
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
@@ -204,7 +205,10 @@ class Calibration(Document):
         return self.model_dump_json(exclude=excluded | absent)
 
     def age_days(self, taken: datetime) -> float | None:
-        """Return the number of days from the date ``calibrated_on`` to the time ``taken``; None without this date."""
+        """Return the age of the calibration in days at the time ``taken``, at which the frames were taken.
+
+        None is returned if the calibration has no date ``calibrated_on``.
+        """
         if self.calibrated_on is None:
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
@@ -218,7 +222,7 @@ Changes = Mapping[str, Any]
 """New values for keys of a calibration, by key. The value of the key "picture" is a table of new values."""
 
 
-_ONE_OF = frozenset({"channel", "beam_colour"})  # a new value of one of them removes the other
+_ONE_OF = frozenset({"channel", "beam_colour"})  # a new value of one of these keys removes the other key
 
 
 def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibration:
@@ -245,7 +249,16 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return the keys of `PLACES` that are missing both in a calibration file and in ``changes``.
+    """Return which of the keys of `PLACES` are missing both in a calibration file and in ``changes``.
+
+    The keys of `PLACES`, "clamp_midpoint_px" and "axis_angle_deg", are the ones that a user measures in a picture.
+
+    Parameters
+    ----------
+    path
+        Path of the calibration file, or the name of a shipped calibration.
+    changes
+        New values for keys of the calibration, by key.
 
     Raises
     ------
@@ -264,9 +277,9 @@ def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
 
 
 def changed_calibration(calibration: Calibration, changes: Changes) -> Calibration:
-    """Return a calibration in which new values replace the values of some keys.
+    """Return a copy of a calibration in which ``changes``, new values by key, replace the old values.
 
-    The text of the new calibration also contains the new values. Raises InputError if the new calibration is not valid.
+    The text of the copy also contains the new values. Raises InputError if the copy is not a valid calibration.
     """
     table = calibration.model_dump(exclude_unset=True, exclude_none=True)
     return _changed(table, changes, calibration.text, "calibration")

@@ -17,8 +17,8 @@ from eimi_lab.config.toml import Table, read_text
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.paths import named_in
 
-_REACH = 1.15  # lengths of the beam within which the field of the loops is tabulated
-_LEAST = 4  # places along and across that a map needs
+_REACH = 1.15  # the field of the loops is tabulated up to this distance, in lengths of the beam
+_LEAST = 4  # smallest number of different x and of different y in a map
 _MOST_ROWS = 10_000
 _COLUMNS = ("x_mm", "y_mm", "bx_mT", "by_mT")
 
@@ -85,7 +85,7 @@ class CoilShapeTable(Table):
         return FieldTable(x, y, rows[:, 2:].reshape(len(x), len(y), 2))
 
     def shape(self, specimen: Specimen, field_deg: float) -> CoilShape:
-        """Return the field as a function of position, in the form that the simulation of a specimen needs.
+        """Return the dependence of the field on the position, in the form for the simulation of a specimen.
 
         Parameters
         ----------

@@ -54,7 +54,10 @@ class Row:
     decimal_comma: bool = False
 
     def fault(self, column: str, wanted: str) -> InputError:
-        """Return the error for a cell with a wrong value; ``wanted`` says in the message what would be right."""
+        """Return the error for a cell with a wrong value. The caller raises this error.
+
+        ``wanted`` describes the right value in the message, such as "a finite number".
+        """
         return InputError(f"{self.path}: row {self.line}: {column} = {self.cells[column]!r} should be {wanted}")
 
     def text(self, column: str) -> str:
@@ -77,7 +80,7 @@ class Row:
         return value
 
     def count(self, column: str) -> int:
-        """Return the integer in a column of this row. Raises InputError without an integer of 0 or more."""
+        """Return the integer in a column of this row. Raises InputError if the cell is not an integer of 0 or more."""
         if not (self.cells[column].isascii() and self.cells[column].isdigit()):
             raise self.fault(column, "a whole number, 0 or more")
         return int(self.cells[column])

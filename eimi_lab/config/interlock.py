@@ -58,7 +58,10 @@ class Interlock(Table):
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:
-    """Raise ValueError if the reading of an interlock does not exist; ``readings`` are the names of all readings."""
+    """Raise ValueError if an interlock is given for a reading that does not exist.
+
+    ``readings`` are the names of all readings: those of the supply and of the sensors.
+    """
     for number, interlock in enumerate(interlocks):
         if interlock.reading not in readings:
             raise ValueError(

@@ -1,4 +1,7 @@
-"""Read materials.toml of a virtual rig: the true materials of its specimens, and hidden properties of its bench."""
+"""Read materials.toml of a virtual (simulated) rig: true materials of specimens, and true properties of the bench.
+
+No fit reads this file; it is compared with the results of fits.
+"""
 
 from __future__ import annotations
 

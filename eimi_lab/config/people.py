@@ -1,4 +1,4 @@
-"""Read people.toml, which lists the authors of a published archive."""
+"""Read people.toml, which lists the authors of an archive that `eimi publish` writes."""
 
 from __future__ import annotations
 
@@ -55,6 +55,6 @@ class People(Document):
 
 
 def load_people(path: str | Path) -> People:
-    """Read people.toml. Raises InputError, whose message gives the file and the wrong key."""
+    """Read people.toml. Raises InputError if the file cannot be read, or if a key or value is wrong."""
     file = Path(path)
     return parse(People, read_text(file), file)

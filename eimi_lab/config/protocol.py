@@ -11,9 +11,9 @@ from pydantic import Field, field_validator, model_validator
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
 
 MOST_STATES = 1000  # a larger number is assumed to be a typing error
-MOST_FRAMES = 10_000  # of one state
+MOST_FRAMES = 10_000  # largest number of frames of one state
 LONGEST_RAMP_DOWN_S = 60.0
-FINEST_STEP_A = 1e-4  # of a ramp; supplies resolve about a milliampere
+FINEST_STEP_A = 1e-4  # smallest step of a ramp; supplies resolve about a milliampere
 
 
 class Currents(Table):
@@ -68,7 +68,10 @@ class Currents(Table):
         return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
-        """Return the key of the protocol that gives an extreme set-point: "values_A", "start_A" or "stop_A"."""
+        """Return the key of the protocol that gives the smallest or largest set-point ``current_A``.
+
+        The key is "values_A", "start_A" or "stop_A". Error messages name this key.
+        """
         if self.values_A is not None:
             return "values_A"
         forward_A = abs(current_A) if self.both_polarities else current_A
@@ -109,10 +112,7 @@ class SupplyLimits(Table):
     """Largest voltage to which the program sets the supply."""
 
     def stricter(self, other: SupplyLimits) -> SupplyLimits:
-        """Return limits with the smaller of the two currents and the smaller of the two voltages.
-
-        The two limits are this object and ``other``.
-        """
+        """Return the smaller current and the smaller voltage of these limits and of the limits ``other``."""
         return SupplyLimits(
             current_A=min(self.current_A, other.current_A), voltage_V=min(self.voltage_V, other.voltage_V)
         )
@@ -254,7 +254,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of the run, the conditioning and the ring-downs.
+        """The smallest and the largest current of the states, and the currents of conditioning and ring-downs.
 
         Each entry consists of the key of the protocol that gives the current, and the current in A.
         """
@@ -266,7 +266,7 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of states plus the number of ring-downs of a run."""
+        """The number of states plus the number of ring-downs of a run, for the display of the progress."""
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 
     @property
@@ -277,8 +277,8 @@ class Protocol(Document):
     @property
     def ring_down_from_A(self) -> float:
         """The current before the step of a ring-down, A."""
-        stated = self.ring_down.from_A if self.ring_down else None
-        return self.currents_A[-1] if stated is None else stated
+        from_A = self.ring_down.from_A if self.ring_down else None
+        return self.currents_A[-1] if from_A is None else from_A
 
     @property
     def currents_A(self) -> tuple[float, ...]:

@@ -58,7 +58,7 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """The limits with which the driver is opened: current, voltage, and the current below which the coil is off."""
+        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -164,9 +164,9 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return the camera of the rig with the frame rate ``rate_Hz``.
+        """Return a copy of the table with the frame rate ``rate_Hz`` (frames per second).
 
-        The camera is returned unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if
+        The table is returned unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if
         pictures or a video replace the camera.
         """
         plays = self.driver == PLAYER and not str(self.source).isdecimal()
@@ -176,7 +176,7 @@ class Camera(Table):
 
     @property
     def settings(self) -> CameraSettings:
-        """The settings that are written to the camera before the first frame."""
+        """The settings that are written to the camera before the first frame; None for an absent setting."""
         return CameraSettings(
             exposure_s=self.exposure_s,
             gain=self.gain,
@@ -280,7 +280,7 @@ class Rig(Document):
 
     @property
     def simulated(self) -> bool:
-        """Whether supply and camera are virtual. The time of a run is then simulated."""
+        """Whether the supply is simulated inside this program. The time of a run is then simulated too."""
         return self.supply.driver == VIRTUAL
 
 

@@ -21,7 +21,7 @@ class _RigUncertainty(Document):
 
 
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """Return the uncertainty of the current that a rig file specifies, as an uncertainty of the field.
+    """Return the uncertainty of the current in the table [uncertainty] of a rig file, as an uncertainty of the field.
 
     Parameters
     ----------
@@ -30,12 +30,13 @@ def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tupl
     origin
         Name of the text in error messages.
     coil_constant_mT_per_A
-        Field at the magnet for each ampere.
+        Field at the magnet for each ampere, mT/A.
 
     Returns
     -------
     tuple of StatedSource
-        The sources of uncertainty. The error of the supply is common to all datasets of the same rig.
+        One source of uncertainty (mT) for each key of the table; empty without a table. The error of the supply is
+        common to all datasets of the same rig.
 
     Raises
     ------

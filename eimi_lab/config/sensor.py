@@ -24,7 +24,7 @@ SUPPLY = "supply"
 Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
 
 UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
-"""The unit that a sensor must have, by the quantity that the sensor measures. Any other quantity may have any unit."""
+"""The required unit of a reading, by the quantity that the sensor measures. Any other quantity may have any unit."""
 
 
 class RigSensor(Table):

@@ -1,4 +1,4 @@
-"""A width or depth of the beam that may vary along its length: a number, or a table over the arc length."""
+"""A width or depth of the beam that may vary along the beam: a number, or a table of sizes against the arc length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """A width or depth in mm that varies along the beam. The value as a number is the mean over the arc length.
+    """A width or depth (mm) that varies along the beam. Used as a number, it is the mean over the arc length.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class SizeAlong(float):
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Return the mean of a width or depth over the arc length, as a number with the table as attribute `rows`."""
+        """Return the mean over the arc length (mm) as a number whose attribute `rows` is the table."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows
@@ -32,19 +32,19 @@ class SizeAlong(float):
 
 
 def rows_of(size_mm: float) -> Rows:
-    """Return the table of a width or depth over the arc length; an empty tuple if the size is constant."""
+    """Return the rows (arc length, size), both in mm, of a width or depth; an empty tuple if the size is constant."""
     return size_mm.rows if isinstance(size_mm, SizeAlong) else ()
 
 
 def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
-    """Return the width or depth that a file gives as a number or as a table over the arc length.
+    """Check a width or depth in a file, and return it as a number, or as `SizeAlong` if the file gives a table.
 
     Parameters
     ----------
     value
-        The value in the file.
+        The value in the file: a number, or a list of rows [arc length, size], both in mm.
     number
-        Function that checks a number.
+        Function of pydantic that checks and returns a number.
 
     Raises
     ------
@@ -74,5 +74,5 @@ def size_along(value: Any, number: ValidatorFunctionWrapHandler) -> float:
 
 
 def written(size_mm: float) -> float | list[list[float]]:
-    """Return a width or depth as a file contains it: a number, or a table of rows [arc length, size]."""
+    """Return a width or depth (mm) in the form for a file: a number, or a list of rows [arc length, size]."""
     return [list(row) for row in size_mm.rows] if isinstance(size_mm, SizeAlong) else float(size_mm)

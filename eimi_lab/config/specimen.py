@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 MEASURED: Literal["measured"] = "measured"
 """Value of `rest_shape` for a shape at rest that is measured in the states without load."""
-SAME = 1e-3  # relative difference within which two lengths are the same
+SAME = 1e-3  # largest relative difference of two lengths that count as equal
 _NAMED_CSV = re.compile(r"""^\s*rest_shape\s*=\s*(?P<value>["'](?P<name>[^"']+\.csv)["'])""", re.MULTILINE)
 STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
 
@@ -211,9 +211,9 @@ class SpecimenFile(Document):
         return self
 
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
-        """Return the smallest width or depth (mm) of the beam between the ends of the magnet.
+        """Return the smallest width or depth (mm) of the beam between the two ends of the magnet.
 
-        ``side`` is the key of the width or of the depth.
+        ``side`` is "width_mm" or "depth_mm".
         """
         size: float = getattr(self.specimen, side)
         rows = rows_of(size)
@@ -222,15 +222,15 @@ class SpecimenFile(Document):
         along, sizes = np.array(rows).T
         far = self.specimen.length_mm - magnet.tip_offset_mm
         near = far - magnet.length_mm
-        inside = np.array([1e-6, -1e-6])  # a step at a face of the magnet counts with its side at the magnet
+        inside = np.array([1e-6, -1e-6])  # if the size has a step at an end of the magnet, take the size at the magnet
         at_faces = np.interp(np.array([near, far]) + inside, along, sizes)
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the quantities with whose values uncertainties are compared, by the key of the uncertainty.
+        """Return the sizes and densities of the specimen, by the key of their uncertainty in the table [uncertainty].
 
-        Each entry consists of the key of the quantity in the file, and the value of the quantity. The value is None if
-        the file does not contain the quantity.
+        Each entry consists of the key of the quantity in the file, and the value of the quantity; None if the file does
+        not contain the quantity. The uncertainty of a quantity is checked against this value.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
@@ -241,13 +241,14 @@ class SpecimenFile(Document):
         }
 
     def uncertain_keys(self) -> tuple[str, ...]:
-        """Return the keys of the table [uncertainty] whose values the specimen file contains."""
+        """Return the keys that the table [uncertainty] may have, because the file contains their quantities."""
         keys = tuple(key for key, (_, value) in self._values().items() if value is not None)
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return the sources of uncertainty in the table [uncertainty] of the specimen file.
+        """Return one source of uncertainty for each quantity in the table [uncertainty] of the specimen file.
 
+        A source tells the inference the standard uncertainty of the quantity, and which datasets have the same error.
         The errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument,
         the errors of lengths are common to all specimens that were measured with this instrument.
         """
@@ -260,7 +261,7 @@ class SpecimenFile(Document):
         return stated_sources("specimen", self.uncertainty, shared_by, {})
 
     def mechanics(self) -> mechanics.Specimen:
-        """Return the specimen in the form that the simulation of the beam needs (`eimi_fitting.beam.specimen`)."""
+        """Return the specimen in the form for the simulation of the beam (`eimi_fitting.beam.specimen.Specimen`)."""
         beam = self.specimen
         along, across = beam.magnetisation_kA_per_m
         return mechanics.Specimen(
@@ -276,16 +277,19 @@ class SpecimenFile(Document):
         )
 
     def _tip_load_mm(self) -> tuple[float, float] | None:
-        """Return the point (x, y) in mm at which a tip force acts; None if this is the middle of the tip."""
+        """Return the point (x, y), mm, of the beam at rest at which a tip force acts; None for the middle of the tip.
+
+        x runs along the beam from the clamp, and y across the beam from its centre line.
+        """
         load = self.tip_load
         if load is None:
             return None
         return self.specimen.length_mm if load.x_mm is None else load.x_mm, load.y_mm
 
     def _rest_shape(self) -> RestShape | None:
-        """Return the shape of the beam without load as the file gives it; None for a straight, uniform beam.
+        """Return the shape of the beam without load that the file gives.
 
-        The result is also None if the shape at rest is to be measured, and width and depth are constant.
+        None is returned if width and depth are constant and the beam is straight or its shape is measured in pictures.
         """
         beam = self.specimen
         turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)
@@ -299,14 +303,15 @@ class SpecimenFile(Document):
 def load_specimen(name: str | Path) -> SpecimenFile:
     """Read a specimen from a path, or a shipped specimen by its name ("type1").
 
-    If the file names a CSV file with the centre line, the text of the returned specimen contains the points instead of
-    the name. Raises InputError if a file cannot be read, or if the specimen is not valid.
+    If the file contains the name of a CSV file with the centre line, the text of the returned specimen contains the
+    points of the centre line instead of the name. Raises InputError if a file cannot be read, or if the specimen is not
+    valid.
     """
     file = locate(name, "specimens")
     text = read_text(file)
-    stated = _NAMED_CSV.search(text)
-    if stated:
-        rows = read_table(named_in(file, stated["name"]), ("x_mm", "y_mm"))
+    match = _NAMED_CSV.search(text)
+    if match:
+        rows = read_table(named_in(file, match["name"]), ("x_mm", "y_mm"))
         points = ", ".join(f"[{row.number('x_mm')!r}, {row.number('y_mm')!r}]" for row in rows)
-        text = f"{text[: stated.start('value')]}[{points}]{text[stated.end('value') :]}"
+        text = f"{text[: match.start('value')]}[{points}]{text[match.end('value') :]}"
     return parse(SpecimenFile, text, file)

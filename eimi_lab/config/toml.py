@@ -28,7 +28,7 @@ class Table(BaseModel):
 
 
 class Document(Table):
-    """The base class of the models of TOML files, which keep the text of the file."""
+    """The base class of the models of TOML files. An instance also keeps the text of its file."""
 
     _text: str = PrivateAttr(default="")
 
@@ -130,7 +130,7 @@ def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocumen
 
 
 def to_toml(document: Document) -> str:
-    """Return a document as TOML text, without the keys that were not set."""
+    """Return the contents of a TOML file as TOML text, without comments and without the keys that were not given."""
     return table_text(document.model_dump(exclude_unset=True, exclude_none=True))
 
 
@@ -176,16 +176,19 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def _decimal_comma(text: str) -> str:
-    """Return advice about the first number with a decimal comma in a text; an empty text without such a number."""
+    """Return a hint about the first number with a decimal comma in TOML text; an empty text if there is no such number.
+
+    The hint is appended to an error message.
+    """
     for number, line in enumerate(text.splitlines(), 1):
-        if stated := _DECIMAL_COMMA.fullmatch(line):
-            right = stated["value"].replace(",", ".")
-            return f"; line {number}: {stated['key']} = {stated['value']} has a decimal comma; write {right}"
+        if match := _DECIMAL_COMMA.fullmatch(line):
+            right = match["value"].replace(",", ".")
+            return f"; line {number}: {match['key']} = {match['value']} has a decimal comma; write {right}"
     return ""
 
 
 def _longest_key(line: str) -> int:
-    """Return the largest number of dots in a key of a TOML line."""
+    """Return the number of dots in the key of a TOML line that has the most dots."""
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)
@@ -216,7 +219,7 @@ def _stated(table: dict[str, Any], key: str) -> str:
     return _toml(table[key]) if key in table else "absent"
 
 
-# A key that only one kind of file has: the name of the file's model, and of the kind.
+# For each key that only one kind of file has: the class name of this kind, and the kind in words.
 _KINDS = {
     "specimen": ("SpecimenFile", "a specimen"),
     "pixels_per_mm": ("Calibration", "a calibration"),
@@ -226,9 +229,23 @@ _KINDS = {
 
 
 def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
-    """Return the contents of a parsed TOML file as an instance of its pydantic model; see `parse`.
+    """Return the contents of a TOML file as an instance of its pydantic model.
 
-    ``table`` is the dictionary with the contents, and ``text`` is the text that the result keeps.
+    Parameters
+    ----------
+    model
+        The pydantic model of the file.
+    table
+        The contents of the file as a dictionary.
+    text
+        The text of the file, which the result keeps.
+    origin
+        Name of the file in error messages.
+
+    Raises
+    ------
+    InputError
+        If a key or value is wrong.
     """
     try:
         document = model.model_validate(table)
@@ -250,7 +267,7 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 def _one_line(model: type[BaseModel], error: ValidationError) -> str:
     """Return a description of one of the faults that pydantic found, in one line for the user.
 
-    An unknown key is described first, because it is usually misspelt.
+    If the file has an unknown key, this fault is described, because an unknown key is usually misspelt.
     """
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])

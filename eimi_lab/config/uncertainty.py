@@ -25,7 +25,11 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] in a kind of file, each with the name of its source."""
+    """Return the permitted keys of the table [uncertainty] in one kind of file.
+
+    The result is a dictionary: key in the file, and name of the source of uncertainty in
+    `eimi_fitting.inference.evidence.sources.SOURCES`. ``file`` is "specimen", "calibration" or "rig".
+    """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
 
@@ -87,12 +91,13 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys of the quantities that have no uncertainty in the table [uncertainty].
+    """Return the keys of the quantities whose uncertainty is not given in the table [uncertainty].
 
     Parameters
     ----------
     everything
-        A name for all keys together. If ``table`` is None, only this name is returned.
+        A name for all quantities of the file together, such as "the specimen file". If ``table`` is None, only this
+        name is returned.
     table
         The table [uncertainty]; None if the file has no such table.
     keys
@@ -120,6 +125,11 @@ def stated_sources(
     in_units
         By key: the factor that converts the unit of the key to the unit of the source of uncertainty. The factor is 1
         for a key that is absent.
+
+    Returns
+    -------
+    tuple of StatedSource
+        For each key of the table: the name of the source, its standard uncertainty and the object that causes it.
     """
     names = keys_of(file)
     return tuple(

@@ -1,16 +1,16 @@
 """The live page for the bench, which `eimi dashboard` serves to a browser on the same computer.
 
-server         the routes, and the socket that they listen on
+server         the routes of the page, and the socket at which the page listens
 admission      decide which requests are answered: the token, Host and Origin
 redirect_file  a private file that opens the page without the token in a command line
 data_folder    the folder that the page may read and write
 tabs           the open tabs: one controls the run, the others watch
 run_desk       the routes that begin, pause, end and stop a run
 choices        the protocols, specimens and rigs that a person may choose
-bench_run      the process of a run, seen from the server
-watched_run    the page, seen from the process of a run
+bench_run      start, watch and end the process of a run; part of the server
+watched_run    send frames and events of a run to the page; part of the process of the run
 frame_memory   the newest frame, in memory that server and run share
-opened_eyes    the processes of `eye`, seen from the server
+opened_eyes    start and end the processes of `eye`; part of the server
 camera_desk    the routes of the live camera before a run
 camera_alone   the process of the live camera
 eye            processes that compress frames and find the edges in them
@@ -22,7 +22,9 @@ by_weights     make a dataset from photographs, clicks and typed numbers
 picture_desk   the routes for pictures without instruments
 by_hand        edges in images with a calibration that a person drags into place
 report_links   links to reports that a new tab can open
-worker         one process for work that is long or may crash
+worker         a separate process for work that takes long or may crash
+
+A route is an address of the server together with the function that answers requests to this address.
 
 The server does almost no work itself and therefore answers at once. `static` contains the files that the browser loads.
 """

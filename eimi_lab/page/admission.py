@@ -66,7 +66,7 @@ def new_token() -> str:
 
 @dataclass(frozen=True)
 class Admission:
-    """ASGI middleware that checks every request before the application receives it.
+    """A check of every request of a browser before the application of the page receives it (ASGI middleware).
 
     Parameters
     ----------
@@ -83,9 +83,10 @@ class Admission:
     token: str = field(repr=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request with a refusal, or with the answer of the application.
+        """Answer one request with a refusal, or with the answer of the application.
 
-        Headers that restrict the browser are added to the answer.
+        Headers that restrict the browser are added to the answer. The parameters are those of every ASGI application:
+        the description of the request, the function that receives its messages and the function that sends the answer.
         """
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
@@ -145,7 +146,7 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that first receives the message ``first``, and then the messages of `receive`."""
+    """Return a function that returns the message ``first`` at its first call, and the messages of ``receive`` later."""
     waiting = [first]
 
     async def received() -> Message:
@@ -155,7 +156,10 @@ def _after(first: Message, receive: Receive) -> Receive:
 
 
 def _without_accept(send: Send) -> Send:
-    """Return a function that sends every message except the acceptance of a WebSocket, which was sent before."""
+    """Return a function that sends every message except the acceptance of a WebSocket.
+
+    `Admission` itself has already sent the acceptance.
+    """
 
     async def sent(message: Message) -> None:
         if message["type"] != "websocket.accept":
@@ -165,9 +169,9 @@ def _without_accept(send: Send) -> Send:
 
 
 def with_headers(send: Send) -> Send:
-    """Return a function that sends an answer with the headers that restrict the browser.
+    """Return a function that adds the headers in `HEADERS` to an answer and sends the answer.
 
-    A header that the answer itself contains is kept.
+    The headers restrict what the browser may do with the answer. A header that the answer already contains is kept.
     """
 
     async def bound(message: Message) -> None:

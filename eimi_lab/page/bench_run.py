@@ -1,10 +1,10 @@
-"""A run that the page started, seen from the server: its process, its events, and the ways to end it.
+"""Start, watch and end a run that the page started. This is code of the server of the page.
 
 The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
 
-STOP sends two signals, because signals do not wait for frames or messages and the second signal leaves out the ramp
-down. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches
-the coil off.
+STOP sends two signals, because a signal does not wait for a frame or a message, and the second signal leaves out the
+ramp down. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed. Its guardian (a
+separate process that switches the coil off if the run dies) then switches the coil off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
 standard error is shown to the person; no code interprets this line.
@@ -75,7 +75,11 @@ AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """The inputs and options of a run, in the form in which `eimi acquire` takes them."""
+    """The input files and the options of a run, as texts for the command `eimi acquire`.
+
+    `resume` continues the run in the dataset. `take_over` switches off an output that is on before the run. `note` is a
+    remark that is stored in the dataset.
+    """
 
     protocol: str
     specimen: str
@@ -109,15 +113,15 @@ class Progress:
     off_by : str
         How the coil was confirmed off, "measured" or "commanded"; empty if it is not confirmed.
     coil_A : float or None
-        The current that was measured for this confirmation, A; None if it was not measured.
+        The current that was measured when the coil was switched off, A; None if no current was measured.
     left_s : float or None
         Estimated remaining time, s; None before two states are stored.
     last_words : str
         The last line of the run on standard error.
     said : deque of str
-        The last events, in words.
+        Sentences about the last events of the run.
 
-    The other attributes are fields of the events of the run.
+    The other attributes are copies of the fields of the events of the run, see `eimi_lab.acquisition.events`.
     """
 
     number: int
@@ -159,7 +163,7 @@ class BenchRun:
     changed : callable
         Called at every change of ``progress``.
     seen : callable
-        Receives each frame of the run and each set of edges.
+        Receives each frame of the run, and the edges that were found in a frame.
     """
 
     def __init__(
@@ -184,11 +188,11 @@ class BenchRun:
 
     @property
     def going_on(self) -> bool:
-        """Whether the process of the run is still running, or its guardian after it took over."""
+        """Whether the process of the run, or the guardian process that switches the coil off for it, still works."""
         return not self._ended.is_set()
 
     async def begin(self) -> None:
-        """Start the process of the run, and the two processes that look at its frames."""
+        """Start the process of the run, the process that compresses its frames and the process that finds edges."""
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
@@ -209,13 +213,13 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
-        """Ask the run for a pause after the present state."""
+        """Ask the run to pause after the present state. Without effect if the run is not in the phase "running"."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
 
     def go_on(self) -> None:
-        """End a pause of the run."""
+        """Ask a paused run to continue. Without effect if the run is not paused."""
         if self.progress.phase == "paused":
             self._type("")
 
@@ -228,7 +232,7 @@ class BenchRun:
     def stop(self) -> asyncio.Task[str]:
         """Set the current to zero and switch the coil off at once, without a ramp.
 
-        The result of the returned task is a sentence about the coil.
+        The returned task waits until the coil is confirmed off. Its result is a sentence about the coil.
         """
         if self.going_on:
             for number in AT_ONCE:
@@ -296,7 +300,10 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read events and messages until the run has ended. If the guardian took over, read until it has ended too."""
+        """Read the events and messages of the run until the run has ended.
+
+        If the guardian process switches the coil off for the run, read until the guardian process has ended too.
+        """
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil in (
@@ -327,7 +334,7 @@ class BenchRun:
                 self.heard(from_line(line))
 
     def heard(self, event: Event | None) -> None:
-        """Update the state of the run from an event. None stands for an event that only a later release knows."""
+        """Update `progress` from an event of the run. None stands for an event that this release does not know."""
         progress = self.progress
         match event:
             case RunBegun():

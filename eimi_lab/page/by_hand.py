@@ -1,4 +1,7 @@
-"""Images taken without instruments: a person drags the calibration into place and saves it with the currents.
+"""Images that were taken without the instruments of this program.
+
+On the page, a person drags the marks of the calibration into place in an image, and saves the calibration together with
+the currents of the images.
 
 The functions run in the worker process of the page.
 """
@@ -55,9 +58,9 @@ def _has_pictures(path: Path) -> bool:
 
 
 def opened(path: Path) -> dict[str, Any]:
-    """Return the images of a folder, with the currents and the calibration from the files in the folder.
+    """Return the names of the images in a folder, and the currents and the calibration from the files in the folder.
 
-    Without a calibration file, a first guess is returned.
+    If the folder contains no calibration file, a first guess of the calibration is returned.
 
     Raises
     ------
@@ -102,9 +105,9 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return the calibration with the values of the page.
+    """Return the calibration with the values that a person gave on the page.
 
-    The other values are those in calibration.toml of the folder, if this file exists.
+    The values that the page cannot change come from calibration.toml of the folder, if this file exists.
     """
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}
@@ -135,25 +138,55 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
-    """Return the edges of an image in pixels of the whole image, found with the calibration of the page.
+    """Find the edges of the beam in an image with the calibration of the page, and return a JSON object.
+
+    Parameters
+    ----------
+    path : Path
+        The image.
+    calibration : dict
+        The values of the calibration that a person gave on the page, by their keys in calibration.toml.
+    specimen : str
+        The specimen file, which gives length and width of the beam.
+
+    Returns
+    -------
+    dict
+        The result of `eye.edges_in`, in pixels of the whole image.
 
     Raises
     ------
     InputError
         If the image, the specimen or the calibration cannot be used.
     """
-    stated = _stated(path.parent, calibration)
+    whole = _stated(path.parent, calibration)  # calibration of the whole image
     beam = load_specimen(specimen)
-    if stated.picture is not None and path != _in_order(path.parent)[0]:  # the points lie on the first image
-        stated = stated.model_copy(update={"picture": stated.picture.model_copy(update={"along_px": None})})
+    if whole.picture is not None and path != _in_order(path.parent)[0]:  # the points along the beam are on the first
+        whole = whole.model_copy(update={"picture": whole.picture.model_copy(update={"along_px": None})})
     image = _image(path, path.stat().st_mtime_ns)
-    region = region_of(stated, image.shape)
-    cut, calibration_of_cut = (region.cut(image), region.calibration) if region else (image, stated)
-    return edges_in(cut, calibration_of_cut, beam, BeamFrame(stated))
+    region = region_of(whole, image.shape)
+    cut, calibration_of_cut = (region.cut(image), region.calibration) if region else (image, whole)
+    return edges_in(cut, calibration_of_cut, beam, BeamFrame(whole))
 
 
 def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], replace: bool) -> dict[str, Any]:
     """Write calibration.toml and states.csv into a folder of images. Images without a current are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+    calibration : dict
+        The values of the calibration that a person gave on the page, by their keys in calibration.toml.
+    currents : dict
+        The typed current (A) of each image, by the name of the image.
+    replace : bool
+        Whether existing files are replaced.
+
+    Returns
+    -------
+    dict
+        The names of the written files, and the number of images with a current.
 
     Raises
     ------
@@ -184,6 +217,23 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset from the images of a folder and the saved files, and return the number of its states."""
+    """Make a dataset from the images of a folder, and return the number of its states.
+
+    Parameters
+    ----------
+    path : Path
+        The folder with the images and with calibration.toml and states.csv, which `saved` writes.
+    specimen : str
+        The specimen file.
+    target : Path
+        The dataset to write.
+    replace : bool
+        Whether an existing dataset is replaced.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or the dataset exists and ``replace`` is false.
+    """
     stated = load_calibration(path / CALIBRATION)
     return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)

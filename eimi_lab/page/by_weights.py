@@ -50,6 +50,13 @@ _TYPED = (*_SIZES, "density_kg_m3")
 def opened(path: Path) -> dict[str, Any]:
     """Return the names and the size of the photographs in a folder, and the values in the files of the folder.
 
+    Returns
+    -------
+    dict
+        A JSON object with the names and the size (pixels) of the photographs, and the source of the focal length, empty
+        if there is none. Also the values of specimen.toml and states.csv, the names of the existing files and the name
+        of the dataset.
+
     Raises
     ------
     InputError
@@ -89,10 +96,10 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def _written_beam(file: Path) -> dict[str, str]:
-    """Return the values in a specimen file as texts, by key.
+    """Return the values in a specimen file as texts, by their keys on the page.
 
-    The keys are the name, the material, the sizes with their uncertainties, the density and the place of the thread.
-    The result is empty without a file.
+    The values are the name, the material, the sizes with their standard uncertainties, the density, and the position of
+    the thread on which the weights hang. The result is empty if the file does not exist.
     """
     if not file.is_file():
         return {}
@@ -113,7 +120,7 @@ def _written_grams(file: Path) -> dict[str, str]:
     for row in rows:
         try:
             grams[row.get("frame") or ""] = f"{float(row.get('tip_force_N') or '') / N_PER_GRAM:.6g}"
-        except ValueError:  # the row states no force
+        except ValueError:  # the row contains no force
             continue
     return grams
 
@@ -124,7 +131,19 @@ def picture(path: Path) -> bytes:
 
 
 def accepted(received: Path, target: Path) -> dict[str, Any]:
-    """Check a received photograph, and rename the file ``received`` to the name of the photograph, ``target``.
+    """Check a photograph that the page received, and give the file its final name.
+
+    Parameters
+    ----------
+    received : Path
+        The file with a temporary name. It does not exist any more after the call.
+    target : Path
+        The path with the name of the photograph.
+
+    Returns
+    -------
+    dict
+        The name of the photograph, and its width and height in pixels.
 
     Raises
     ------
@@ -145,7 +164,22 @@ def accepted(received: Path, target: Path) -> dict[str, Any]:
 
 
 def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the edges of one photograph in its pixels, and the source of each number of the calibration.
+    """Find the edges of the beam in one photograph with the clicks of a person, and return a JSON object.
+
+    Parameters
+    ----------
+    path : Path
+        The photograph.
+    clicked : mapping
+        The clicked points in pixels of the first photograph, and the typed values about the ruler and the camera.
+    beam : mapping
+        The typed sizes and the density of the beam.
+
+    Returns
+    -------
+    dict
+        The result of `eye.edges_in` in pixels of the photograph. Under "sources", the value and the source of each
+        number of the calibration.
 
     Raises
     ------
@@ -154,13 +188,13 @@ def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> di
     """
     specimen = parse(SpecimenFile, _specimen_text(beam, path.parent), SPECIMEN)
     measured = _measured(path.parent, clicked, specimen)
-    stated = measured.calibration
-    if path != _pictures(path.parent)[0] and stated.picture is not None:  # the points lie on the first photograph
-        stated = stated.model_copy(update={"picture": stated.picture.model_copy(update={"along_px": None})})
+    whole = measured.calibration  # calibration of the whole photograph
+    if path != _pictures(path.parent)[0] and whole.picture is not None:  # points along the beam are on the first one
+        whole = whole.model_copy(update={"picture": whole.picture.model_copy(update={"along_px": None})})
     image = _image(path, path.stat().st_mtime_ns)
-    region = region_of(stated, image.shape)
-    cut, calibration = (region.cut(image), region.calibration) if region else (image, stated)
-    return {**edges_in(cut, calibration, specimen, BeamFrame(stated)), "sources": _shown(measured)}
+    region = region_of(whole, image.shape)
+    cut, calibration = (region.cut(image), region.calibration) if region else (image, whole)
+    return {**edges_in(cut, calibration, specimen, BeamFrame(whole)), "sources": _shown(measured)}
 
 
 def _measured(folder: Path, clicked: Mapping[str, Any], specimen: SpecimenFile) -> MeasuredBench:
@@ -193,7 +227,10 @@ def _day(file: Path) -> date:
 
 
 def _shown(measured: MeasuredBench) -> list[list[str]]:
-    """Return the numbers of the calibration as rows of text: key, value with standard uncertainty, and source."""
+    """Return one row of three texts for each number of the calibration.
+
+    The texts are the key, the value with its standard uncertainty, and how the number was obtained.
+    """
     table, sigma = measured.calibration.model_dump(), measured.calibration.uncertainty or {}
     return [[key, f"{_words(table[key])} ± {sigma[key]:g}", source] for key, source in measured.sources.items()]
 
@@ -208,7 +245,7 @@ def _typed(table: Mapping[str, Any], key: str) -> str:
 
 
 def _number(table: Mapping[str, Any], key: str) -> float:
-    """Return the number that a person typed under a key; it may have a decimal comma.
+    """Return the number that a person typed for a key of the page. A decimal comma is accepted.
 
     Raises InputError if the number is missing or wrong.
     """
@@ -225,7 +262,7 @@ def _number(table: Mapping[str, Any], key: str) -> float:
 
 
 def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
-    """Return the text of a specimen file with the typed numbers."""
+    """Return the text of a specimen file (TOML) with the numbers that a person typed on the page."""
     sizes = {key: _number(beam, key) for key in _TYPED}
     sigmas = {key: _number(beam, f"{key}_sigma") for key in _SIZES}
     thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []
@@ -255,6 +292,25 @@ def saved(
     """Write specimen.toml, calibration.toml and states.csv beside the photographs, and make the dataset.
 
     Photographs without a typed weight are left out. A photograph of the beam without a load has the weight 0.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the photographs.
+    clicked : mapping
+        The clicked points in pixels of the first photograph, and the typed values about the ruler and the camera.
+    beam : mapping
+        The typed sizes and the density of the beam.
+    grams : mapping
+        The typed mass of the weight in each photograph (g), by the name of the photograph.
+    replace : bool
+        Whether existing files are replaced.
+
+    Returns
+    -------
+    dict
+        The names of the written files and of the dataset, the number of states, and the source of each number of the
+        calibration.
 
     Raises
     ------

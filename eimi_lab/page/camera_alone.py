@@ -1,4 +1,4 @@
-"""The camera of a rig without a run: a process that writes frames into the memory of the page.
+"""Show the camera of a rig before a run: a process that writes frames into memory that it shares with the page.
 
 The process opens only the camera and sends nothing to the supply. It ends when its standard input closes.
 """
@@ -37,9 +37,9 @@ def show(memory: int, bell: int, rig: str, specimen: str) -> None:
     Parameters
     ----------
     memory, bell : int
-        Descriptors of the shared memory, and of a pipe through which each frame is announced.
+        File descriptors of the shared memory (`frame_memory`), and of a pipe through which each frame is announced.
     rig, specimen : str
-        The files, as the command line takes them.
+        Paths of the rig file and the specimen file, or names of files of this package.
 
     Raises
     ------

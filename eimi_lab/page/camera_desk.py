@@ -1,4 +1,7 @@
-"""The routes that show the live camera of a rig before a run, to set its focus and its exposure."""
+"""The routes that show the live image of a camera before a run, so that a person can set focus and exposure.
+
+A route is an address of the server together with the function that answers requests to this address.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,7 @@ class View:
 
 
 class CameraDesk:
-    """Shows the live image of the camera of one rig.
+    """The live image of the camera of one rig, without a run.
 
     The camera is closed when a run begins, and when no tab is open any more.
 
@@ -66,7 +69,7 @@ class CameraDesk:
         self.view: View | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the live camera."""
+        """Return the routes (addresses with the functions that answer) of the live camera."""
         return [Route("/api/camera", self._tabs.steered(self._show), methods=["POST"])]
 
     def as_json(self) -> dict[str, Any]:

@@ -26,16 +26,23 @@ MOST_FILES = 500
 
 
 def shipped(kind: str) -> list[str]:
-    """Return the names of the shipped files of a kind, which is "protocol", "specimen" or "rig"."""
+    """Return the names of the TOML files of one kind that this package contains, without the ending ".toml".
+
+    The kind is "protocol", "specimen" or "rig".
+    """
     folder = Path(str(files("eimi_lab.protocols"))) / SHIPPED[kind]
     return sorted(file.stem for file in folder.glob("*.toml") if KEYS[kind] in parse_table(read_text(file), file))
 
 
 def choices(folder: DataFolder) -> Choices:
-    """Return the names of the files that a person can choose, by their kind.
+    """Return the names of the files that a person can choose on the page.
 
-    For each kind, the TOML files in the data folder and in its subfolders come first, then the shipped files. The list
-    under `INCOMPLETE` names files that a run would refuse, such as a template with missing values.
+    Returns
+    -------
+    dict of lists of str
+        For each kind ("protocol", "specimen", "rig" and "calibration") the names of the files: first the TOML files in
+        the data folder and in its subfolders, then the files that this package contains. A further list under the key
+        `INCOMPLETE` names the files that a run would refuse, such as a template with missing values.
     """
     names: Choices = {kind: [] for kind in (*KEYS, INCOMPLETE)}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]
@@ -65,7 +72,16 @@ def _is_complete(kind: str, file: Path) -> bool:
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:
-    """Return a chosen file in the form for the command line: the path of the file, or the name of a shipped file.
+    """Return a chosen file in the form that a command accepts: its path, or the name of a file of this package.
+
+    Parameters
+    ----------
+    folder : DataFolder
+        The data folder.
+    kind : str
+        "protocol", "specimen" or "rig".
+    name : object
+        The name that came from the page.
 
     Raises
     ------
@@ -83,7 +99,10 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
 
 
 def dry(protocol: str, specimen: str, rig: str) -> list[str]:
-    """Return the steps of a dry run as lines of text, without the messages to the supply.
+    """Return the steps of a dry run (a run without instruments) as lines of text.
+
+    The messages to the supply are left out. `protocol`, `specimen` and `rig` are file paths or names of files of this
+    package.
 
     Raises
     ------

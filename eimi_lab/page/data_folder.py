@@ -73,9 +73,9 @@ class DataFolder:
         return path
 
     def picture_in(self, folder: object, picture: object) -> Path:
-        """Return the path of a picture in a folder. The page gave both names.
+        """Return the path of a picture in a folder of the data folder.
 
-        Raises InputError if there is no such picture.
+        Both names came from the page. Raises InputError if this picture does not exist.
         """
         path = self.inside(f"{self.name_of(self.inside(folder))}/{picture}")
         if not path.is_file():

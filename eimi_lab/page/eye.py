@@ -1,7 +1,8 @@
-"""Two processes that look at the frames of a run.
+"""The code of two processes that work on the frames of a run for the page.
 
-One process encodes the newest frame as JPEG. The other process finds the edges in the newest frame. Both have a lower
-priority (nice) than the run. The process for the edges has the lowest priority, because finding edges takes longest.
+One process encodes the newest frame as JPEG. The other process finds the edges in the newest frame. Both processes have
+a lower priority (nice) than the run. The process for the edges has the lowest priority, because finding edges takes
+longest.
 """
 
 from __future__ import annotations
@@ -44,9 +45,16 @@ _EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes
 
 
 def show_frames(memory: int, bell: int, rig: str) -> None:
-    """Send each new frame as JPEG on standard output until the pipe `bell` is closed.
+    """Write each new frame as JPEG to standard output until the pipe `bell` is closed.
 
-    A byte in the pipe announces a new frame. The run closes the pipe at its end.
+    Parameters
+    ----------
+    memory : int
+        File descriptor of the shared memory with the newest frame.
+    bell : int
+        Reading end of a pipe. A byte in the pipe announces a new frame. The run closes the pipe at its end.
+    rig : str
+        The rig file.
     """
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
@@ -59,10 +67,19 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
 
 
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
-    """Send the edges of the newest frame on standard output, repeatedly, until `until_closed` is closed.
+    """Write the edges of the newest frame to standard output, repeatedly, until a pipe is closed.
 
-    `until_closed` is the descriptor of a pipe. Finding the edges takes at most half of the time. The edges of the last
-    frame are also sent.
+    The process uses at most half of the time for finding edges, and waits in the other half. The edges of the last
+    frame are always written.
+
+    Parameters
+    ----------
+    memory : int
+        File descriptor of the shared memory with the newest frame.
+    until_closed : int
+        Reading end of the pipe.
+    rig, specimen : str
+        The rig file and the specimen file.
     """
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
@@ -90,10 +107,11 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
 
 
 def light(image: NDArray[Any]) -> dict[str, Any]:
-    """Return the exposure of an image.
+    """Return the exposure of an image, shape (H, W) or (H, W, 3) with H by W pixels, as a JSON object.
 
-    This is the histogram of its pixels up to full scale, and the share of saturated pixels. In a colour image the
-    brightest channel of each pixel is used, because a single saturated channel displaces an edge.
+    "histogram" contains the share of the pixels in each of `BINS` equal intervals from 0 to the largest grey level.
+    "saturated_share" is the share of saturated pixels. In a colour image the brightest channel of each pixel is used,
+    because a single saturated channel displaces an edge.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)
@@ -106,10 +124,10 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 
 
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
-    """Return the edges of an image in pixels, the angle of the tip with its standard uncertainty, and the blur.
+    """Find the edges of the beam in an image, and return a JSON object.
 
-    The blur (px) is taken from the flag for blur. The search runs with a limit of 0 for the blur, so that this flag is
-    set whenever the blur can be measured. The returned flags contain it only above its usual limit.
+    The blur is known only if the search sets the flag for blur. The search therefore runs with a limit of 0 for the
+    blur. The returned flags contain the flag for blur only if the blur is above the usual limit.
 
     Parameters
     ----------
@@ -120,7 +138,13 @@ def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFi
     specimen : SpecimenFile
         The specimen.
     place : BeamFrame
-        Conversion from the beam frame to the pixels of the result.
+        Conversion from the beam frame (mm) to the pixels of the result.
+
+    Returns
+    -------
+    dict
+        The two edges in pixels, the angle of the tip with its standard uncertainty (degrees), the blur with its limit
+        (pixels), and the flags. A value that cannot be measured is None.
     """
     edge_set = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
     blur = next((flag for flag in edge_set.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)

@@ -1,4 +1,7 @@
-"""The routes that fit a dataset, and the processes of the fit: `eimi fit`, and then `eimi report`."""
+"""The routes that fit a dataset. A fit consists of two processes: `eimi fit`, and then `eimi report`.
+
+A route is an address of the server together with the function that answers requests to this address.
+"""
 
 from __future__ import annotations
 
@@ -43,11 +46,12 @@ class Fitting:
     model : str
         Name of the hyperelastic law.
     free : tuple of str
-        Uncertain quantities that the fit makes unknowns.
+        Names of uncertain quantities, such as the clamp, that the fit determines in addition to the law.
     phase : str
         "fitting", "reporting", "done" or "failed".
     generations : list of (int, float, float)
-        For each generation of the search: its number, its best error and its mean error, mm.
+        For each generation of the search: its number, and the smallest and the mean distance (mm) between simulated and
+        measured edges in this generation.
     last_words : str
         The last line that the command wrote to standard error.
     """
@@ -62,7 +66,7 @@ class Fitting:
 
 
 class FitDesk:
-    """Runs the fits that the page starts, one at a time."""
+    """The routes of the fits that the page starts, one fit at a time."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
         self._reports = reports
@@ -73,7 +77,7 @@ class FitDesk:
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes that start a fit, end a fit and answer with stored fits."""
+        """Return the routes that start a fit, end a fit, and answer with the results of stored fits."""
         return [
             Route("/api/fit", self._stored),
             Route("/api/fit/start", self._steered(self._start), methods=["POST"]),
@@ -129,7 +133,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit and write the report. At the end, also after an error, send the new state to the tabs."""
+        """Run the fit and write its report. At the end, also after an error, send the state of the fit to the tabs."""
         log = dataset.with_suffix(LOG)
         done = False
         try:

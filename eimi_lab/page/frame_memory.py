@@ -1,7 +1,8 @@
 """The newest frame of a run, in memory that the run and the page share.
 
-The run writes into two slots in turn and never waits. The page reads the newest slot. Two counters in the slot show
-whether the run overwrote the slot during the reading. In this case the page reads again.
+The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits. The page reads
+the slot with the newer frame. Two counters in the slot show whether the run overwrote the slot during the reading. If
+so, the page reads again.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ class NewestFrame:
     Parameters
     ----------
     number : int
-        Number of the frame in the memory, from 1.
+        Number of frames that were written into the memory up to this frame, from 1.
     image : ndarray, shape (H, W) or (H, W, 3)
-        The image.
+        The image of H by W pixels, grey or with three colour channels.
     about : dict
         Description of the frame by the run: state, set-point, measured current, output and heat of the coil.
     kept : int
@@ -50,7 +51,10 @@ class NewestFrame:
 
 
 def new_memory() -> int:
-    """Return the descriptor of new memory for `FrameMemory`. The memory is freed when the last process closes it."""
+    """Create shared memory for `FrameMemory`, and return its file descriptor.
+
+    The operating system frees the memory when the last process has closed its descriptor.
+    """
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("frames")
     else:
@@ -71,10 +75,15 @@ class FrameMemory:
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Write a frame, shape (H, W) or (H, W, 3), into the slot with the older frame.
+        """Write a frame into the slot with the older frame. The method does not wait for readers.
 
-        The method does not wait for readers. If the frame is larger than the slot, pixels are left out, see
-        `NewestFrame.kept`.
+        Parameters
+        ----------
+        image : ndarray, shape (H, W) or (H, W, 3)
+            The image of H by W pixels. If the image is larger than the slot, only every second pixel in each direction
+            is written, or every fourth, and so on; see `NewestFrame.kept`.
+        about : dict
+            Description of the frame, as a JSON object.
         """
         kept = 1
         while image.nbytes > PLACE_BYTES - ABOUT_BYTES - _PLACE.size:
@@ -94,10 +103,9 @@ class FrameMemory:
         _NEWEST.pack_into(self._memory, 0, number)
 
     def read(self, after: int) -> NewestFrame | None:
-        """Return the newest frame.
+        """Return the newest frame whose number is larger than `after`.
 
-        None is returned if the number of this frame is not larger than `after`, or if the run overwrote every frame
-        while it was read.
+        None is returned if there is no such frame, or if the run overwrote the frame during each attempt to read it.
         """
         for _ in range(_TRIES):
             number = self.newest()

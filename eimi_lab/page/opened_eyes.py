@@ -1,4 +1,7 @@
-"""The two processes that look at the frames of a run or of the live camera (`eye`), seen from the server."""
+"""Start and end the two processes of `eye`, and receive their results. This is code of the server of the page.
+
+One process compresses the frames of a run or of the live camera. The other process finds the edges in these frames.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +21,15 @@ Seen = Callable[[dict[str, Any], bytes], None]
 
 
 class OpenedEyes:
-    """The two processes that look at the frames in a shared memory.
+    """The two processes that read frames from shared memory: one compresses the frames, one finds their edges.
 
     Parameters
     ----------
     number : int
         Number of the run, which is sent with every frame; 0 for the live camera.
     seen : callable
-        Receives each frame and each set of edges.
+        Receives the description of each frame and its JPEG. For the edges of a frame, receives the edges as a JSON
+        object and no bytes.
     """
 
     def __init__(self, number: int, seen: Seen) -> None:
@@ -42,7 +46,7 @@ class OpenedEyes:
         bell : int
             Reading end of the pipe that announces new frames.
         rig, specimen : str
-            The files of the rig and of the specimen, as the command line takes them.
+            Paths of the rig file and the specimen file, or names of files of this package.
         """
         closed, self._open_while_seen = os.pipe()
         self._processes = [
@@ -52,9 +56,9 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass frames and edges to `seen` until both processes have ended.
+        """Pass frames and edges to the function `seen` until both processes have ended.
 
-        The process for the frames ends first. The process for the edges ends afterwards.
+        The process for the frames ends first. The process for the edges is then told to end too.
         """
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))

@@ -1,6 +1,7 @@
 """The routes of the page "Weights and a phone".
 
-They receive photographs, show the edges in them, and write the files of a dataset.
+A route is an address of the server together with the function that answers requests to this address. The routes receive
+photographs, show the edges in the photographs, and write the files of a dataset.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ LONGEST_NAME = 120
 
 
 class PhoneDesk:
-    """Shows photographs to every tab, and writes files only for the tab in control."""
+    """The routes that show photographs to every tab of the browser, and write files only for the one tab in control."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._tabs = folder, worker, tabs
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the photographs."""
+        """Return the routes (addresses with the functions that answer) for the photographs."""
         return [
             Route("/api/phone", self._opened),
             Route("/api/phone/picture", self._picture),

@@ -1,4 +1,7 @@
-"""The routes for images taken without instruments."""
+"""The routes for images that were taken without the instruments of this program.
+
+A route is an address of the server together with the function that answers requests to this address.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,13 @@ from eimi_lab.page.worker import Worker
 
 
 class PictureDesk:
-    """Shows images to every tab, and writes files only for the tab in control."""
+    """The routes that show images to every tab of the browser, and write files only for the one tab in control."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the images."""
+        """Return the routes (addresses with the functions that answer) for the images."""
         return [
             Route("/api/pictures/folders", self._folders),
             Route("/api/pictures", self._opened),

@@ -16,9 +16,10 @@ from pathlib import Path
 
 @contextmanager
 def redirect_file(address: str) -> Iterator[Path]:
-    """Write an HTML file that redirects a browser to an address, and remove the file at the end of the context.
+    """Write an HTML file that sends a browser on to an address, and yield the path of the file.
 
-    Only the user can read the file (mode 0600, in a folder of mode 0700).
+    The file is removed at the end of the context. Only the user can read the file (mode 0600, in a folder of mode
+    0700).
     """
     with tempfile.TemporaryDirectory(prefix="eimi-page-") as folder:
         path = Path(folder) / "open.html"

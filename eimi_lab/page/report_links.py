@@ -16,13 +16,13 @@ REPORT = "/report"
 
 
 class ReportLinks:
-    """Makes links to reports, and checks the keys of the links."""
+    """The links to reports: each link contains a key that opens only this report."""
 
     def __init__(self) -> None:
         self._secret = secrets.token_bytes(32)
 
     def link_to(self, name: str) -> str:
-        """Return the link that opens the report ``name``: its path and its query."""
+        """Return the link that opens the report ``name``: a path of this server with the name and the key as query."""
         return f"{REPORT}?{urlencode({'file': name, 'key': self._key(name)})}"
 
     def opens(self, name: str, key: str) -> bool:

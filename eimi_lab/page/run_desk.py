@@ -1,4 +1,7 @@
-"""The routes of the page that start, pause, end and stop a run."""
+"""The routes of the page that start, pause, end and stop a run.
+
+A route is an address of the server together with the function that answers requests to this address.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,9 @@ from eimi_lab.process.errors import InputError
 
 
 class RunDesk:
-    """Runs the protocols that the page starts, one at a time.
+    """The routes of the runs that the page starts, one run at a time.
 
-    Only the tab in control may start, pause and end a run. Every tab can stop it.
+    Only the tab in control may start, pause and end a run. Every tab can stop the run.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
@@ -30,7 +33,7 @@ class RunDesk:
         self._number = 0
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes of the run."""
+        """Return the routes (addresses with the functions that answer) of the run and of the live camera."""
         steered = {"dry": self._dry, "start": self._start, "pause": self._pause, "go-on": self._go_on, "end": self._end}
         return [
             WebSocketRoute("/live", self.tabs.serve),

@@ -43,7 +43,7 @@ class Page:
     """The page: its routes, and the data folder, worker and tabs that the routes share."""
 
     def __init__(self, folder: Path) -> None:
-        """Open a data folder. Raises InputError if ``folder`` is not a folder."""
+        """Create the page for the data folder ``folder``. Raises InputError if ``folder`` is not a folder."""
         if not folder.is_dir():
             raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
         self.folder = DataFolder(followed(reachable(folder)))
@@ -56,7 +56,10 @@ class Page:
         self.phone = PhoneDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
-        """Return the routes as an application. The application does not check requests; `Admission` checks them."""
+        """Return the application that answers the requests of a browser.
+
+        The application itself does not check whether a request is allowed; `Admission` checks every request before it.
+        """
         routes = [
             Route("/", _index),
             Route("/api/folder", self._listing),
@@ -104,7 +107,7 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """Answer with the delay (s) of each of the last frames, from its arrival at the run to its display in a tab."""
+        """Answer with the delays (s) of the last frames, from the arrival of a frame at the run to its display."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
@@ -140,7 +143,17 @@ async def _error_answer(request: Request, error: Exception) -> Response:
 
 
 def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
-    """Return the application of the page behind the check of every request."""
+    """Return the application of the page with a check in front that refuses requests of other sites and other users.
+
+    Parameters
+    ----------
+    page : Page
+        The page.
+    hosts : frozenset of str
+        Allowed values of the header Host, with the port.
+    token : str
+        The secret text that every request must carry.
+    """
     return Admission(page.application(), hosts, token)
 
 

@@ -15,10 +15,11 @@ MOST_BUDGET = 6
 
 
 def summaries(path: Path) -> list[dict[str, Any]]:
-    """Return a summary of each bending fit in a result file, as JSON objects.
+    """Return a summary of each fit of a bent beam in a result file, as JSON objects.
 
-    A summary contains the modulus and the parameters with their intervals, the error by state, the uncertainty budget,
-    the doubts and the convergence of the search.
+    A summary contains the modulus and the parameters of the law with their 95 % intervals, and the error of each state
+    against the field. It also contains the uncertainty budget (the sources of uncertainty with the contribution of each
+    source to the modulus in percent), the doubts about the result, and the error in each generation of the search.
 
     Raises
     ------

@@ -35,7 +35,7 @@ Edges = dict[str, Any]
 
 
 def described(path: Path) -> dict[str, Any]:
-    """Return the specimen, the instruments and the states of a dataset, without its edges, as a JSON object.
+    """Return the specimen, the instruments and the states of a dataset as a JSON object. The edges are not included.
 
     Raises
     ------
@@ -107,8 +107,8 @@ Identity = tuple[int, int, str]
 def _identity(dataset: Dataset) -> Identity:
     """Return a key that identifies a dataset and stays the same while states are appended.
 
-    Stored states never change, so that results for one state can be kept under the key. The inode number of the file is
-    not enough, because a new file can get the number of a deleted file.
+    Stored states never change, so that results for one state can be kept in memory under the key. The key also contains
+    the start time of the run, because a new file can get the inode number of a deleted file.
     """
     about = dataset.path.stat()
     return about.st_dev, about.st_ino, dataset.start_time().isoformat()
@@ -124,9 +124,9 @@ _last_estimate: dict[Identity, ModulusSoFar] = {}
 
 
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
-    """Estimate the shear modulus from the first states of a dataset.
+    """Return an estimate of the initial shear modulus from the first states of a dataset.
 
-    The search starts at the last estimate for the same dataset.
+    The search for the modulus starts at the previous estimate for the same dataset.
 
     Parameters
     ----------
@@ -138,7 +138,8 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        The modulus and its 95 % interval in kPa, the largest contribution to the interval, and the error in mm. None if
+        A JSON object with the modulus and its 95 % interval in kPa, the name of the source of uncertainty that
+        contributes most to the interval, and the distance between the measured and the simulated edges in mm. None if
         there are too few states.
 
     Raises
@@ -170,7 +171,11 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
 
 
 def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
-    """Return both edges in pixels, shape (n, 2) each, and the flags of an edge set, as a JSON object."""
+    """Return the two edges of a beam in pixels and the flags of the edges, as a JSON object.
+
+    Each edge is a list of n points (x, y). `frame` converts from the beam frame (mm) to pixels. A flag is the name of a
+    defect.
+    """
     return {
         "left": rounded(frame.to_px(edge_set.left.points_mm)),
         "right": rounded(frame.to_px(edge_set.right.points_mm)),
@@ -179,12 +184,15 @@ def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
 
 
 def shown_flags(flags: tuple[Flag, ...]) -> list[dict[str, Any]]:
-    """Return flags as JSON objects, each with its name, value, limit, severity and remedy."""
+    """Return flags (defects of a picture or of its edges) as JSON objects.
+
+    Each object has the name, the measured value, the limit, the severity and the remedy of the flag.
+    """
     return [{**asdict(flag), "value": finite(flag.value), "limit": finite(flag.limit)} for flag in flags]
 
 
 def rounded(points: NDArray[Any]) -> list[list[float]]:
-    """Return points, shape (n, 2), as lists of numbers that are rounded to a hundredth of a pixel."""
+    """Return n points in pixels, shape (n, 2), as n lists [x, y], rounded to a hundredth of a pixel."""
     return np.round(points, 2).tolist()
 
 
@@ -194,9 +202,10 @@ def finite(value: float) -> float | None:
 
 
 def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
-    """Return an image as JPEG, at most `widest_px` wide.
+    """Return an image in the format JPEG, reduced to a width of at most `widest_px` pixels.
 
-    The image has the shape (H, W) or (H, W, 3) and any bit depth.
+    The image of H by W pixels has the shape (H, W) or (H, W, 3) and any bit depth. If `widest_px` is None, the image
+    keeps its size.
     """
     shown = in_colour(image) if image.ndim == 3 else in_colour(image)[..., 0]
     if widest_px and shown.shape[1] > widest_px:

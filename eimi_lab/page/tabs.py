@@ -1,4 +1,6 @@
-"""The open tabs: one tab is in control, the others watch, and every tab receives the newest frame.
+"""The open tabs of the page. One tab is in control: only this tab may start and change things. The other tabs watch.
+
+Every tab receives the newest frame.
 
 A tab that reads slowly receives fewer frames. The run does not wait for it, and older frames are dropped.
 """
@@ -54,9 +56,10 @@ def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
 class Tab:
     """An open tab with its WebSocket.
 
-    ``waiting`` describes the frame that was sent but that the tab has not yet shown: the times at which it was sent and
-    captured, on the monotonic clock (s). None if there is no such frame. ``stale`` is true until the tab has received
-    the newest state of the page. ``frame`` and ``edges`` are the newest frame and edges that are not yet sent.
+    ``waiting`` is set from the sending of a frame until the tab has shown the frame: it contains the times at which the
+    frame was sent and captured, on the monotonic clock (s). Otherwise ``waiting`` is None. ``stale`` is true until the
+    tab has received the newest state of the page. ``frame`` and ``edges`` are the newest frame and edges that are not
+    sent yet. ``wake`` tells the sending task that there is something to send.
     """
 
     socket: WebSocket
@@ -85,7 +88,7 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Return whether the tab with the name ``name`` is in control."""
+        """Return whether the tab with the name ``name`` is in control, that is, may start and change things."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:
@@ -94,9 +97,10 @@ class Tabs:
             raise InputError("this tab is not in control; take control first")
 
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
-        """Return a route that calls `act` with the JSON object of a request and answers with the result.
+        """Return a function that answers a request with the result of `act`, as JSON.
 
-        A request that does not come from the tab in control is refused.
+        `act` receives the JSON object in the body of the request. A request that does not come from the tab in control
+        is refused.
         """
 
         async def answer(request: Request) -> Response:
@@ -110,13 +114,21 @@ class Tabs:
         return bool(self._open)
 
     def changed(self) -> None:
-        """Send the new state of the page to every tab."""
+        """Send the new state of the page (run, camera, fit and control) to every tab."""
         for tab in self._open:
             tab.stale = True
             tab.wake.set()
 
     def show(self, about: dict[str, Any], picture: bytes) -> None:
-        """Send a frame with its description to every tab, or edges if `picture` is empty."""
+        """Send a frame, or the edges of a frame, to every tab.
+
+        Parameters
+        ----------
+        about : dict
+            The description of the frame, or the edges, as a JSON object.
+        picture : bytes
+            The frame as JPEG; empty if `about` contains edges.
+        """
         text = json.dumps(about)
         if picture:
             self._at_s = about["at_s"]
@@ -130,7 +142,7 @@ class Tabs:
             tab.wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve the WebSocket of one tab until it closes."""
+        """Exchange messages with one tab over its WebSocket until the tab closes the WebSocket."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
             await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already; close one of them")
@@ -156,7 +168,10 @@ class Tabs:
             self.changed()
 
     def _handle(self, tab: Tab, message: Any) -> None:
-        """Handle a message of a tab. Raises TypeError if the message is not a JSON object."""
+        """Handle a message of a tab: a request to take control, or the report that the tab has shown a frame.
+
+        Raises TypeError if the message is not a JSON object.
+        """
         if not isinstance(message, dict):
             raise TypeError(message)
         if message.get("take"):

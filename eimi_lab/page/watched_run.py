@@ -55,7 +55,7 @@ class Descriptors:
     def of(cls, numbers: str) -> Descriptors:
         """Return the three descriptors that the parent process passed.
 
-        Their names in ``numbers`` are separated by commas.
+        ``numbers`` contains their names, separated by commas.
         """
         return cls(*map(received, numbers.split(",")))
 
@@ -75,7 +75,19 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the arguments for a run that the page watches. If `page` is None, yield those for a run at a terminal."""
+    """Yield the bench and the functions with which a person can watch and pause a run.
+
+    Parameters
+    ----------
+    page : Descriptors or None
+        Descriptors of the page that started the run; None for a run that a person started at a terminal.
+    bench : Bench
+        The open instruments. For the page, the yielded bench has a supply that stores its current and heat.
+    rig : Rig
+        The rig, for the rating of the coil.
+    on_event : OnEvent
+        Receives `PageGone` if the program of the page ends.
+    """
     if page is None:
         yield Watched(bench)
         return
@@ -103,7 +115,10 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the page."""
+    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the page.
+
+    Every method passes its call to the wrapped supply.
+    """
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig) -> None:
         self._supply, self._clock = supply, clock
@@ -114,7 +129,7 @@ class WatchedSupply:
 
     @property
     def without_contact(self) -> str:
-        """State of the coil after its cable is pulled, in the words of the driver."""
+        """State of the coil after the cable to the supply is pulled, in the words of the driver."""
         return without_contact(self._supply)
 
     @property
@@ -128,9 +143,10 @@ class WatchedSupply:
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
     def values(self) -> dict[str, Any]:
-        """Return set-point (A), measured current (A), output, and heat of the coil, for the page.
+        """Return the set-point (A), the measured current (A), whether the output is on, and the heat of the coil.
 
-        The heat is a share of the heat at the continuous current; None if the rig file gives no rating of the coil.
+        The heat is divided by the heat at the continuous current of the coil; None if the rig file gives no rating of
+        the coil.
         """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
@@ -144,14 +160,14 @@ class WatchedSupply:
         self._supply.set_voltage(voltage_V)
 
     def set_current(self, current_A: float) -> None:
-        """Set the current, A, as `PowerSupply.set_current` does, and store it as the set-point."""
+        """Set the current, A, as `PowerSupply.set_current` does, and store this current as the set-point."""
         self._supply.set_current(current_A)
         self.set_A = current_A
         if self._warming:
             self._warming.flows(self._clock.now(), current_A if self.on else 0.0)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output on or off, as `PowerSupply.set_output` does, and store its state."""
+        """Switch the output on or off, as `PowerSupply.set_output` does, and store whether the output is on."""
         self._supply.set_output(on)
         self._switched(on)
 

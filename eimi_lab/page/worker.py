@@ -21,9 +21,9 @@ LONGEST_S = 120.0
 
 
 class Worker:
-    """A process that carries out one task after another.
+    """A separate process that carries out one task after another.
 
-    The process is started when it is first needed, and again after a crash.
+    The process is started for the first task, and started again after a crash.
     """
 
     def __init__(self) -> None:

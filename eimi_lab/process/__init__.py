@@ -3,8 +3,8 @@
 errors       errors caused by the user's input, and messages in one line
 progress     progress bars, or plain lines without a terminal
 stopping     signals that stop the program, and the exception that they raise
-stderr       a standard error stream that never blocks the program
-threads      the number of threads of linear algebra
+stderr       a stream for standard error that never blocks the program
+threads      use one thread for linear algebra
 garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
 awake        keep the computer from sleeping during a run

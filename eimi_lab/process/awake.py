@@ -15,10 +15,10 @@ _CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
 
 
 def awake_s() -> float:
-    """Return the time (s) on a clock that also counts while the computer sleeps, if the system has such a clock.
+    """Return the time (s) on a clock that continues while the computer sleeps, if the system has such a clock.
 
-    Linux: CLOCK_BOOTTIME (clock_gettime(2)). macOS: CLOCK_MONOTONIC, which on macOS counts sleep too
-    (clock_gettime(3)). Windows: GetTickCount64 (Microsoft, Windows API, sysinfoapi.h).
+    Only differences of two returned times have a meaning. The clock is CLOCK_BOOTTIME on Linux (clock_gettime(2)),
+    CLOCK_MONOTONIC on macOS (clock_gettime(3)) and GetTickCount64 on Windows (Microsoft, Windows API, sysinfoapi.h).
     """
     if sys.platform == "win32":
         import ctypes
@@ -35,14 +35,14 @@ def awake_s() -> float:
 def kept_awake(reason: str) -> Iterator[None]:
     """Keep the computer awake within the context, if the operating system supports this.
 
-    Linux: systemd-inhibit, if it is installed. macOS: caffeinate. Windows: SetThreadExecutionState. The computer may
-    sleep again when this process ends, for any reason. Closing the lid or a command of a person can put the computer to
-    sleep nevertheless.
+    On Linux the program systemd-inhibit is used if it is installed, on macOS the program caffeinate, and on Windows the
+    function SetThreadExecutionState. The computer may sleep again when this process ends, for any reason. Closing the
+    lid or a command of a person can put the computer to sleep nevertheless.
 
     Parameters
     ----------
     reason
-        Reason for staying awake. The operating system shows it to a person who asks for the reason.
+        Reason for staying awake. Linux shows this text to a person who asks what keeps the computer awake.
     """
     if sys.platform == "win32":
         import ctypes

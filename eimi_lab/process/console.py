@@ -12,18 +12,18 @@ from collections.abc import Callable
 _CLOSING = (2, 5, 6)
 """CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT and CTRL_SHUTDOWN_EVENT (Microsoft, consoleapi.h, HandlerRoutine)."""
 HELD_S = 60.0
-"""Time (s) for which a handler waits after it acted. Windows ends the process earlier, 5 s after the closing."""
+"""Time (s) for which a handler waits after its work. Windows ends the process earlier, 5 s after the console closes."""
 
 if sys.platform == "win32":
     import msvcrt
 
-    _handlers: list[object] = []  # ctypes does not keep them
+    _handlers: list[object] = []  # keeps the handlers alive, because ctypes does not
     _unfinished: list[str] = []
 
     def _typed_in_console() -> str | None:
-        """Return a line that was typed, or None while it is unfinished.
+        """Return the line that was typed, or None if no line is finished.
 
-        The keys are read one by one, because on Windows reading a whole line would block.
+        The keys are read one by one, because on Windows reading a whole line would block the program.
         """
         while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
             key = msvcrt.getwche()
@@ -64,7 +64,7 @@ def handled(event: int, act: Callable[[], None]) -> int:
     event
         The event: 0 is Ctrl-C and 1 is Ctrl-Break; 2, 5 and 6 are the closing of the console, a log-off and a shutdown.
     act
-        Called if the event ends the process.
+        Called if the event is a closing of the console, a log-off or a shutdown.
 
     Returns
     -------

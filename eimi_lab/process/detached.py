@@ -21,7 +21,8 @@ if sys.platform == "win32":
     _BELOW_NORMAL_PRIORITY = 0x4000
     _SHUT_DOWN_LAST = 0x100
     _EXTENDED_LIMITS, _LIMITS_BYTES, _FLAGS_AT = 9, 144, 16
-    """JobObjectExtendedLimitInformation: its number, its size in bytes on 64 bits, and the place of its LimitFlags."""
+    """JobObjectExtendedLimitInformation: its number, its size (bytes) on 64-bit Windows, and the offset (bytes) of its
+    field LimitFlags."""
     _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
 
     def _job_limits() -> int:
@@ -36,15 +37,16 @@ LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
 
 
 def detached() -> dict[str, Any]:
-    """Return the options of `subprocess.Popen` for a Python process that receives no signals from the terminal.
+    """Return the options of `subprocess.Popen` that start a Python process without signals from the terminal.
 
     POSIX: the process has a separate session (setsid(2)). Ctrl-C and the hang-up of the terminal do not reach the
     process.
 
     Windows: the process has an invisible console and a separate process group. Ctrl-C, Ctrl-Break and the closing of
-    the console do not reach the process. It leaves the job object of this process if the job object permits this. In a
-    virtual environment, `python.exe` only starts the real interpreter, in a job object that would end the interpreter.
-    The real interpreter is therefore started directly, as `multiprocessing` does.
+    the console do not reach the process. The new process does not belong to the job object of this process (a group of
+    processes that can be ended together) if the job object permits this. In a virtual environment, `python.exe` only
+    starts the real interpreter, in a job object that would end the interpreter. The real interpreter is therefore
+    started directly, as `multiprocessing` does.
     """
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
@@ -72,12 +74,13 @@ def be_shut_down_last() -> None:
 
 
 class Starter:
-    """The process that started this process, to ask whether it runs and to kill it."""
+    """The process that started this process. The object tells whether this other process runs, and can kill it."""
 
     def __init__(self) -> None:
-        """Remember which process started this process.
+        """Store the number of the process that started this process.
 
-        Create the object early: after the end of the starting process, its number may be given to another process.
+        Create the object early: after the end of the starting process, the operating system may give the number to
+        another process.
         """
         self._process = os.getppid()
         if sys.platform == "win32":
@@ -101,7 +104,7 @@ class Starter:
 def resume(process: subprocess.Popen[bytes]) -> None:
     """Let a process that was stopped by SIGSTOP continue.
 
-    On Windows, where no process can be stopped so, do nothing.
+    Windows has no SIGSTOP, and the function does nothing there.
     """
     if sys.platform != "win32":
         process.send_signal(signal.SIGCONT)
@@ -113,8 +116,8 @@ def give_way(steps: int) -> None:
     Parameters
     ----------
     steps
-        The number that is added to the nice value (nice(2)). On Windows every number sets the only priority class below
-        the normal class.
+        The number that is added to the nice value (nice(2)). On Windows every number sets the priority class "below
+        normal".
     """
     if sys.platform == "win32":
         _kernel.SetPriorityClass(ctypes.c_void_p(_kernel.GetCurrentProcess()), _BELOW_NORMAL_PRIORITY)

@@ -19,7 +19,10 @@ class OwnFault(Exception):
     """A fault of this program that is not caused by the input of the user."""
 
     def __init__(self, what: str, error: str) -> None:
-        """Create the error. ``what`` names the task and its file; ``error`` is the last line of the traceback."""
+        """Create the error.
+
+        ``what`` names the task and the file of the task; ``error`` is the last line of the traceback.
+        """
         super().__init__(f"{what}: {error}: a fault of this program; please report this line, and the file if you may")
 
 

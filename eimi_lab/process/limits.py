@@ -1,7 +1,8 @@
-"""Limits of memory and processor time, because reading a small file may require any amount of memory or time.
+"""Limits of memory and processor time for reading files, because a small damaged file may require much of both.
 
 The limits of a process are soft limits (setrlimit(2)). The hard limits that the user or a batch system has set are
-kept. On Windows, processes have no such limits; only a limit by the wall clock ends a child that never returns.
+kept. On Windows, processes have no such limits; only a limit of the elapsed time ends a child process that never
+returns.
 """
 
 from __future__ import annotations
@@ -20,19 +21,20 @@ from eimi_lab.process.errors import InputError
 ASSUMED_FREE_BYTES = 4 << 30
 """Assumed free memory (bytes) if the operating system does not report it."""
 SHARE_OF_FREE = 4
-"""Divisor: the data that are unpacked from a file at once take at most the free memory divided by this number."""
+"""Number by which the free memory is divided. The quotient is the largest size of data that are unpacked at once."""
 _CRASHED = 0xC0000000
 """Smallest exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
 WALL_WITHIN_S = 3600.0
-"""Longest time (s) by the wall clock for a child, because a child may wait forever for a disk or a network."""
+"""Longest elapsed time (s) of a child process, because a child process may wait forever for a disk or a network."""
 
 
 def free_memory_bytes() -> int:
     """Return the memory (bytes) that this process can still use without displacing the memory of other processes.
 
-    Linux: MemAvailable in /proc/meminfo. Windows: GlobalMemoryStatusEx. macOS, which does not report this value: half
-    of hw.memsize; the half is assumed. Other systems: SC_AVPHYS_PAGES of sysconf(3). Where none of these is available,
-    the value is `ASSUMED_FREE_BYTES`. The result is at most the limit of the address space (RLIMIT_AS).
+    On Linux this is MemAvailable in /proc/meminfo. On Windows the function GlobalMemoryStatusEx reports it. macOS does
+    not report the free memory; half of the installed memory (hw.memsize) is assumed. On other systems SC_AVPHYS_PAGES
+    of sysconf(3) is used. If the system reports nothing, the value is `ASSUMED_FREE_BYTES`. The result is at most the
+    limit of the address space (RLIMIT_AS).
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
     if sys.platform == "win32":
@@ -55,7 +57,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
     claimed_bytes
         Size of the unpacked data according to the file.
     what
-        The file and the part of the file, as the subject of the message.
+        The file and the part of the file, in words: the subject of the error message, such as "run.h5: frame 3".
     """
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
@@ -81,10 +83,10 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     path
         The file, for messages.
     command
-        A Python command of this program. The program receives the limit as its last argument: it calls
-        `child_arguments` and passes this argument to `obey_processor_limit`.
+        A Python command of this program. The command receives the limit as its last argument: it calls
+        `child_arguments` and passes the last argument to `obey_processor_limit`.
     within_s
-        Limit of the processor time, s. On Windows, limit of the time by the wall clock.
+        Limit of the processor time, s. On Windows, limit of the elapsed time.
 
     Returns
     -------
@@ -114,12 +116,12 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
 
 
 def child_arguments(count: int) -> list[str]:
-    """Return the arguments that `run_limited` gave to this process.
+    """Return the ``count`` arguments that `run_limited` gave to this process.
 
-    The last argument is the limit of the processor time.
+    The last argument is the limit of the processor time (s).
 
     If the number of arguments is not ``count``, the program was replaced by another release after the command had
-    started. The process then prints a line about this and ends with exit status 2.
+    started. The process then prints a message and ends with exit status 2.
     """
     arguments = sys.argv[1:]
     if len(arguments) != count:
@@ -131,15 +133,15 @@ def child_arguments(count: int) -> list[str]:
 def obey_processor_limit(within_s: str) -> None:
     """Let the operating system end this process after ``within_s`` seconds of processor time.
 
-    On a system without such a limit, do nothing.
+    On Windows, which has no limit of the processor time, the function does nothing.
     """
     _lower("RLIMIT_CPU", int(within_s))
 
 
 def _lower(name: str, most: int) -> None:
-    """Set a soft limit of this process, named as in setrlimit(2), to ``most`` unless it is already lower.
+    """Lower the soft limit ``name`` of this process, such as "RLIMIT_CPU" in setrlimit(2), to ``most``.
 
-    On Windows, which has no such limits, do nothing.
+    A limit that is already lower is kept. On Windows, which has no such limits, the function does nothing.
     """
     if sys.platform != "win32":
         import resource

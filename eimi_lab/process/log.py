@@ -1,4 +1,4 @@
-"""The log for maintainers, printed on standard error on request."""
+"""The log for maintainers of the program, which is printed on standard error on request."""
 
 from __future__ import annotations
 

@@ -40,9 +40,15 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
-    """Raise InputError if one command uses a file twice.
+    """Raise InputError if one command uses the same file twice.
 
-    A file in ``read`` may be given once. A file in ``written`` may be neither read nor written under another name.
+    Parameters
+    ----------
+    read
+        The files that the command reads. No file may be given twice.
+    written
+        The files that the command writes. No file may be equal to another read or written file, also under another
+        name, such as a symbolic link.
     """
     used = set()
     for path in read:
@@ -177,7 +183,10 @@ def _put(file: Path, path: Path) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file and wait until its content is on the disk. An OSError, also for a full disk, names the file."""
+    """Write a file and wait until its content is on the disk.
+
+    Raises OSError, which names the file, if writing fails, for example because the disk is full.
+    """
     try:
         with file.open("wb") as output:
             output.write(content)

@@ -12,8 +12,9 @@ from eimi_lab.process.errors import InputError
 LONGEST_PLAIN = 160
 """Longest absolute path (characters) that is passed to Windows without the prefix for long paths.
 
-Without LongPathsEnabled Windows takes at most 259 characters, and 247 for a folder (Microsoft, "Maximum Path Length
-Limitation"). This number is smaller, because files with longer paths are written beside and below a given path.
+Without the Windows setting LongPathsEnabled, a path has at most 259 characters, and the path of a folder at most 247
+(Microsoft, "Maximum Path Length Limitation"). This number is smaller, because the program also writes files beside and
+below a given path, whose paths are longer.
 """
 
 _PREFIX, _UNC_PREFIX, _DEVICE = "\\\\?\\", "\\\\?\\UNC\\", "\\\\.\\"
@@ -22,7 +23,7 @@ _UNRESOLVED = (206, 234)
 
 
 def reachable(path: Path) -> Path:
-    r"""Return a path in a form that can be opened whatever its length.
+    r"""Return a path in a form that Windows can open, also if the path is long.
 
     On Windows, a long path gets the form ``\\?\C:\folder``, whose length is not limited. Every other path is returned
     unchanged.
@@ -31,7 +32,10 @@ def reachable(path: Path) -> Path:
 
 
 def named_in(file: Path, name: str) -> Path:
-    """Return the path of a file whose ``name`` stands in ``file``, relative to the folder of ``file``."""
+    """Return the path of a second file whose ``name`` is written in ``file``.
+
+    The name is relative to the folder of ``file``.
+    """
     return reachable(file.parent / name)
 
 
@@ -48,9 +52,9 @@ def with_prefix(absolute: str, short: str) -> str:
     Returns
     -------
     str
-        ``\\?\C:\folder`` or ``\\?\UNC\server\share\folder`` for a long path, otherwise ``short``. A path that has the
-        prefix keeps it. In such a path, ``..`` is resolved here, because behind the prefix Windows takes ``..`` for the
-        name of a folder.
+        ``\\?\C:\folder`` or ``\\?\UNC\server\share\folder`` for a long path, otherwise ``short``. A path that already
+        has the prefix keeps the prefix, and every ``..`` in the path is resolved here: behind the prefix, Windows
+        treats ``..`` as the name of a folder.
     """
     if absolute.startswith(_UNC_PREFIX):  # `..` cannot lead above the shared folder
         return _UNC_PREFIX + ntpath.normpath("\\\\" + absolute.removeprefix(_UNC_PREFIX))[2:]

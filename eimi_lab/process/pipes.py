@@ -30,7 +30,7 @@ if sys.platform == "win32":
     def _has_come(descriptor: int) -> bool:
         waiting = ctypes.c_ulong()
         peeked = ctypes.windll.kernel32.PeekNamedPipe(_handle(descriptor), None, 0, None, ctypes.byref(waiting), None)
-        return not peeked or waiting.value > 0  # it fails once the other end is closed
+        return not peeked or waiting.value > 0  # PeekNamedPipe fails after the other end was closed
 
 
 def readable(descriptor: int, within_s: float) -> bool:
@@ -71,7 +71,7 @@ def never_wait_to_write(descriptor: int) -> None:
 
 @contextmanager
 def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]:
-    """Let a process that is started within the context inherit descriptors.
+    """Let a child process that is started within the context inherit file descriptors, such as the end of a pipe.
 
     Yields
     ------
@@ -95,7 +95,10 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
 
 
 def received(name: str) -> int:
-    """Return the descriptor that the parent process passed under the name ``name``."""
+    """Return the file descriptor that the parent process passed to this process with `handed_down`.
+
+    ``name`` is the name that `handed_down` yielded in the parent process, and that the child received as an argument.
+    """
     if sys.platform == "win32":
         return msvcrt.open_osfhandle(int(name), 0)
     return int(name)

@@ -16,7 +16,7 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """Do nothing: the report of a caller that shows no progress."""
+    """Do nothing with a text. A caller that shows no progress uses this function as its report."""
 
 
 @contextmanager
@@ -38,7 +38,7 @@ class Report:
     after_step
         Called after each step with a short text about the step.
     underway
-        Called within a step with a short text. The text is shown only on a terminal.
+        Called during a step with a short text about the progress of the step. The text is shown only on a terminal.
     """
 
     after_step: Callable[[str], None]

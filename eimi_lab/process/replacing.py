@@ -20,9 +20,9 @@ _IN_USE = (5, 32, 33)
 
 
 def replace(file: Path, path: Path) -> None:
-    """Move ``file`` to ``path``, and replace the file there.
+    """Move ``file`` to ``path``, and replace a file that exists at ``path``.
 
-    On Windows, the move is tried for `TRY_FOR_S` while another program has one of the two files open.
+    On Windows, the move is tried again for `TRY_FOR_S` while another program has one of the two files open.
 
     Raises
     ------

@@ -19,10 +19,10 @@ _OWN_GROUP = Path("/proc/self/cgroup")
 
 
 def move_to_own_scope(name: str, description: str) -> bool:
-    """Move this process into a new scope of the user's systemd.
+    """Move this process into a new scope of the user's systemd, so that it outlives the program that started it.
 
-    The process stays where it is if the user has no systemd. It also stays if systemd would end the scope together with
-    the user's session, although the process would otherwise outlive the session.
+    The process is not moved if the user has no systemd. It is not moved either if the new scope would end with the
+    user's session although the process without a new scope would outlive the session.
 
     Parameters
     ----------
@@ -61,7 +61,11 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _ends_with_the_session_anyway() -> bool:
-    """Return whether the user's systemd lives at least as long as this process would live without a new scope."""
+    """Return whether the user's systemd runs at least as long as this process would run without a new scope.
+
+    This is so if systemd keeps running after the logout of the user (lingering), or if this process already belongs to
+    the user's systemd.
+    """
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
     except (OSError, KeyError):  # no such system; no name of the user

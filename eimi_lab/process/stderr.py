@@ -84,7 +84,7 @@ class NeverBlocking(io.TextIOBase):
         self._close()
 
     def _left(self) -> bool:
-        """Return whether some of the accepted text is not yet written."""
+        """Return whether some of the accepted text still waits to be written."""
         return bool(self._waiting)
 
     def _close(self) -> None:
@@ -100,11 +100,11 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
     def _send_a_piece(self) -> None:
-        """Write a piece of the waiting text and remove the piece, even if the handler of a signal raises an error.
+        """Write a piece of the waiting text, and remove this piece from the waiting text.
 
-        The handler of a signal can raise an error after each call. `extend` writes the piece and stores the number of
-        the written bytes in one call. `finally` then removes these bytes without a call, so that no byte is written
-        twice.
+        The handler of a signal can raise an error after each function call. `extend` therefore writes the piece and
+        stores the number of the written bytes in one call. `finally` then removes these bytes without a further call,
+        so that no byte is written twice.
         """
         written_bytes: list[int] = []
         try:
@@ -115,7 +115,7 @@ class NeverBlocking(io.TextIOBase):
 
 
 class WrittenByThread(NeverBlocking):
-    """A text stream whose text is written by a thread, so that the program never waits for the reader.
+    """A text stream whose text is written by a separate thread, so that the program never waits for the reader.
 
     The stream is for Windows: there, every write to a console or a file waits, and select(2) accepts only sockets. A
     console receives Unicode, whatever its code page.
@@ -224,9 +224,9 @@ def library_words() -> Iterator[list[str]]:
 def _reopened(descriptor: int) -> int:
     """Return a new descriptor for the same pipe, terminal or file.
 
-    A pipe or a terminal is opened again, without blocking: a change of the old descriptor would affect all processes
-    that share it. Any other file is duplicated, because a file that is opened again would be written from its
-    beginning.
+    A pipe or a terminal is opened again in the mode that never blocks, because a change of the mode of the old
+    descriptor would affect all processes that share the descriptor. For any other file the descriptor is duplicated,
+    because a file that is opened again would be written from its beginning.
     """
     mode = os.fstat(descriptor).st_mode
     if sys.platform != "win32" and (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)):

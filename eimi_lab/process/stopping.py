@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
-"""The signals that end the program. Windows has SIGBREAK for Ctrl-Break; the program also sends SIGBREAK to itself when
-the console is closed, the user logs off or the computer is shut down.
+"""The signals that end the program, except Ctrl-C. Windows has SIGBREAK for Ctrl-Break; the program also sends SIGBREAK
+to itself when the console is closed, the user logs off or the computer is shut down.
 """
 
 SIGNALS_BETWEEN_PROCESSES = sys.platform != "win32"
@@ -85,9 +85,9 @@ def unwind_on_termination() -> None:
 
 @contextmanager
 def leaving() -> Iterator[None]:
-    """Ignore signals while the program prints its last lines. After the context, a signal ends the program.
+    """Ignore the signals that end the program while it prints its last lines. After the context, a signal ends it.
 
-    Everything that has to be closed or switched off is closed or off before this context.
+    Before this context, every file must be closed and every instrument must be off.
     """
     handled = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is _raise]
     for number in handled:
@@ -102,7 +102,7 @@ def leaving() -> Iterator[None]:
 def raise_if_asked() -> None:
     """Raise `Stopped` if a signal has come before.
 
-    A first `Stopped` may have been dropped, because Python drops an error in a destructor or a callback.
+    The `Stopped` of that signal may have been dropped, because Python drops an error in a destructor or a callback.
     """
     if _received:
         raise Stopped(_received[0])

@@ -10,5 +10,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 
 
 def one_thread_each() -> None:
-    """Use one thread for linear algebra in this process and its child processes. Call this before numpy is loaded."""
+    """Use one thread for linear algebra in this process and its child processes.
+
+    Call this function before numpy is imported, because numpy reads the setting only then.
+    """
     os.environ.update(dict.fromkeys(THREADS, "1"))

@@ -60,7 +60,7 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
         If several workers and a scheduler are given, or if the cluster cannot be used (see `cluster`).
     """
     if scheduler is None:
-        # More workers than processors would only need more memory, and Windows waits for no more than 61 at once.
+        # More workers than processors would only need more memory. Windows waits for at most 61 processes at once.
         workers = min(workers, os.cpu_count() or 1, 61)
         return partial(processes, workers) if workers > 1 else None
     if workers > 1:
@@ -83,7 +83,7 @@ def completed(
 ) -> Generator[tuple[Task, Callable[[], T]]]:
     """Run tasks, and yield each task with its result in the order in which the tasks finish.
 
-    If a worker is lost, the unfinished tasks are given to a new executor.
+    If a worker process is lost, for example for lack of memory, the unfinished tasks are given to a new executor.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ def completed(
     while remaining:
         if executor is None:
             task = remaining.pop(0)
-            result = cache(partial(function, **arguments(task)))  # called here and by the caller
+            result = cache(partial(function, **arguments(task)))  # cached, because it is called here and by the caller
             remaining += further(task, result()) if further else ()
             yield task, result
             continue
-        # `concurrent.futures.wait` locks all futures in turn. A signal that raises meanwhile would leave some of them
-        # locked, and the pool could not be shut down any more; a queue has no such moment.
+        # `concurrent.futures.wait` locks all futures in turn. If a signal raised an error at this moment, some futures
+        # would stay locked, and the pool could not be shut down any more. A queue avoids this.
         finished: SimpleQueue[Future[T]] = SimpleQueue()
         with executor() as pool:
             submit = partial(_submitted, pool, function, arguments, finished)
@@ -162,9 +162,9 @@ def _submitted(
     finished: SimpleQueue[Future[T]],
     tasks: Sequence[Task],
 ) -> dict[Future[T], Task]:
-    """Give tasks to a pool, and return the tasks by their futures.
+    """Give tasks to a pool, and return a dictionary of the tasks, whose keys are the futures of the tasks.
 
-    Each future is put in ``finished`` when it is done.
+    Each future is put in the queue ``finished`` when its task is done.
     """
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
@@ -173,7 +173,7 @@ def _submitted(
 
 
 def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
-    """Wait for the next future that is done, and return it.
+    """Wait until the next task is done, and return its future from the queue ``finished``.
 
     The wait is divided: on Windows a wait without a time limit would keep Ctrl-C from the main thread.
     """
@@ -196,9 +196,9 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Block the signal ``name`` within the context, in this process and in the processes that are started there.
+    """Block the signal ``name`` within the context, in this process and in the processes that the context starts.
 
-    After the context this process receives the signal again.
+    After the context this process receives the signal again. On Windows the context does nothing.
     """
     if sys.platform == "win32":
         yield
@@ -212,9 +212,9 @@ def _blocked(name: str) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
-    """Create a pool of processes on this computer.
+    """Create and yield a pool of ``workers`` processes on this computer.
 
-    The processes end together with this process, and after an error in the context.
+    The processes end at the end of the context, also after an error, and if this process ends.
     """
     before = set(multiprocessing.active_children())
     start_resource_tracker()
@@ -261,10 +261,10 @@ def started(
 
 
 def start_resource_tracker() -> None:
-    """Start Python's resource tracker, the process that removes shared resources, with the hang-up signal blocked.
+    """Start Python's resource tracker, a process that removes shared resources, with the hang-up signal blocked.
 
-    The resource tracker ignores the other signals. A hang-up would end the resource tracker before the pool, and Python
-    would then print many lines about its loss.
+    The resource tracker itself ignores the other signals. A hang-up would end the resource tracker before the worker
+    processes, and Python would then print many lines about the loss of the resource tracker.
     """
     if sys.platform != "win32":  # Windows removes shared resources by itself
         with _blocked("SIGHUP"):
@@ -272,7 +272,7 @@ def start_resource_tracker() -> None:
 
 
 def leave_with_parent() -> None:
-    """Prepare a worker process: it ignores Ctrl-C, and it ends when its parent process ends for any reason."""
+    """Let this worker process ignore Ctrl-C, and end it when its parent process ends for any reason."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     parent = multiprocessing.parent_process()
@@ -286,7 +286,10 @@ def leave_with_parent() -> None:
 
 
 def _begin_work() -> None:
-    """Prepare a process of a pool, with a priority below that of the parent process, which shows the progress."""
+    """Prepare this process for the tasks of a pool.
+
+    Its priority becomes lower than the priority of the parent process, which shows the progress.
+    """
     leave_with_parent()
     keep_freed_memory()
     give_way(1)
@@ -294,12 +297,12 @@ def _begin_work() -> None:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Create an executor for the workers of a dask cluster.
+    """Create and yield an executor for the workers of a dask cluster.
 
     Parameters
     ----------
     address
-        Address of the scheduler, such as tcp://host:8786.
+        Address of the scheduler of the cluster, such as tcp://host:8786.
 
     Raises
     ------
@@ -336,9 +339,10 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler and close the connection.
+    """Connect to a dask scheduler and close the connection, to check that a scheduler answers at ``address``.
 
-    This attempt to connect can be cancelled; an attempt of a dask client cannot.
+    This connection attempt can be cancelled after a time limit. The connection attempt of a dask client cannot be
+    cancelled.
     """
     from distributed.comm import connect
 

@@ -31,7 +31,11 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds: its descriptor, the process and thread that took it, and how many times."""
+    """A lock that this process holds.
+
+    ``descriptor`` is the open lock file, or -1 if the file system supports no locks. ``owner`` contains the numbers of
+    the process and the thread that took the lock. ``times`` is the number of times that the owner took the lock.
+    """
 
     descriptor: int
     owner: tuple[int, int]
@@ -88,11 +92,11 @@ class WriterLock:
             if held.descriptor < 0:
                 return
             if sys.platform != "win32":
-                self._file.unlink(missing_ok=True)  # before unlocking, when nobody else can hold it
+                self._file.unlink(missing_ok=True)  # before unlocking, while no other process can hold the lock
             unlock_descriptor(held.descriptor)  # closing is not enough if a forked process has the descriptor
             os.close(held.descriptor)
             if sys.platform == "win32":
-                with suppress(PermissionError):  # it is open in a program that takes the lock now
+                with suppress(PermissionError):  # another program that takes the lock now has the lock file open
                     self._file.unlink(missing_ok=True)
 
 
@@ -138,7 +142,8 @@ _LOCKED_BYTE = " "
 def _take(file: Path, path: Path) -> int | None:
     """Take the lock of ``path`` on its lock file ``file``.
 
-    Returns the descriptor of the lock file; None if another process holds the lock, -1 if locks are not supported.
+    Returns the descriptor of the lock file; None if another process holds the lock; -1 if the file system does not
+    support locks.
     """
     while True:
         try:
@@ -161,13 +166,13 @@ def _take(file: Path, path: Path) -> int | None:
         if not locked:
             os.close(descriptor)
             return None
-        with suppress(FileNotFoundError):  # its last holder may have removed the lock file after it was opened here
+        with suppress(FileNotFoundError):  # the previous holder may have removed the lock file after it was opened here
             if os.path.samestat(os.fstat(descriptor), os.lstat(file)):
                 break
         os.close(descriptor)
     command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
     with suppress(OSError):  # on a full disk, the name of the holder is not stored
-        if os.fstat(descriptor).st_nlink == 1:  # otherwise it has another name, and may be another file's content
+        if os.fstat(descriptor).st_nlink == 1:  # a file with a second name (hard link) may contain other data
             os.ftruncate(descriptor, 0)
             os.lseek(descriptor, 0, os.SEEK_SET)
             os.write(descriptor, f"{_LOCKED_BYTE}process {os.getpid()} on {platform.node()} ({command})".encode())
@@ -175,7 +180,10 @@ def _take(file: Path, path: Path) -> int | None:
 
 
 def _holder(file: Path) -> str:
-    """Return the text about the holder of a lock, which the holder wrote into the lock file."""
+    """Return the text that the holder of a lock wrote into the lock file: its process, computer and command.
+
+    If there is no such text, return "another program".
+    """
     with suppress(OSError), open(os.open(file, os.O_RDONLY | _NO_LINK), "rb", buffering=0) as stored:
         stored.seek(len(_LOCKED_BYTE))
         if text := (stored.read(200) or b"").decode("utf-8", "replace"):

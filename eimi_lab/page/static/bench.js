@@ -1,4 +1,4 @@
-// The view of the bench: choose a run, run it dry, start, watch, pause, resume and end it. STOP is in the header.
+// The view "Bench": choose the files of a run, list its steps (dry run), and start, watch, pause, resume and end the run. STOP is in the header.
 import { ask, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
@@ -7,7 +7,7 @@ import { Stillness } from "./stillness.js";
 
 const picture = new Picture(byId("live")), stillness = new Stillness();
 let choicesShown = false;
-let lastRun = 0, shownRun = 0; // numbers of the last run, and of the run to which picture and values belong; 0 is the live camera
+let lastRun = 0, shownRun = 0; // number of the last run, and number of the run whose picture and values are shown; 0 is the live camera
 let lastAbout = null, lastEdges = null;
 
 const BEGINS = "starting the run …";
@@ -107,7 +107,7 @@ function showCamera() {
 byId("camera").addEventListener("click", () => { cameraAsked = ""; showCamera(); });
 for (const kind of ["rig", "specimen"]) byId(kind).addEventListener("change", () => { if (state.run === null && byId("rig").value.includes(".")) showCamera(); });
 
-// Clear what belongs to the run before: its picture, edges, flags and values.
+// Clear the picture, edges, flags and values of the previous run.
 function forget(number) {
   shownRun = number;
   lastAbout = lastEdges = null;
@@ -136,12 +136,12 @@ on("edges", (edges) => {
   flagList(byId("live-flags"), edges.flags);
 });
 
-// The edges are found more slowly than frames arrive. They are drawn only on a frame that looks like theirs.
+// Edges are found more slowly than frames arrive. Edges are drawn only on a frame that looks like the frame in which they were found.
 function drawEdges() {
   picture.draw(lastEdges && stillness.holds(lastEdges.seen) ? lastEdges : null);
 }
 
-// The current as it belongs to the state of the coil in the header. A frame can be older than that state.
+// The set current, measured current and field, consistent with the state of the coil in the header. A frame can be older than this state.
 function currents(about) {
   if (about.run === 0) return ["—", "—", "—"];
   const { coil, coil_A, off_by } = state.run;

@@ -1,11 +1,11 @@
-// Points that a person clicks on a picture, with a mouse, a finger or the keyboard; a loupe shows the place.
+// Points that a person sets on a picture with a mouse, a finger or the keyboard. A loupe enlarges the picture around the pointer.
 import { el, svg } from "./dom.js";
 
-const LOUPE_PX = 168, SEEN_PX = 28; // size of the loupe on the screen, and of what it shows in the picture
+const LOUPE_PX = 168, SEEN_PX = 28; // width of the loupe on the screen, and width of the part of the picture in the loupe
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Clicks {
-  // names(): the name of each point in turn; a click beyond the last name is ignored. changed(): a point was placed, moved or taken back.
+  // names() returns the name of each point in the order of the clicks; further clicks are ignored. changed() is called after a point was set, moved or removed.
   constructor(picture, names, changed) {
     Object.assign(this, { picture, names, changed, points: [], size: null, cursor: null });
     this.marks = svg("g");
@@ -22,7 +22,7 @@ export class Clicks {
     figure.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // size: width and height of the picture; null while there is none.
+  // size: width and height of the picture, px; null without a picture.
   begin(size, points = []) {
     this.size = size;
     this.points = points;
@@ -81,7 +81,7 @@ export class Clicks {
   }
 
   draw(focused = -1) {
-    const held = focused >= 0 && this.marks.children[focused]; // the same element, so that it keeps the focus and the pointer
+    const held = focused >= 0 && this.marks.children[focused]; // this element is kept, so that it keeps the focus and the pointer
     if (held && this.marks.childElementCount === this.points.length) this.place(held, focused);
     else this.marks.replaceChildren(...this.points.map((_, index) => this.place(this.mark(index), index)));
     this.drawCross();
@@ -134,6 +134,6 @@ export class Clicks {
       }
       drawn.stroke();
     }
-    this.loupe.classList.toggle("right", x < this.size[0] / 2); // away from the place
+    this.loupe.classList.toggle("right", x < this.size[0] / 2); // on the other side of the picture, so that the loupe does not cover the point
   }
 }

@@ -1,4 +1,4 @@
-// Elements and requests. Text is always set as text, so that text from a file is never read as HTML.
+// Elements of the page, and requests to the server. Text is always inserted as text, so that text from a file is never read as HTML.
 
 import { token } from "./token.js";
 
@@ -41,7 +41,7 @@ export function flagList(list, flags) {
 export const number = (value, digits = 3) =>
   value === null || value === undefined ? "—" : String(Number(Number(value).toPrecision(digits)));
 
-// A value with its standard uncertainty: as many digits as the uncertainty allows.
+// Return a value with its standard uncertainty as text. The uncertainty determines the number of digits.
 export function withSigma(value, sigma, unit) {
   if (!sigma || value === null) return value === null ? "—" : `${number(value)}${unit}`;
   const digits = Math.max(0, -Math.floor(Math.log10(sigma / 2)));
@@ -71,7 +71,7 @@ export async function post(path, body = {}, tab = "") {
   return (await answer(path, { method: "POST", headers, body: JSON.stringify(body) })).json();
 }
 
-// A file as the body of a request.
+// Send a file as the body of a request.
 export async function send(path, file, tab) {
   return (await answer(path, { method: "POST", headers: { "Content-Type": "application/octet-stream", "X-Tab": tab }, body: file })).json();
 }

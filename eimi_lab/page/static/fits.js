@@ -1,4 +1,4 @@
-// The fit of the open dataset: start it, follow it, show its result.
+// The fit of the open dataset: start the fit, show its progress and its result.
 import { ask, byId, el, number, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { plot } from "./plot.js";

@@ -1,4 +1,4 @@
-// The WebSocket: the state of the page, the newest frame, and whether this tab is in control.
+// The WebSocket to the server: it brings the state of the page, the newest frame, and whether this tab is in control.
 import { byId, post, tell } from "./dom.js";
 import { token } from "./token.js";
 

@@ -1,4 +1,4 @@
-// Shows the view that the address names.
+// Shows the view whose name stands after # in the address.
 import { showBench } from "./bench.js";
 import { byId, tell } from "./dom.js";
 import "./outcome.js";

@@ -1,4 +1,4 @@
-// What a run has come to: why it failed, and the next step, which is the fit and then the report.
+// The result of an ended run: why it failed, and the next steps, which are the fit and the report.
 import { ask, byId, tell } from "./dom.js";
 import { on, state } from "./live.js";
 import { openRun } from "./runs.js";

@@ -1,4 +1,4 @@
-// Weights and a phone: photographs, clicks and typed numbers lead to the modulus.
+// The view "Weights and a phone": photographs, clicks and typed numbers give the shear modulus of the beam.
 import { Clicks } from "./clicks.js";
 import { address, ask, askPicture, byId, el, flagList, number, post, send, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
@@ -38,7 +38,7 @@ const tried = (act) => async (event) => {
   try { await act(event); } catch (error) { (words(error.message, true) ?? byId("phone-words")).scrollIntoView({ block: "nearest" }); }
 };
 
-let ready = null; // of the folder that is shown first
+let ready = null; // promise that the first folder has been read
 export function showPhone() {
   ready ??= begin().catch((error) => { ready = null; throw error; });
   return ready;
@@ -55,7 +55,7 @@ async function begin() {
 async function openFolder() {
   const name = byId("phone-folder").value;
   asked += 1;
-  shown = ""; // a picture of the folder before that comes late is not shown
+  shown = ""; // a picture of the previous folder that arrives late is not shown
   byId("phone-next").textContent = "opening the folder …";
   const opened = await ask("/api/phone", { folder: name });
   if (byId("phone-folder").value !== name) return;
@@ -71,7 +71,7 @@ async function openFolder() {
 }
 
 function showLens() {
-  byId("phone-lens").textContent = folder.lens ? `Distance of the lens: from the ${folder.lens}.` : folder.pictures.length ? "The first picture contains no focal length. Type the distance of lens and beam." : "";
+  byId("phone-lens").textContent = folder.lens ? `The distance from the lens to the beam is computed from the ${folder.lens}.` : folder.pictures.length ? "The file of the first picture does not contain the focal length. Type the distance from the lens to the beam." : "";
   byId("phone-stand-off").hidden = !folder.pictures.length || Boolean(folder.lens);
 }
 
@@ -117,7 +117,7 @@ function next() {
   const [count, all] = [clicks.points.length, needed()];
   byId("phone-next").textContent = !folder?.pictures.length ? "Drop the pictures first."
     : count < all.length ? `Click ${count + 1} of ${all.length}: ${all[count]}.`
-    : "All points are set. Drag a point to correct its place. If the edges are wrong, click up to five more points along the beam, from the clamp to the tip.";
+    : "All points are set. Drag a point to correct its position. If the edges are wrong, click up to five more points along the beam, from the clamp to the tip.";
   byId("phone-undo").disabled = byId("phone-clear").disabled = !count;
 }
 

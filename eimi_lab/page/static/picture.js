@@ -1,4 +1,4 @@
-// A picture with edges drawn over it, in the pixels of the picture.
+// A picture with the edges of the beam drawn over it. Edges are given in pixels of the original picture.
 import { el, svg } from "./dom.js";
 
 export class Picture {
@@ -11,7 +11,7 @@ export class Picture {
     figure.replaceChildren(this.canvas, this.over);
   }
 
-  // size: width and height of the original picture, if the one that is shown was made smaller.
+  // size: width and height of the original picture, px, if blob is a reduced copy.
   async show(blob, size = null, words = "") {
     const image = await createImageBitmap(blob);
     const { width, height } = image;

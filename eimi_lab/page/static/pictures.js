@@ -1,4 +1,4 @@
-// Pictures taken without instruments: drag clamp, axis and scale into place; the edges are found again at once.
+// The view "Pictures": pictures taken without instruments. A person drags clamp, axis and ruler into place; the edges are found again at once.
 import { Clicks } from "./clicks.js";
 import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
 import { steer } from "./live.js";
@@ -32,9 +32,9 @@ export async function showPictures() {
 
 async function openFolder() {
   const name = byId("picture-folder").value;
-  byId("picture-list").replaceChildren(); // these inputs belong to the folder before
+  byId("picture-list").replaceChildren(); // the inputs belong to the previous folder
   byId("by-hand-words").textContent = "";
-  asked += 1; // an answer for the folder before is not shown
+  asked += 1; // an answer for the previous folder is not shown
   const opened = await ask("/api/pictures", { folder: name });
   if (byId("picture-folder").value !== name) return;
   folder = { name, ...opened };
@@ -52,8 +52,8 @@ async function openFolder() {
   await showPicture(folder.pictures[0]);
 }
 
-const isFirst = () => shown === folder?.pictures[0]; // the points lie on the first picture
-let points = []; // of the first picture, while another one is shown
+const isFirst = () => shown === folder?.pictures[0]; // points along the beam are set only on the first picture
+let points = []; // the points on the first picture, kept while another picture is shown
 
 function tellPoints() {
   if (isFirst()) points = along_points.points;

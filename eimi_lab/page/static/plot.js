@@ -2,9 +2,9 @@
 import { number, svg } from "./dom.js";
 
 const WIDE = 480, RIGHT = 12, TOP = 12, BELOW = 44;
-const TITLE = 30, DIGIT = 7.5; // width of the title of the y axis and of a digit of a label, with the gap between them
+const TITLE = 30, DIGIT = 7.5; // width of the rotated title of the y axis with its gap, and width of a digit of a label
 
-// Return places and labels; whole: at whole numbers only.
+// Return about `many` ticks from low to high, each with its value and its label. whole: only whole numbers.
 function ticks(low, high, many, whole) {
   const rough = Math.max((high - low) / many, whole ? 1 : 0);
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -24,7 +24,8 @@ function range(values, zero) {
   return [low - spare, high + spare];
 }
 
-// points: [{x, y, low?, high?, flagged?, now?, title?}]; options: {x, y: names with units, line, choose(index), zero, whole: x counts things}
+// points: [{x, y, low? and high?: ends of the error bar, flagged?, now?: selected, title?}];
+// options: {x, y: titles of the axes, line: false for no line, choose(index): called by a click, zero: include 0, whole: x is a count, high: height, small: small points}
 export function plot(figure, points, options) {
   const HIGH = options.high ?? 300;
   const shown = points.map((point, index) => ({ ...point, index })).filter((p) => p.x !== null && p.y !== null && p.y !== undefined);

@@ -1,4 +1,4 @@
-// The states of the run on the screen, as its dataset holds them: the angle of the tip, and the modulus so far.
+// The states of the shown run that its dataset contains: the tip angle of each state, and the modulus from the states so far.
 import { ask, byId, number, withSigma } from "./dom.js";
 import { state } from "./live.js";
 import { plot } from "./plot.js";
@@ -8,7 +8,7 @@ const nothingOf = ({ number, dataset }) => ({ number, dataset, states: [], edges
 let taken = nothingOf({ number: 0, dataset: "" });
 let reading = false;
 
-// Show the states of this run and of no other one.
+// Show the states of this run only.
 export function showStates(run) {
   if (taken.number !== run.number) {
     taken = nothingOf(run);
@@ -33,7 +33,7 @@ async function readStates() {
   reading = false;
 }
 
-// Read one thing that is missing: first every edge, then the newest modulus, then the earlier ones. Return whether one was missing.
+// Read the next missing result: first the edges of every state, then the newest modulus, then the earlier moduli. Return whether a result was missing.
 async function readNext(mine) {
   const { dataset: file, states, edges, moduli } = mine;
   if (states.length < state.run.stored) mine.states = (await ask("/api/dataset", { file })).states;
@@ -45,7 +45,7 @@ async function readNext(mine) {
   }
   for (let first = many; first > 0; first--) {
     if (moduli.has(first)) continue;
-    moduli.set(first, null); // also if there is none, so that it is asked for once
+    moduli.set(first, null); // asked for only once, also if there is no modulus
     moduli.set(first, await ask("/api/dataset/modulus", { file, states: first }));
     if (mine === taken) showModulus("");
     return true;
@@ -72,7 +72,7 @@ function showModulus(why) {
   if (!last) { byId("modulus-interval").textContent = ""; return; }
   const [low, high] = last.interval_95_kPa;
   byId("modulus-interval").textContent = `95 %: ${number(low)} to ${number(high)} kPa`;
-  byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Largest part of its uncertainty: ${last.limited_by}. `
+  byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Largest source of its uncertainty: ${last.limited_by}. `
     + "This estimate uses a planar beam model. A fit gives the final result.";
   plot(byId("modulus-plot"), all.map((one) => ({
     x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,

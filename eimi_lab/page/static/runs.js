@@ -1,4 +1,4 @@
-// The datasets of the folder. They are opened read-only, also while a run writes them.
+// The view "Runs": the datasets of the folder. A dataset is opened read-only, also while a run writes it.
 import { ask, askPicture, byId, el, facts, flagList, number, tell, withSigma } from "./dom.js";
 import { showFits } from "./fits.js";
 import { Picture } from "./picture.js";
@@ -8,7 +8,7 @@ const AGAIN_MS = 2000;
 const picture = new Picture(byId("run-picture"));
 const slider = byId("state");
 let folder = "";
-let open = null; // { file, about, edges (by state), state (selected), number (of this opening) }
+let open = null; // { file, about: description, edges: by state, state: the selected one, number: counts the openings }
 let openings = 0;
 
 export async function showFolder(name = folder) {

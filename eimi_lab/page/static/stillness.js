@@ -1,7 +1,7 @@
-// Whether the live picture is still: the edges of an earlier frame are drawn only while the picture looks like that frame.
-const [WIDE, HIGH] = [160, 128]; // the size at which two pictures are compared
-const LEVELS = 16; // of 255: an edge of good contrast that moved by about one thousandth of the picture
-const PIXELS = 10; // more pixels than noise changes by this
+// Decides whether the live picture is still. The edges of an earlier frame are drawn only while the picture looks like that frame.
+const [WIDE, HIGH] = [160, 128]; // size at which two pictures are compared, px
+const LEVELS = 16; // change of a pixel that counts, of 255 grey levels: an edge of good contrast moved by about one thousandth of the picture
+const PIXELS = 10; // number of changed pixels up to which a picture is still; noise changes fewer pixels
 
 export class Stillness {
   constructor() {
@@ -13,11 +13,11 @@ export class Stillness {
 
   forget() {
     this.before = null;
-    this.since = Infinity; // number of the first frame that looks like the one on the screen
+    this.since = Infinity; // number of the first frame that looks like the frame on the screen
     this.latest = 0; // number of the frame on the screen
   }
 
-  // Compare a frame on its canvas with the first frame of the same look.
+  // Compare a frame on its canvas with the first frame that looked like the previous frame.
   see(canvas, number) {
     if (number < this.latest) this.forget(); // a reopened camera counts from 1 again
     this.latest = number;
@@ -29,6 +29,6 @@ export class Stillness {
     if (changed > PIXELS) [this.before, this.since] = [data, number];
   }
 
-  // Whether what was found in a frame holds for the picture on the screen.
+  // Return whether the edges that were found in frame `number` are valid for the picture on the screen.
   holds(number) { return number >= this.since && number <= this.latest; }
 }

@@ -1,4 +1,4 @@
-// The token: it comes in the fragment of the address, and stays in this tab's sessionStorage.
+// The token that every request must carry. It comes in the fragment of the address and is kept in this tab's sessionStorage.
 const fragment = /^#token=([\w-]+)(#.*)?$/.exec(location.hash);
 if (fragment) {
   sessionStorage.setItem("token", fragment[1]);
