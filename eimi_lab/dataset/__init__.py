@@ -1,8 +1,8 @@
-"""The dataset: one NeXus HDF5 file that holds a run and everything needed to understand it.
+"""The dataset: one NeXus HDF5 file with the states of a run, and with everything that is needed to understand them.
 
 layout            groups, columns and attributes of the file
 writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash
-empty_file        a dataset of frames before its first state
+empty_file        the contents of a dataset of frames before its first state is stored
 recordings        frames that a run takes outside the states: settling, creep, ring-downs and conditioning
 frame_chunk       storage of a frame as one compressed chunk of HDF5
 frame_stream      compression and writing of frames in threads while the camera takes further frames
@@ -14,7 +14,7 @@ tip_force_angles  the directions of the tip forces in the file
 opened_file       open an HDF5 file that is finished, in use or left open by a crash
 reading           `open_dataset`, for finished files, for files in use and for crashed files
 containment       refusal of files that refer to other files, or whose data would not fit into memory
-rewriting         safe change of a finished file by way of a copy
+rewriting         safe change of a finished file: a copy is changed, and then replaces the file
 restating         correction of specimen and calibration after a run; the replaced files stay in the dataset
 segmentation      search for the edges of every state
 logged_sensor     the classes `LoggedSensor` (a sensor) and `SensorLog` (the readings of a sensor)
@@ -23,7 +23,7 @@ measured_heating  comparison of the measured coil temperature with the thermal m
 measured_field    a straight line through the measured fields against the current, with uncertainties
 measured_columns  uncertainties of measured fields, and measured temperatures, of imported states
 stored_edges      the edges in the file
-dark_and_flat     the dark frame and the flat field in the file, by which frames are corrected
+dark_and_flat     the dark frame and the flat field in the file, with which frames are corrected
 labelled          edges and tracked points as an xarray.Dataset
 default_plots     the plots that a viewer of NeXus files shows when it opens the file
 plotting          a figure of edges or tracked points for a notebook

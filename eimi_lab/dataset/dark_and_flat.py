@@ -1,4 +1,7 @@
-"""The dark frame and the flat field of a dataset, by which every segmentation corrects the frames."""
+"""The dark frame and the flat field of a dataset, with which the frames are corrected before edges are searched.
+
+A dark frame is taken without light. A flat field shows the back-light without the beam.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.vision.intensity import FieldCorrection, in_channels
 
 GROUP = "correction"
-BRIGHTEST_DARK = 0.5  # a dark frame brighter than this fraction of the back-light was taken with light
+BRIGHTEST_DARK = 0.5  # a dark frame that is brighter than this fraction of the back-light was taken with light
 
 Images = Mapping[str, NDArray[Any]]
 """A dark frame (key "dark") and a flat field (key "flat") of H rows and W columns; each key may be absent.
@@ -27,9 +30,10 @@ The shape of an image is (H, W), or (H, W, 3) for an image with colours.
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from image files, and return the images with the keys "dark" and "flat".
+    """Read a dark frame and a flat field from image files, and return a dictionary of the images.
 
-    If a file is None, its key is absent. Raises InputError if the images are unsuitable for a correction of frames.
+    The keys are "dark" and "flat"; the key of a file that is None is absent. Raises InputError if a file cannot be
+    read, or if the images are unsuitable for a correction of frames.
     """
     from eimi_lab.vision.image_files import (
         read_image,
@@ -52,7 +56,7 @@ def correction_by(images: Images) -> FieldCorrection | None:
 
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
-    """Raise InputError if a dark frame or flat field does not suit a frame of the camera.
+    """Raise InputError if a dark frame or a flat field cannot belong to the frames of a dataset.
 
     An image must have the size and the bit depth of the frame. The median of a dark frame must be at most half of the
     brightness of the back-light, for which the 99th percentile of the frame is used.

@@ -19,9 +19,18 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 
 def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
-    """Add the plots `tip` and `outline` to a dataset, and make `tip` the plot that a viewer shows first.
+    """Add two plots for viewers to a dataset: the deflection of the tip (`tip`) and the edges (`outline`).
 
-    ``entry`` is the group of the dataset. ``process`` is its group of the edges, to which the plots are added.
+    A viewer shows the plot `tip` first.
+
+    Parameters
+    ----------
+    entry
+        The group `entry` of the file.
+    process
+        The group of the edges, to which the plots are added.
+    edge_sets
+        The edges of each state.
     """
     _write_tip(process, entry["states/field"][()], edge_sets)
     if "calibration" in entry:
@@ -46,9 +55,9 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of both edges of every state; the axes point right and up in the camera's picture, in mm.
+    """Write the plot of both edges of every state. The axes (mm) point to the right and up in the camera's picture.
 
-    A NaN between two edges makes a viewer draw the edges as separate curves.
+    Between two edges there is a NaN, so that a viewer draws the edges as separate curves.
     """
     gap = np.full((1, 2), np.nan)
     parts = [

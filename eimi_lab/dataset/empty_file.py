@@ -26,7 +26,7 @@ from eimi_lab.dataset.steps import make_steps
 
 
 def empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """Return the bytes of a dataset file that has the description of a run but no frames yet.
+    """Return the bytes of a dataset file that contains the description of a run but no frames yet.
 
     The file is made in memory, because HDF5 can crash when it writes to a full disk.
 
@@ -35,8 +35,8 @@ def empty_file(header: Header, image: NDArray[Any]) -> bytes:
     header
         Description of the run.
     image
-        An example frame, which has the shape and the type of all frames: (H, W) for H rows and W columns, or (H, W, 3)
-        with colours.
+        An example frame. All frames of the dataset will have its shape and its data type. The shape is (H, W) for H
+        rows and W columns of pixels, or (H, W, 3) with colours.
     """
     memory = io.BytesIO()
     with h5py.File(memory, "w", libver=WRITTEN_AS) as file:

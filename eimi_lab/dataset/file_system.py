@@ -22,7 +22,7 @@ MOUNTS = Path("/proc/self/mounts")
 
 
 def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
-    r"""Return the type of the network file system that holds a folder.
+    r"""Return the type of the network file system on which a folder is stored; None for a local file system.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
     Returns
     -------
     str or None
-        The type of the file system, such as "nfs". None for a local file system, or if the system has no table of
-        mounts. Windows reports only that a drive is a network drive, and not the type.
+        The type of the file system, such as "nfs"; "network drive" on Windows, which does not report the type. None for
+        a local file system, or if the operating system has no table of mounts.
     """
     if sys.platform == "win32":
         share = followed(folder).anchor  # a drive, or a share of a server

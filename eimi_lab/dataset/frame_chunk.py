@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from eimi_lab.dataset.repair.checksums import fletcher32
 
-_LEVEL = 1  # of igzip: the ratio of gzip's level 1 at a quarter of its time
+_LEVEL = 1  # level of igzip that compresses like level 1 of gzip in a quarter of the time
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
 
 
 def compressed(image: NDArray[Any]) -> bytes:
-    """Return the HDF5 chunk of an image: the compressed bytes, followed by the Fletcher-32 checksum of these bytes.
+    """Return an image as an HDF5 chunk: the compressed bytes, followed by the Fletcher-32 checksum of these bytes.
 
-    The colours of the image must be in the order of the file (red, green, blue).
+    The image of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours red, green, blue.
     """
     data = isal_zlib.compress(np.ascontiguousarray(image), level=_LEVEL)
     return bytes(data) + fletcher32(data).to_bytes(4, "little")
@@ -31,7 +31,7 @@ def compressed(image: NDArray[Any]) -> bytes:
 def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
     """Write the chunk of a compressed image as one row of a stack of frames.
 
-    The stack must be one that `layout.frame_stack` created, and must already have more than ``row`` rows.
+    The stack must have been created by `layout.frame_stack`, and must already have more than ``row`` rows.
     """
     stack.id.write_direct_chunk((row, *(0 for _ in stack.shape[1:])), chunk)
 

@@ -27,11 +27,11 @@ RING_BYTES = 512 << 20
 COMPRESSING = 2
 """Number of threads that compress frames; they run in parallel, because igzip releases Python's interpreter lock."""
 
-_AHEAD = 64  # frames by which the stack is lengthened at once
+_AHEAD = 64  # number of frames by which the stack in the file is lengthened at once
 
 
 class FrameStream:
-    """A stream that appends frames to a stack in an HDF5 file while the caller takes further frames.
+    """A stream that appends frames to a stack of frames in an HDF5 file while the caller takes further frames.
 
     Use the stream in a ``with`` statement. The end of the block waits until all frames are written.
 
@@ -61,7 +61,7 @@ class FrameStream:
 
     @property
     def waiting(self) -> int:
-        """The number of accepted frames that are not yet written to the file."""
+        """The number of frames that `put` has accepted and that are not yet written to the file."""
         return self._accepted - self._finished
 
     def __enter__(self) -> FrameStream:

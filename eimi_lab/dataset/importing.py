@@ -37,8 +37,8 @@ from eimi_lab.vision.image_files import describe_image
 from eimi_lab.vision.intensity import in_channels, is_coloured
 
 LOSSLESS = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm"})
-MANY_FRAMES = 50  # progress is shown from this number of frames
-MOST_DIAGONALS = 2.0  # largest length of a beam in diagonals of the picture; a coiled beam may be longer than one
+MANY_FRAMES = 50  # smallest number of frames for which the progress is shown
+MOST_DIAGONALS = 2.0  # largest length of a beam, in diagonals of the picture; a coiled beam may exceed one diagonal
 
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
@@ -162,14 +162,14 @@ def _append_states(
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """Return advice to the user about an image that differs from the first image in size or depth."""
+    """Return advice to the user about an image that differs from the first image in size or bit depth."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
         return "rotate this picture by 90 degrees, or remove it from states.csv"
     return "export all pictures in the same way, or remove this picture from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
-    """Return the time of the last change (ISO 8601, UTC) of the oldest image or video file."""
+    """Return the time at which the oldest image file, or the video file, was last changed, as ISO 8601 in UTC."""
     seconds = min(file.stat().st_mtime for file in listing.files())
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
 
@@ -181,10 +181,10 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags of a state that follow from the images of the state.
+    """Return the flags (defects) of a state that are found in the images of the state.
 
-    ``last`` is the last image of the previous state; None for the first state. If ``last`` is identical with the first
-    image of the state, the state gets a flag.
+    ``names`` are the files of the images. ``last`` is the last image of the previous state; None for the first state.
+    If ``last`` is identical to the first image of the state, the state gets a flag.
     """
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):

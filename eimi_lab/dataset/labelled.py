@@ -24,8 +24,8 @@ def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], a
     Parameters
     ----------
     states, tracked
-        The states, and the tracked points of each state. If a state has fewer points than another state, NaN takes the
-        place of the absent points.
+        The states, and the tracked points of each state. If a state has fewer points than another state, its missing
+        points are NaN.
     attributes
         Attributes of the xarray.Dataset.
 
@@ -54,8 +54,8 @@ def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes
     Parameters
     ----------
     states, edges
-        The states, and the edges of each state. If an edge has fewer points than another edge, NaN takes the place of
-        the absent points.
+        The states, and the edges of each state. If an edge has fewer points than another edge, its missing points are
+        NaN.
     attributes
         Attributes of the xarray.Dataset.
 
@@ -88,9 +88,9 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Stack arrays of different lengths into one array, and fill the missing entries with NaN.
+    """Return arrays of different lengths as one array, in which the missing entries are NaN.
 
-    The first axis of the result is the index of the array. The second axis has the length of the longest array.
+    For m arrays, of which the longest has n rows, the result has the shape (m, n, ...).
     """
     longest = max((len(a) for a in arrays), default=0)
     filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)

@@ -113,7 +113,7 @@ class Header:
     camera_settings
         Settings that were read back from the camera; None for an import.
     without_contact
-        Text about what happens to the current of the coil if the cable is pulled or the computer stops.
+        State of the coil after the cable to the supply is pulled or the computer stops, in words.
     sensors
         The sensors that are read during the run.
     """
@@ -182,7 +182,7 @@ def to_stored(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def identity_text(identity: Identity) -> str:
-    """Return driver, identification and address of an instrument as the line of text that a dataset stores."""
+    """Return driver, identification and address of an instrument as one line of text for a dataset."""
     return f"{identity.driver}: {identity.text} at {identity.address}"
 
 
@@ -209,7 +209,7 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
 
 
 def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
-    """Create empty columns, which can be lengthened, and return the columns by name.
+    """Create the empty columns of a table in a dataset file, and return the columns by name. Rows can be appended.
 
     Parameters
     ----------
@@ -236,9 +236,9 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
 
 
 def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
-    """Create an empty stack of frames, which can be lengthened, and return it.
+    """Create an empty stack of frames (an HDF5 array) in a group, and return the stack. Frames can be appended.
 
-    Every frame has the shape and the type of ``image``.
+    Every frame has the shape and the data type of the example ``image``.
     """
     frames = parent.create_dataset(
         name,
@@ -314,7 +314,7 @@ def put_definition(entry: h5py.Group) -> None:
 
 
 def get_text(parent: h5py.Group, name: str) -> str:
-    """Return a text that `put_text` or `put_date` stored."""
+    """Return the text ``name`` in an HDF5 group, which `put_text` or `put_date` stored."""
     return bytes(parent[name][()]).rstrip(b"\0").decode()
 
 
@@ -324,7 +324,7 @@ def now() -> str:
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Return the flags of a state as JSON in UTF-8.
+    """Return the flags (defects) of a state as JSON in UTF-8, the form in which the file stores the flags.
 
     Raises ValueError if the JSON is too long for the column of flags.
     """

@@ -43,7 +43,7 @@ class ListedFrame:
 
 @dataclass(frozen=True)
 class Listing:
-    """The pictures of an import, with their rows in the table of states.
+    """The pictures that are imported, each with its row in the table of states (states.csv).
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def _near(row: Row, images: list[Path]) -> str:
 
 
 def _beside(row: Row) -> list[Path]:
-    """Return the image that a row of the table names by a relative path, in a list.
+    """Return a list with the image whose relative path is given in a row of the table.
 
     The path is relative to the folder of the table. The list is empty if there is no image at this path.
     """
@@ -188,7 +188,7 @@ def last_number(stem: str) -> int | None:
 
 
 def some(words: list[str]) -> str:
-    """Return the first five of a list of words, separated by commas, and the number of further words."""
+    """Return a text with the first five of a list of words, separated by commas, and the number of further words."""
     return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
 
 
@@ -211,9 +211,9 @@ def _listed_times(video: Path, rows: list[Row]) -> Listing:
 
 
 def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
-    """List every n-th frame of a video, with the row of the table whose load acts at the time of the frame.
+    """List every n-th frame of a video, each with the row of the table whose load acts at the time of the frame.
 
-    The number n is ``every``. Frames at whose times no load acts are left out.
+    The number n is ``every``. If no row gives a load for the time of a frame, this frame is left out.
     """
     times = frame_times(video)
     by_time = "time_s" in rows[0].cells

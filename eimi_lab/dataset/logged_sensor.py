@@ -51,7 +51,7 @@ class SensorLog:
     state
         (n,) for each frame, the number of the state to which the frame belongs.
     time_s
-        (n,) for each frame, the time of the reading on the clock of the run, s.
+        (n,) for each frame, the time of the reading on the clock of the run, s; NaN without a reading.
     value
         (n,) for each frame, the reading; NaN if the sensor was not read with this frame.
     standard_uncertainty

@@ -1,4 +1,4 @@
-"""Store and read two quantities of imported states: uncertainty of the field, and temperature of the specimen."""
+"""Store and read two measured quantities of imported states: field uncertainty and temperature of the specimen."""
 
 from __future__ import annotations
 
@@ -30,15 +30,19 @@ class Measured(Protocol):
 
 
 def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
-    """Add the measured quantities of all states to an existing dataset file, see `write_measured_columns`."""
+    """Add field uncertainties and temperatures to an existing dataset file, if they were measured.
+
+    ``loads`` contains one element for each state.
+    """
     with h5py.File(path, "r+") as file:
         write_measured_columns(file["entry/states"], loads)
 
 
 def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> None:
-    """Write a column to the table of states for each quantity of `COLUMNS` that was measured in at least one state.
+    """Write field uncertainties and temperatures to the table of states, each as a column.
 
-    The column contains NaN for a state in which the quantity was not measured.
+    A quantity that was measured in no state gets no column. The value is NaN for a state in which the quantity was not
+    measured. ``loads`` contains one element for each state.
     """
     for name, (key, unit) in COLUMNS.items():
         values = [getattr(load, key) for load in loads]
@@ -48,8 +52,9 @@ def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> Non
 
 
 def measured_column(states: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return a measured quantity of all states, shape (count,); NaN for a state in which it was not measured.
+    """Return the field uncertainty (mT) or the temperature (°C) of each state, shape (count,).
 
-    ``states`` is the table of states, ``name`` is a key of `COLUMNS`, and ``count`` is the number of states.
+    The value is NaN for a state in which the quantity was not measured. ``states`` is the table of states in the file,
+    ``name`` is "field_sigma" or "temperature", and ``count`` is the number of states.
     """
     return np.asarray(states[name][()]) if name in states else np.full(count, np.nan)

@@ -22,11 +22,12 @@ class FieldLine:
     probe
         Name and identification of the gaussmeter. Datasets with the same gaussmeter share its calibration error.
     mT_per_A, offset_mT
-        The slope, and the offset, which is the sum of the zero error of the probe, remanence and the background field.
+        The slope, mT/A, and the offset, mT. The offset is the sum of the zero error of the probe, the remanence and the
+        background field.
     mT_per_A_sigma, offset_mT_sigma
-        Standard uncertainties of slope and offset.
+        Standard uncertainties of the slope (mT/A) and of the offset (mT).
     scatter_mT
-        Standard deviation of the readings from the line.
+        Standard deviation of the readings from the line, mT.
     currents
         Number of different currents in the fit.
     shared_is_stated
@@ -45,7 +46,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """A text with the slope and the offset of the line, and their standard uncertainties."""
+        """The slope and the offset of the line with their standard uncertainties, as text for the user."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"
@@ -108,7 +109,7 @@ def field_line(
 
 
 def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine | None:
-    """Fit the straight line of field against current to the gaussmeter readings of a run, see `field_line`.
+    """Fit the straight line B = slope · I + offset to the gaussmeter readings B of a run, I being the coil current.
 
     Parameters
     ----------

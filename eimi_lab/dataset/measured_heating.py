@@ -30,7 +30,8 @@ SEARCHED = np.geomspace(0.1, 10.0, 201)
 """Trial time constants, divided by the time constant in the rig file."""
 
 DIFFERENT = 0.3
-"""Relative difference of the fitted time constant from the time constant in the rig file above which it is reported."""
+"""Largest relative difference of the fitted time constant from the time constant in the rig file that is not reported
+to the user."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class MeasuredHeating:
     rms_K : float
         Root mean square difference between the readings and the fit with the time constant in the rig file, K.
     time_constant_s, best_time_constant_s : float
-        The time constant in the rig file, and the time constant for which the difference is smallest, s.
+        The thermal time constant in the rig file, and the time constant for which the model fits best, s.
     best_rms_K : float
         Root mean square difference between the readings and the fit with ``best_time_constant_s``, K.
     continuous_current_A : float
@@ -141,18 +142,19 @@ def measured_heating(
 def _shares(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heating h / I0² for m time constants (first axis) at n readings (second axis), shape (m, n).
+    """Return the heat of the coil, h / I0², at n readings for m trial time constants, shape (m, n).
 
-    The docstring of the module defines h and I0.
+    The heat h (A²) follows from the current I by τ dh/dt = I² − h, where τ is the time constant. I0 is the continuous
+    current, A.
 
     Parameters
     ----------
-    time_s
-        (n,) times of the readings.
-    squares
-        (n,) the squared currents I² / I0². The value at a reading acts since the previous reading.
-    constants_s
-        (m,) time constants.
+    time_s : ndarray, shape (n,)
+        Times of the readings, s.
+    squares : ndarray, shape (n,)
+        The squared currents I² / I0². The value at a reading acts since the previous reading.
+    constants_s : ndarray, shape (m,)
+        The trial time constants, s.
     """
     decay = np.exp(-np.diff(time_s) / constants_s[:, None])
     shares = np.zeros((len(constants_s), len(time_s)))
@@ -162,9 +164,10 @@ def _shares(
 
 
 def coil_heating(dataset: Dataset) -> MeasuredHeating | None:
-    """Compare the measured coil temperatures of a dataset with the thermal model, see `measured_heating`.
+    """Compare the measured coil temperatures of a dataset with the thermal model of the coil in the rig file.
 
-    Returns None if the rig file has no thermal rating of the coil, or if no thermometer at the coil was read.
+    Returns None if the rig file has no thermal rating of the coil, if no thermometer at the coil was read, or if
+    `measured_heating` returns None because there are too few or too equal readings.
     """
     text = dataset.text("rig")
     rating = parse_table(text, "rig").get("coil") if text else None

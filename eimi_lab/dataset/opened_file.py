@@ -27,7 +27,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     Returns
     -------
     file, finished
-        The open file, and whether its writer closed it: False during a run and after a crash.
+        The open file, and whether its writer closed the file: False during a run and after a crash.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Draw the edges or the tracked points of all states in one figure for a notebook."""
+"""Draw the edges or the tracked points of all states of a dataset in one figure for a notebook."""
 
 from __future__ import annotations
 

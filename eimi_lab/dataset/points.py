@@ -1,4 +1,4 @@
-"""Datasets of tracked material points, which motion capture or image correlation measured; they have no frames."""
+"""Datasets of tracked material points instead of frames. Motion capture or image correlation measured the points."""
 
 from __future__ import annotations
 
@@ -76,17 +76,17 @@ class Load:
     Parameters
     ----------
     current_A
-        Current of the coil; None if only the field is known.
+        Current of the coil, A; None if only the field is known.
     field_mT
-        Field at the magnet.
+        Field at the magnet, mT.
     tip_force_N
-        Force at the tip.
+        Force at the tip, N.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
+        Direction of the tip force in the beam frame, degrees from +x toward +y; None for the direction of gravity.
     field_sigma_mT
-        Standard uncertainty of the measured field; None if the field was not measured.
+        Standard uncertainty of the measured field, mT; None if the field was not measured.
     temperature_degC
-        Measured temperature of the specimen; None if it was not measured.
+        Measured temperature of the specimen, °C; None if the temperature was not measured.
     """
 
     current_A: float | None
@@ -114,7 +114,7 @@ def write_points(
     header
         Description of the measurement.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y.
+        Direction of gravity in the beam frame, degrees from +x toward +y.
     loads, points
         The loads, and the tracked points, of each state.
     gravity

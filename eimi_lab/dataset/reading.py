@@ -69,9 +69,9 @@ class Dataset:
     gravity
         Whether the simulation of the beam includes the weight of the beam.
     field_line
-        The straight line through the readings of a gaussmeter against the current. The field of each state is then the
-        slope of the line times the current of the state. None without a gaussmeter; the fields then follow from the
-        coil constant, or were imported.
+        The straight line through the readings of a gaussmeter against the current; None if the run had no gaussmeter.
+        With a gaussmeter, the field of each state is the slope of this line times the current of the state. Without a
+        gaussmeter, the fields follow from the coil constant, or were imported.
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
@@ -206,7 +206,7 @@ class Dataset:
         )
 
     def text(self, name: str) -> str | None:
-        """Return the TOML text of an input file that the dataset contains; None if the dataset does not contain it.
+        """Return the TOML text of one input file of the run, as stored in the dataset; None if the text is not stored.
 
         ``name`` is "specimen", "calibration", "protocol" or "rig".
         """
@@ -292,7 +292,7 @@ class Dataset:
             return recorded_ring_downs(self._entry, len(self.states))
 
     def camera_setting(self, name: str) -> float | None:
-        """Return a setting that was read back from the camera, such as "exposure_s"; None if it was not read back."""
+        """Return a setting of the camera during the run, such as "exposure_s"; None if the setting was not stored."""
         with self._naming_damage():
             stored = self._entry.get(f"instrument/detector/settings/{name}")
             return None if stored is None else float(stored[()])
@@ -306,7 +306,10 @@ class Dataset:
             return creep_frames(self._entry, len(self.states), state_index)
 
     def set_points(self) -> tuple[SetPoint, ...]:
-        """Return the set-points of the current with their times; empty if the run did not store set-points."""
+        """Return all set-points of the current that were sent during the run, with their times.
+
+        The result is empty if the run did not store set-points.
+        """
         with self._naming_damage():
             return read_set_points(self._entry)
 
@@ -338,9 +341,9 @@ class Dataset:
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Return the row, in the stack of frames, of each frame that cannot be read.
+        """Return the row numbers, in the stack of frames, of all damaged frames of the states.
 
-        Every frame of the states is read for this.
+        Every frame is read to find the damaged frames, which may take long.
         """
         return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
 
@@ -398,13 +401,13 @@ class Dataset:
 
     @property
     def resumable(self) -> bool:
-        """Whether a run can add further states to the file. Files of early versions do not allow it."""
+        """Whether a run can add further states to the file. False for files of early versions."""
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """Return the stored edges of every state.
+        """Return the stored edges of every state; None if the edges of every state are not in the file.
 
-        The result is None before segmentation, and if states were added after the segmentation.
+        This is so before `eimi segment` found the edges, and if states were added afterwards.
         """
         if "segmentation" not in self._entry:
             return None
@@ -421,7 +424,10 @@ class Dataset:
             return read_projection(self._entry)
 
     def correction(self) -> FieldCorrection | None:
-        """Return the correction of frames by the stored dark frame and flat field; None if neither is stored."""
+        """Return the correction of frames by the stored dark frame and flat field; None if neither image is stored.
+
+        The dark frame was taken without light. The flat field shows the back-light without the beam.
+        """
         with self._naming_damage():
             return correction_by(stored_correction(self._entry))
 

@@ -27,7 +27,8 @@ class RecordedFrames:
     Attributes
     ----------
     time_s, elapsed_s, set_A : ndarray, shape (n,)
-        Time on the clock of the run (s), time since the current was changed (s), and set-point of the current (A).
+        For each frame: time on the clock of the run (s), time since the last change of the current (s), and set-point
+        of the current (A).
     numbers : ndarray of int, shape (n,)
         Numbers that the camera gave to the frames.
     """
@@ -52,10 +53,10 @@ class RecordedFrames:
 
 
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-    """Return the step of the current and the frames of each recorded ring-down.
+    """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
 
-    Early versions recorded a group `release` instead. This group is returned as one ring-down from the current of the
-    last state. The standard uncertainty of the time of the current step is then the interval between two frames.
+    Files of early versions contain a group `release` instead. This group is returned as one ring-down from the current
+    of the last state. The standard uncertainty of the time of the current step is then the interval between two frames.
 
     Parameters
     ----------

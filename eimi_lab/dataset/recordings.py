@@ -72,7 +72,7 @@ class Recording:
     images
         The n frames of H rows and W columns: (n, H, W), or (n, H, W, 3) with the colours blue, green, red.
     belongs_to
-        (n,) number of the state, the cycle or the ring-down of each frame.
+        (n,) for each frame, the number of its state, conditioning cycle or ring-down.
     time_s, elapsed_s
         (n,) time on the clock of the run, and time since the last change of the set-point, s.
     set_A
@@ -87,7 +87,10 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings that a protocol asks for; empty for an import, which has no protocol."""
+    """Return the names of the recordings (frames outside the states) for which a protocol asks.
+
+    The result is empty for an import, which has no protocol.
+    """
     if protocol is None:
         return ()
     is_planned = {
@@ -134,12 +137,13 @@ def append_moments(
     recording
         Name of the recording.
     store
-        The frames and columns of the recording, by name. The caller must keep them open. HDF5 writes the last rows of a
-        column when the column is closed, and an error at that time, such as a full disk, would not be noticed.
+        The frames and columns of the recording in the file, by name. The caller must keep these objects open. HDF5
+        writes the last rows of a column when the column is closed, and an error at that time, such as a full disk,
+        would not be noticed.
     images
-        The frames, with colours in the order of the file (red, green, blue).
+        The n frames, shape (n, H, W) or (n, H, W, 3) with H rows and W columns, with the colours red, green, blue.
     belongs_to
-        The state, the cycle or the ring-down of each frame.
+        For each frame, the number of its state, conditioning cycle or ring-down.
     moments
         Times and set-point of each frame.
     beat
@@ -155,7 +159,19 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append times and set-points of frames that are already in the file; for the parameters see `append_moments`."""
+    """Append times and set-points of frames whose images are already in the file.
+
+    Parameters
+    ----------
+    recording
+        Name of the recording.
+    store
+        The columns of the recording in the file, by name.
+    belongs_to
+        For each frame, the number of its state, conditioning cycle or ring-down.
+    moments
+        Times and set-point of each frame.
+    """
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
         "number": [moment.frame.number for moment in moments],
@@ -214,7 +230,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the numbers of the complete rows of a recording: rows with a stored frame and a value in every column.
+    """Return the numbers of the rows of a recording that have a stored frame and a value in every column.
 
     Rows of states that were not stored completely are left out.
 

@@ -1,8 +1,8 @@
 """Recover a crashed or damaged dataset: copy everything readable to a new file.
 
-HDF5 may run forever when it reads a damaged file (for example, if an object in a global heap has the size 0).
-Therefore a second process reads the file, with limits of processor time and memory. Elapsed time is not limited,
-because a slow machine would otherwise make an undamaged file look damaged.
+HDF5 may run forever when it reads a damaged file (for example, if an object in a global heap has the size 0). Therefore
+a second process reads the file, with limits of processor time and memory. Processor time is limited instead of elapsed
+time, because an undamaged file on a slow computer would otherwise look damaged.
 """
 
 from __future__ import annotations
@@ -144,7 +144,10 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
 
 
 def _comes_from_hdf5(error: BaseException) -> bool:
-    """Return whether h5py itself raised the error; an error raised elsewhere is a fault of this program."""
+    """Return whether an error was raised inside the library h5py.
+
+    Then the file is damaged. An error that was raised elsewhere is a fault of this program.
+    """
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return "h5py" in Path(frame.f_code.co_filename).parts
 
@@ -203,8 +206,8 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: d
     lost
         List to which the names of unreadable members are added.
     copied
-        For each object that was copied, its address in the old file and its name in the new file. An object with two
-        names is copied once, and gets both names.
+        For each copied object: its address in the old file, and its name in the new file. An object that has two names
+        in the old file is copied once, and gets both names.
     """
     _copy_attributes(source, copy, lost)
     for name in source:
@@ -243,8 +246,9 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 def _rebuild_states(entry: h5py.Group) -> list[str]:
     """Restore damaged columns of the table of states, and return a line of text for each restored column.
 
-    The contents are taken from the table of frames. Tip forces and flags are not in this table: the forces become 0,
-    and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised.
+    The contents are taken from the table of frames. This table does not contain tip forces and flags: the forces become
+    0, and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised. ``entry`` is the
+    group `entry` of the new file.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []
@@ -269,9 +273,9 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read a column of a group, or a frame of a stack.
+    """Return whether HDF5 can read one column of a table, or one frame of a stack of frames.
 
-    ``part`` is the name of the column or the row of the frame.
+    ``parent`` is the table or the stack. ``part`` is the name of the column, or the number of the frame in the stack.
     """
     try:
         return len(parent[part][()]) >= 0
@@ -291,7 +295,11 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
-    """Remove incomplete and damaged frames from every recording; return a line of text for each damaged recording."""
+    """Remove incomplete and damaged frames from every recording of a dataset.
+
+    A recording is a series of frames that was taken outside the states. ``states`` is the number of complete states.
+    Returned is a line of text for each damaged recording.
+    """
     lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:
@@ -308,10 +316,10 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Remove damaged frames, add the flag DROPPED to the states of these frames, and return the numbers of the states.
+    """Remove damaged frames from a dataset, and return the numbers of the states of these frames.
 
-    ``damaged`` gives the rows of the damaged frames in the stack of frames. A state whose frames are all damaged gets a
-    black frame.
+    The states get the flag DROPPED. ``damaged`` contains the rows of the damaged frames in the stack of frames. A state
+    whose frames are all damaged gets one black frame.
     """
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]

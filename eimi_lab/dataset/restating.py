@@ -101,10 +101,11 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the factor by which the fields of all states change: the new coil constant over the stored coil constant.
+    """Return the new coil constant divided by the stored coil constant. The fields of all states change by this factor.
 
-    Raises InputError if the coil constant of an imported dataset changes, because imported fields may not have been
-    computed from currents.
+    ``before`` and ``after`` are the stored and the new calibration, and ``file`` is the new calibration file. Raises
+    InputError if the coil constant of an imported dataset changes, because imported fields may not have been computed
+    from currents.
     """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0

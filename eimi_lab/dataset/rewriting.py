@@ -20,9 +20,9 @@ HEADERS_BYTES = 1 << 14
 
 @contextmanager
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
-    """Open a dataset for changes in a ``with`` statement, and yield its group `entry`.
+    """Open a copy of a dataset for changes in a ``with`` statement, and yield the group `entry` of the copy.
 
-    The changes are kept only if the block ends without an error.
+    At the end of the block the copy replaces the dataset. If an error ends the block, the dataset stays unchanged.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
 
 
 def _make_room(file: Path, size: int) -> None:
-    """Lengthen a file to ``size`` bytes, if the operating system can reserve space on the disk.
+    """Lengthen a file to ``size`` bytes, so that this space on the disk is reserved. HDF5 removes unused bytes later.
 
-    HDF5 removes the unused bytes later.
+    On an operating system that cannot reserve space, the file is not changed.
     """
     if hasattr(os, "posix_fallocate"):
         with file.open("r+b") as opened:

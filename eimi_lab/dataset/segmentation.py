@@ -36,7 +36,7 @@ from eimi_lab.vision.intensity import state_mean
 from eimi_lab.vision.projection import Projection, choose_projection
 from eimi_lab.vision.ruled_picture import ruled_picture
 
-_STRAIGHT_DEG = 10.0  # turn of the tip within which two states are equally straight
+_STRAIGHT_DEG = 10.0  # largest difference of the tip angles of two states that count as equally straight
 
 Workers = Callable[[], AbstractContextManager[Executor]]
 
@@ -165,11 +165,12 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states, with corrected flags for a wrong position of the clamp.
+    """Return the edges of all states, in which only nearly straight states decide whether the clamp is misplaced.
 
-    The check of the clamp extrapolates the edges to the line of the clamp. If the beam is strongly curved there, the
-    extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with this flag gets the flag of
-    the straightest state instead, or loses the flag if the straightest state does not have it.
+    The check of the clamp position extrapolates the edges to the line of the clamp. If the beam is strongly curved at
+    the clamp, the extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with the flag for a
+    wrong clamp position gets the flag of the straightest state instead, or loses the flag if the straightest state does
+    not have this flag.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -189,16 +190,19 @@ def _is_clamp_offset(flag: Flag) -> bool:
 
 
 def _in_words(flags: Sequence[Flag]) -> str:
-    """Return the names of the flags of a state as text; flags that do not affect a fit are listed last as notes."""
+    """Return a text with the names of the flags (defects) of a state.
+
+    Flags that do not affect a fit are listed at the end, as notes.
+    """
     notes = [flag.name for flag in flags if flag.severity is Severity.NOTE]
     names = ", ".join(flag.name for flag in flags if flag.severity is not Severity.NOTE) or "no flags"
     return f"{names}; notes: {', '.join(notes)}" if notes else names
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
-    """Return x and y of n points along the beam that the user clicked, shape (n, 2), in mm in the beam frame.
+    """Return the n points along the beam that the user clicked, shape (n, 2), in mm in the beam frame.
 
-    Return None if the calibration contains no clicked points.
+    The points are stored in the calibration. None is returned if the calibration contains no clicked points.
     """
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
@@ -297,7 +301,7 @@ def _edges_in(
 ) -> EdgeSet:
     """Find the edges in the mean image of a state, within the region of interest of the calibration.
 
-    The flags of the result are those of the image, without the flags of the run.
+    The flags of the result are the defects of the image. The flags of the run are not added.
 
     Parameters
     ----------
@@ -328,7 +332,11 @@ def _edges_in(
 
 
 def _is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether the edges of a state are reliable enough to help in the search for the beam in other states."""
+    """Return whether the edges of a state are reliable enough to guide the search for the beam in other states.
+
+    The edges must exist, must not be a guess between several bodies, and must have no flag that makes the state
+    unusable.
+    """
     guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
     return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 
@@ -341,9 +349,9 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
     advice : str
         A text with the probable cause.
     picture : bytes
-        A PNG of the first frame of the state, with rulers in pixels. The straight beam is drawn where calibration and
-        specimen place it. If the text suggests another value in the calibration, the edges that are found with this
-        value are drawn in green.
+        A PNG image of the first frame of the state, with rulers in pixels. The straight beam is drawn at its position
+        according to calibration and specimen. If the text suggests another value in the calibration, the edges that are
+        found with this value are drawn in green.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)

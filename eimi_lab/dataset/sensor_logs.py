@@ -26,7 +26,7 @@ LOG_COLUMNS = ("time", "value", "value_errors")
 
 
 def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: int) -> dict[str, list[float]]:
-    """Return the readings of one sensor during a state as rows for its log, by name of the column.
+    """Return the readings of one sensor during a state as rows for the log of the sensor, by the name of the column.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: in
 
 
 def log_of(entry: h5py.Group, name: str) -> dict[str, h5py.Dataset]:
-    """Return the columns of the log of the sensor ``name``, by name of the column."""
+    """Return the columns in the file that contain the readings of the sensor ``name``, by the name of the column."""
     return {column: entry[PLACE][name]["value_log"][column] for column in LOG_COLUMNS}
 
 
@@ -82,7 +82,7 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
 
 
 def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
-    """Return the readings of all sensors of a dataset; empty without sensors.
+    """Return the readings of all sensors of a dataset; empty if the run had no sensors.
 
     ``states`` is the number of completely stored states. Readings of later states are left out.
     """

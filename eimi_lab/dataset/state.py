@@ -9,28 +9,29 @@ from eimi_lab.vision.check import Flag
 
 @dataclass(frozen=True)
 class State:
-    """One state of the specimen with its loads and flags.
+    """One state (load step) of the specimen: its loads and its flags, which are the names of its defects.
 
     Parameters
     ----------
     index
         Number of the state, from 0.
     current_A, measured_A
-        The set-point of the coil current, and the mean of the currents that were measured in the state; each is None if
-        unknown.
+        The set-point of the coil current, and the mean of the currents that were measured in the state, A; each is None
+        if unknown.
     field_mT
-        Field at the magnet.
+        Field at the magnet, mT.
     tip_force_N
-        Force at the tip.
+        Force at the tip, N.
     flags
-        Flags that the run or the import gave to the state; the flags of segmentation belong to the edges.
+        Defects that were found during the run or the import. The defects that the search for edges finds are stored
+        with the edges.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
+        Direction of the tip force in the beam frame, degrees from +x toward +y; None for the direction of gravity.
     field_sigma_mT
-        Standard uncertainty of a field that was measured in this state; None if the field was computed from the
+        Standard uncertainty of a field that was measured in this state, mT; None if the field was computed from the
         current.
     temperature_degC
-        Measured temperature of the specimen; None if it was not measured.
+        Measured temperature of the specimen, °C; None if the temperature was not measured.
     """
 
     index: int

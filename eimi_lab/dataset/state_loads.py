@@ -49,14 +49,14 @@ ABSOLUTE_ZERO_DEGC = -273.15
 
 
 def load_of(row: Row, calibration: Calibration | None) -> Load:
-    """Return the loads that a row of a table of states specifies.
+    """Return the loads (current, field, tip force) and measured conditions in one row of a table of states.
 
     Parameters
     ----------
     row
         The row.
     calibration
-        The calibration, by whose coil constant currents are converted into fields; None for tracked points.
+        The calibration, with whose coil constant currents are converted into fields; None for tracked points.
 
     Raises
     ------
@@ -95,9 +95,9 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return the loads of each state of tracked points, by the number of the state in the column ``state``.
+    """Return a dictionary of the loads of each state of tracked points, whose keys are the numbers of the states.
 
-    The numbers are in increasing order.
+    The numbers come from the column ``state`` and are in increasing order.
 
     Raises InputError if a row is wrong, or if two rows have the same number.
     """

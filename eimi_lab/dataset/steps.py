@@ -36,9 +36,16 @@ _STEP_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A set-point of the current (A), with its time on the clock of the run (s).
+    """A set-point that was sent to the supply: the current, and the time at which the current changed.
 
-    The last field is the standard uncertainty of this time (s).
+    Parameters
+    ----------
+    time_s : float
+        Time of the change on the clock of the run, s.
+    current_A : float
+        The new set-point of the current, A.
+    uncertainty_s : float
+        Standard uncertainty of the time, s.
     """
 
     time_s: float
@@ -55,13 +62,13 @@ class RingDownStep:
     ring_down : int
         Number of the ring-down, from 0.
     from_A, to_A : float
-        Current before and after the step.
+        Current before and after the step, A.
     time_s, uncertainty_s : float
-        Time of the step on the clock of the run, and standard uncertainty of this time.
+        Time of the step on the clock of the run, and standard uncertainty of this time, s.
     frames : int
         Number of stored frames.
     lost : int
-        Number of frames that are missing in the numbers that the camera gave to its frames.
+        Number of lost frames, which are missing in the frame numbers of the camera.
     rate_Hz : float
         Frames per second, computed from the times of the frames.
     """
@@ -90,7 +97,11 @@ def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
 
 
 def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPoint]) -> None:
-    """Append set-points to the table of set-points, whose columns are ``store``; do nothing if ``store`` is empty."""
+    """Append rows to the table of set-points in a dataset.
+
+    ``store`` contains the columns of the table by name. If ``store`` is empty, because the dataset has no such table,
+    nothing is written.
+    """
     if store and set_points:
         for name, values in zip(_SET_POINT_COLUMNS, zip(*map(astuple, set_points), strict=True), strict=True):
             append(store[name], values)
@@ -98,7 +109,10 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append the step of a ring-down to the table of ring-downs, whose columns are ``store``."""
+    """Append the current step of a ring-down to the table of ring-downs in a dataset.
+
+    ``store`` contains the columns of the table by name.
+    """
     for name, value in zip(_STEP_COLUMNS, astuple(step), strict=True):
         append(store[name], [value])
         store[name].flush()
@@ -110,7 +124,7 @@ def read_set_points(entry: h5py.Group) -> tuple[SetPoint, ...]:
 
 
 def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
-    """Return the steps of all recorded ring-downs in the order of time."""
+    """Return the current steps of all recorded ring-downs in the order of time; empty if no ring-down was recorded."""
     kinds = {"int": int, "float": float}
     of_field = [kinds[str(field.type)] for field in fields(RingDownStep)]
     rows = _rows(entry, RING_DOWN_STEPS, list(_STEP_COLUMNS))

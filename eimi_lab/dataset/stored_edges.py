@@ -44,7 +44,7 @@ def write_edges(
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
 ) -> None:
-    """Store the edges of every state and the motions in a dataset; earlier edges are replaced.
+    """Store the edges of every state, and the motions of the beam, in a dataset. Earlier edges are replaced.
 
     Parameters
     ----------
@@ -58,14 +58,14 @@ def write_edges(
         Ring-downs and creep that were found in recorded frames. New ring-downs replace the stored ring-downs, and new
         creep replaces the stored creep.
     length_mm
-        Length of the beam, from which the amplitudes of the motions are computed.
+        Length of the beam, mm, with which the amplitudes of the vibration modes are computed.
 
     Raises
     ------
     InputError
         If the file is still being written, or if its writer crashed.
     ValueError
-        If the numbers of edge sets and states differ.
+        If ``edge_sets`` does not contain one element for each state.
     """
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
@@ -118,7 +118,7 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Write what a NeXus application definition requires: name of the definition, start and end of the run.
+    """Write the entries that a NeXus application definition requires: its name, and the start and end of the run.
 
     In HDF5's single-writer-multiple-reader mode, the writer of a run cannot add the end as a date of variable length.
     Until the edges are stored, the end is therefore in the table of sessions. Files of version 0.1.0 have dates of

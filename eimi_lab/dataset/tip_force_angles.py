@@ -16,7 +16,11 @@ NAME = "tip_force_angle"
 
 
 def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> None:
-    """Add the directions of the tip forces to an existing dataset file, see `write_tip_force_angles`."""
+    """Add the direction of the tip force of each state to an existing dataset file.
+
+    The angles are in degrees, from +x toward +y in the beam frame. None means the direction of gravity. If every angle
+    is None, the file is not changed.
+    """
     if any(angle is not None for angle in angles_deg):
         with h5py.File(path, "r+") as file:
             write_tip_force_angles(file["entry/states"], angles_deg)

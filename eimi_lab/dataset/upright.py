@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Array:
-    """Return the matrix (2, 2) by which a vector (x, y) of the beam frame is multiplied to give (right, up).
+    """Return the matrix (2, 2) that converts a vector (x, y) of the beam frame into (right, up) in the picture.
 
     Parameters
     ----------

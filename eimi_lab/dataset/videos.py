@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 # when it opens the first video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
-_MOST_KEPT = 16  # frames in memory at once
+_MOST_KEPT = 16  # largest number of frames in memory at the same time
 ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 
 
@@ -42,14 +42,15 @@ def frame_times(path: Path) -> NDArray[np.float64]:
 
 
 def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[int, NDArray[Any]]]:
-    """Return the times of all frames of a video, and at most 16 frames at equal distances.
+    """Return the times of all frames of a video, and at most 16 of its frames at equal intervals.
 
     Parameters
     ----------
     path
         The video.
     every
-        The number n: every n-th frame is returned. If this gives more than 16 frames, n is doubled until it does not.
+        The number n: every n-th frame is returned. If more than 16 frames would be returned, n is doubled, repeatedly
+        if necessary.
 
     Returns
     -------
@@ -135,9 +136,10 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return the numbers a, b and c of the equation row = a x + b y + c.
+    """Return the numbers a, b and c of the equation row = a x + b y + c for the frames of a video.
 
-    The equation gives the row of the camera sensor that took the pixel (x, y) of a frame of the video.
+    The result ``row`` is the row of the camera sensor that exposed the pixel (x, y) of a frame. With a rolling shutter,
+    the time of a pixel depends on this row.
 
     A phone stores its video in the orientation of the sensor, together with an angle by which OpenCV rotates each
     frame. If the phone was held upright, the rows of the sensor are therefore columns of the frame.

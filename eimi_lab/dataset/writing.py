@@ -1,10 +1,10 @@
 """Write a dataset of frames so that every stored state survives a crash.
 
 The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which the file is readable at every moment.
-For each state, the arrays of the file are flushed one after another, the table of states last. Then the file is
-synchronised to the disk. All arrays are created before the file is opened in this mode (The HDF Group, SWMR user
-guide). The file is created under a temporary name. Therefore every file with the requested name contains the
-description of the run.
+For each state, the arrays of the file are flushed one after another. The table of states is flushed last, so that it
+lists only complete states. Then the file is synchronised to the disk. All arrays are created before the file is opened
+in this mode (The HDF Group, SWMR user guide). The file is created under a temporary name. Therefore every file with the
+requested name contains the description of the run.
 
 Only one writer may use a path at a time. After each state, the writer checks that the path still leads to its file. If
 another program deleted, moved or replaced the file, the writer continues in a copy in the same folder.
@@ -70,14 +70,20 @@ COPY_BYTES = 1 << 20
 
 
 def _ignore() -> None:
-    """Do nothing: the default `beat` of a writer whose progress is not monitored."""
+    """Do nothing. This is the default of the argument `beat`, for a writer whose progress nobody monitors."""
 
 
 class StorageFailed(OSError):
-    """The error that a dataset can no longer be written; its message says whether the stored states are safe."""
+    """The error that is raised if a dataset can no longer be written.
+
+    The message says whether the stored states are safe.
+    """
 
     def __init__(self, message: str, reason: str = "") -> None:
-        """Create the error with its message; ``reason`` is the text of the operating system, if it reported one."""
+        """Create the error with a message.
+
+        ``reason`` is the error text of the operating system; empty if the operating system reported no error.
+        """
         super().__init__(message)
         self.reason = reason
 
@@ -138,7 +144,8 @@ class DatasetWriter:
     ) -> DatasetWriter:
         """Return a writer that appends states to an existing dataset, which was closed properly or recovered.
 
-        The class describes the parameters. Raises InputError if the file cannot be opened for writing.
+        ``beat`` and ``warn`` are the parameters of the class. Raises InputError if the file cannot be opened for
+        writing, or if another writer uses the path.
         """
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn
@@ -155,9 +162,10 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Store the present time as the time at which the run started or continued.
+        """Begin a session: store the present time as the time at which the run started or continued.
 
-        Raises StorageFailed if the file cannot be written.
+        A run has one session, and a further session after each pause or interruption. Raises StorageFailed if the file
+        cannot be written.
         """
         session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
@@ -205,7 +213,7 @@ class DatasetWriter:
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Close the file without further writes, so that it stays as a crash would leave it.
+        """Close the file without further writes. The file then has the same content as after a crash.
 
         HDF5 writes its remaining data when it closes a file. After a failed write this would fail again, and would
         crash the program at its end. Therefore the remaining data are sent to the null device. A file without a state
@@ -232,7 +240,7 @@ class DatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file; remove it if it holds no state."""
+        """Close the file. A file without a state is removed."""
         if self._abandoned:
             return
         self._refuse_overwritten()
@@ -271,23 +279,23 @@ class DatasetWriter:
 
         When this function returns, the state and the frames survive a crash of the program or of the computer.
 
-        If another program deleted, moved or replaced the file, the user gets a warning, and all states are in a copy
-        in the same folder.
+        If another program deleted, moved or replaced the file, the user gets a warning, and all states are in a copy in
+        the same folder.
 
         Parameters
         ----------
         frames
             The frames of the state.
         current_A, field_mT, tip_force_N
-            The loads of the state.
+            The loads of the state: set current (A), field at the magnet (mT) and force at the tip (N).
         measured_A, time_s
             For each frame, the measured current (A), and the time on the clock of the run (s).
         flags
-            Flags of the state.
+            Flags: the defects of the frames of the state.
         transient
             Frames that were taken while the beam settled; ignored if the file has no group for such frames.
         sensed
-            For each frame, the readings of the sensors by name, with times on the clock of the run.
+            For each frame, the readings of the sensors by the name of the sensor, with times on the clock of the run.
         set_points
             Set-points that were sent after the previous state was stored; ignored if the file has no table of
             set-points.
@@ -340,16 +348,17 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames of a recording. When this function returns, the frames survive a crash.
+        """Store frames that were taken outside the states. When this function returns, the frames survive a crash.
 
-        Raises the same errors as `append_state`.
+        Raises ValueError if a frame differs from the frames of the file, and StorageFailed if the file cannot be
+        written.
 
         Parameters
         ----------
         name
-            Name of the recording, a key of `recordings.BELONGS_TO`.
+            Name of the recording, a key of `recordings.BELONGS_TO`, such as "transients".
         belongs_to
-            The state, the cycle or the ring-down of each frame.
+            For each frame, the number of its state, load cycle or ring-down.
         moments
             The frames with their times and set-points.
         """
@@ -370,7 +379,7 @@ class DatasetWriter:
         """Yield a stream that writes the frames of a ring-down while the camera takes further frames.
 
         Use this method in a ``with`` statement. At the end of the block all frames are written. Then call
-        `end_ring_down`. Raises the same errors as `append_state`.
+        `end_ring_down`. Raises StorageFailed if the file cannot be written, or if another program wrote into it.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
@@ -458,9 +467,9 @@ class DatasetWriter:
 
 
 def _taken_away(path: Path, descriptor: int) -> str:
-    """Return what happened to an open file, such as "was moved"; an empty text if ``path`` still leads to the file.
+    """Return in words what another program did to an open file, such as "was moved" or "was deleted".
 
-    ``descriptor`` is the file descriptor of the open file.
+    ``descriptor`` is the file descriptor of the open file. The text is empty if ``path`` still leads to this file.
     """
     try:
         open_file = os.fstat(descriptor)
@@ -485,7 +494,7 @@ def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -
     source
         File descriptor of the open file.
     fate
-        What happened to the file, such as "was deleted", for a message.
+        Text about the loss of the file, such as "was deleted", for a message.
     beat
         Function that is called repeatedly while the file is copied.
 

@@ -7,9 +7,9 @@ beam_modes        modes of a cantilever, and the amplitudes of these modes in a 
 motion_csv        motions from a table of tracked points
 tracked_motion    motions from the files of tracking programs
 video_times       times at which the frames of a video were recorded
-clicked_line      a calibration from points that the user clicked on the beam
+clicked_line      a calibration that is computed from points which the user clicked on the beam
 film              points of the beam in every frame of a video or of a recording
-flicks            division of a recording in which the beam was flicked several times
+flicks            division of a recording in which the beam was flicked (pushed briefly) several times
 filmed_motion     motions from videos
 recorded_motion   motions from the recorded frames of a run
 recording_checks  flags for lost frames and for a camera that was too slow

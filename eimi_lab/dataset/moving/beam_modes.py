@@ -83,9 +83,9 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
 
 
 def tip_angles_deg(motion: Motion) -> Array:
-    """Return the rotation of the tip in each of the n frames of a motion, compared with the undeformed beam.
+    """Return the rotation of the tip in each of the n frames of a motion, relative to the undeformed beam.
 
-    The direction of the tip is that of the line between the two points that are farthest from the clamp.
+    The direction of the tip is the direction of the line through the two points that are farthest from the clamp.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Make a calibration (clamp, direction of the beam, scale) from points that the user clicked on the beam at rest.
 
-The scale may be inaccurate, because the frequency and the loss of a ring-down do not depend on it. The direction in
-which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from the clamp divided
-by the length. A uniform load, such as the weight, bends a clamped beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A load at
-the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
+The scale may be inaccurate, because the frequency and the loss of a ring-down do not depend on the scale. The direction
+in which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from the clamp
+divided by the length. A uniform load, such as the weight, bends a clamped beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A
+load at the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section
+39).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _SCALE_SHARE = 0.03  # standard uncertainty of the scale: perspective, clicks, a
 _CLICK_PX = 3.0
 _AXIS_DEG, _GRAVITY_DEG = 1.0, 2.0
 _DOWN_DEG = 90.0
-_LEVEL_DEG = 20.0  # two clicks on a sagging beam are this far from its axis at most
+_LEVEL_DEG = 20.0  # largest angle between the line through two clicks on a sagging beam and the axis of the beam
 _SHORTEST_PX = 40.0
 
 
@@ -42,7 +43,8 @@ def clicked_calibration(
     specimen : SpecimenFile
         The specimen, whose length gives the scale.
     axis_deg : float, optional
-        Direction in which the beam leaves the clamp, clockwise from +x of the picture; None if the user gives none.
+        Direction in which the beam leaves the clamp, degrees clockwise from +x of the picture. If None, the direction
+        is computed from the points.
     origin : str
         Name of the recording in messages.
 
@@ -88,13 +90,15 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
     changes : mapping
         Values of a calibration by key. The clicked points are ``changes["picture"]["along_px"]``. All other values
         replace the values that `clicked_calibration` computes.
-    specimen, origin
-        See `clicked_calibration`.
+    specimen : SpecimenFile
+        The specimen, whose length gives the scale.
+    origin : str
+        Name of the recording in messages.
 
     Raises
     ------
     InputError
-        See `clicked_calibration`.
+        If the points or the other values are wrong.
     """
     calibration = clicked_calibration(changes["picture"]["along_px"], specimen, changes.get("axis_angle_deg"), origin)
     return changed_calibration(calibration, changes)
@@ -118,10 +122,11 @@ def _direction_deg(points: Array) -> float:
 
 
 def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array, has_tip_load: bool) -> Calibration:
-    """Return a calibration whose axis and clamp are corrected by the measured centre line of the beam at rest.
+    """Return a calibration whose axis and clamp are corrected with the measured centre line of the beam at rest.
 
-    The centre line is fitted by a straight line plus the shapes under a uniform load and, with a weight at the tip,
-    under a load at the tip. With fewer than six seen points the calibration is returned unchanged.
+    The centre line is fitted by a straight line, plus the shape of a cantilever under a uniform load and, with a weight
+    at the tip, the shape under a load at the tip. If fewer than six points were seen, the calibration is returned
+    unchanged.
 
     Parameters
     ----------

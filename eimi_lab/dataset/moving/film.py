@@ -21,15 +21,15 @@ from eimi_lab.vision.tracking.beam_tracker import BeamTracker, SeenBeam
 
 Array = NDArray[np.float64]
 
-FIRST_TRIES = 200  # a film is refused if none of this many first frames shows the beam
-_SEARCH_EVERY = 5  # frames; a search of the whole frame takes as long as following the beam through ten frames
-_SMOOTH = 6  # terms of a polynomial whose error for a swinging beam is below the noise of its points
+FIRST_TRIES = 200  # number of frames at the beginning of a film in which the beam has to be found
+_SEARCH_EVERY = 5  # frames between two searches of a whole frame; one search takes as long as ten frames with a tracker
+_SMOOTH = 6  # terms of a polynomial that describes a swinging beam with an error below the noise of the points
 _LEAST_SIGMA_MM = 1e-4
 _NORMAL_MEDIAN = 1.4826  # ratio of the standard deviation of a normal distribution to the median of its absolute values
 
 
 class NoBeam(InputError):
-    """The error that no beam was found in a film at the place that the calibration gives."""
+    """The error that is raised if no beam is found in a film near the clamp position in the calibration."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,20 @@ class Film:
     right_px: Array
 
     def sigma_mm(self, middle_mm: Array) -> Array:
-        """Return the standard deviation of the noise of each of the p points across the beam, mm, shape (p,).
+        """Return the standard deviation of the noise of each of the p points in the direction across the beam, mm.
 
-        In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points. The standard deviation
-        of a point follows from the scatter, over all frames, of its distance from the polynomial of the frame.
+        In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points. The standard deviation of
+        a point follows from the scatter, over all frames, of its distance from the polynomial of the frame.
 
         Parameters
         ----------
         middle_mm : ndarray, shape (n, p, 2)
-            Points of the centre line in the beam frame.
+            Points of the centre line in the n frames, in the beam frame, mm.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+            The standard deviations, at least `_LEAST_SIGMA_MM`.
         """
         complete = np.isfinite(middle_mm[..., 1]).all(axis=1)
         if not complete.any():
@@ -89,9 +94,9 @@ def follow_film(
     Parameters
     ----------
     images : iterable of ndarray, shape (H, W) or (H, W, 3)
-        The frames.
+        The frames, each of H by W pixels.
     calibration, specimen
-        Calibration and specimen.
+        Calibration of the camera, and the specimen.
     origin : str
         Name of the film in messages.
     projection : Projection, optional
@@ -138,7 +143,11 @@ def follow_film(
 def tracker_from(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> BeamTracker | None:
-    """Return a tracker that starts from the position of the beam in a frame; None if no beam is found in the frame."""
+    """Return an object that follows the beam from frame to frame, starting from its position in one frame.
+
+    None is returned if no beam is found in the frame. `image` has the shape (H, W) or (H, W, 3) with H by W pixels.
+    `projection` converts colours into grey values.
+    """
     edges = _edges(image, calibration, specimen, projection)
     if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:
         return None

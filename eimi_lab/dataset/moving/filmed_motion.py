@@ -30,9 +30,9 @@ from eimi_lab.vision.tracking.steady_view import MOVED_PX, SteadyView
 
 Array = NDArray[np.float64]
 
-_EVERY = 8  # frames; one of those that are kept shows the beam at rest
-_AT_THE_END = 4  # the last quarter of a recording shows where the beam comes to rest
-_LITTLE = 0.7  # share of the points
+_EVERY = 8  # every 8th frame is kept in memory; one of the last kept frames shows the beam at rest
+_AT_THE_END = 4  # divisor: the last quarter of a recording shows where the beam comes to rest
+_LITTLE = 0.7  # share of the points that should be seen; with fewer points the user gets a note
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class FilmedPoints:
     rest_mm : ndarray, shape (p, 2)
         Positions of the points in the undeformed beam.
     time_s : ndarray, shape (n, p)
-        Time at which each point was exposed.
+        Time at which the camera exposed each point, s.
     sigma_mm : ndarray, shape (n, p)
         Standard uncertainty of one coordinate of each point.
     """
@@ -64,9 +64,10 @@ def points_of_film(
     row_time_s: float = 0.0,
     rows: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> FilmedPoints:
-    """Convert the points of a film from px to mm in the beam frame, and return them with the time of each point.
+    """Convert the points of a film from pixels into mm in the beam frame, and compute the time of each point.
 
-    With a rolling shutter, the camera exposes the rows of a frame one after another, so points differ in time.
+    With a rolling shutter, the camera exposes the rows of a frame one after another, so that the points of a frame have
+    different times.
 
     Parameters
     ----------
@@ -75,9 +76,9 @@ def points_of_film(
     calibration : Calibration
         The calibration of the film.
     frame_s : ndarray, shape (n,)
-        Time of the first row of each frame.
+        Time at which the first row of each frame was exposed, s.
     row_time_s : float
-        Time between the exposures of two neighbouring rows; 0 for a global shutter.
+        Time between the exposures of two neighbouring rows, s; 0 for a global shutter.
     rows : tuple of float
         Three numbers (a, b, c). The pixel (x, y) of a frame lies in the row a x + b y + c of the sensor.
     """
@@ -100,9 +101,9 @@ class VideoMotions:
     Attributes
     ----------
     motions : tuple of Motion
-        One motion for each time that the beam was flicked.
+        One motion for each time that the beam was flicked (pushed briefly so that it swings).
     calibration : Calibration
-        The calibration by which px were converted into mm.
+        The calibration with which pixels were converted into mm.
     """
 
     motions: tuple[Motion, ...]
@@ -123,9 +124,9 @@ def read_video_motions(
     path : Path
         The video.
     calibration, specimen
-        Calibration and specimen.
+        Calibration of the camera, and the specimen.
     facts : MotionFacts
-        Facts that the user gives. The rate of the recording, `rate_Hz`, has priority over the rate of the video.
+        Facts that the user gives. The rate of the recording, `rate_Hz`, is used instead of the rate in the video file.
     is_clicked : bool
         Whether the calibration was made from clicked points. The axis and the clamp in the calibration are then
         corrected by the measured shape of the beam at rest.
@@ -176,16 +177,19 @@ def frame_at_rest(path: Path) -> NDArray[Any]:
 
 
 def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the last but one of the frames in ``kept``, whose keys are the numbers of the frames.
+    """Return the second last of some frames of a video, because the last frame may show the hand that stops the camera.
 
-    The last frame may show the hand that stops the camera.
+    ``kept`` contains the frames by their numbers in the video.
     """
     numbers = sorted(kept)
     return kept[numbers[max(len(numbers) - 2, 0)]]
 
 
 def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a film; after each frame, report the progress if standard error is a terminal."""
+    """Yield the frames of a film, and report the progress after each frame if standard error is a terminal.
+
+    ``total`` is the number of frames.
+    """
     for number, image in enumerate(images):
         yield image
         if sys.stderr.isatty():

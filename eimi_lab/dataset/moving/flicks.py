@@ -1,4 +1,4 @@
-"""Divide a recording in which the beam was flicked several times into parts, one for each ring-down.
+"""Divide a recording in which the beam was flicked (pushed briefly) several times into parts, one for each ring-down.
 
 The maximum of the deflection over one period of the vibration rises at each flick and falls afterwards.
 """
@@ -14,29 +14,30 @@ from scipy.signal import find_peaks
 
 Array = NDArray[np.float64]
 
-_LEAST = 0.15  # share of the largest flick; smaller motions are not flicks
+_LEAST = 0.15  # share of the amplitude of the largest flick; smaller motions are not flicks
 _RISE = 3.0  # factor by which the amplitude rises at a flick
-_OVER_NOISE = 8.0
-FEWEST_PERIODS = 6.0  # in which a part has to show the beam swinging
+_OVER_NOISE = 8.0  # smallest ratio of the amplitude of a flick to the amplitude of the noise
+FEWEST_PERIODS = 6.0  # smallest number of periods for which a part has to show the swinging beam
 
 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
-    """Return the frames at which the parts of a recording begin and end; each part contains one ring-down.
+    """Divide a recording into parts with one ring-down each, and return the first and last frame of each part.
 
-    A part is left out if fewer than `FEWEST_PERIODS` periods of the vibration follow its flick.
+    A ring-down begins with a flick (a brief push). A part is left out if fewer than `FEWEST_PERIODS` periods of the
+    vibration follow the flick.
 
     Parameters
     ----------
     frame_s : ndarray, shape (n,)
-        Times of the n frames.
+        Times of the n frames, s.
     points_mm : ndarray, shape (n, p, 2)
-        Positions of p points; NaN for a point that was not seen in a frame.
+        Positions of p points in the beam frame, mm; NaN for a point that was not seen in a frame.
 
     Returns
     -------
     list of (int, int)
-        For each part, the number of the first frame, and the number of the last frame plus 1, in the order of time.
-        The only part is (0, n) if fewer than two flicks are detected, or if all parts are too short.
+        For each part, the number of the first frame, and the number of the last frame plus 1, in the order of time. The
+        only part is (0, n) if fewer than two flicks are detected, or if all parts are too short.
     """
     whole = [(0, len(frame_s))]
     moved = _deflection(points_mm)
@@ -55,7 +56,7 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     peaks = [int(peak) for peak in highest if _is_abrupt(size, int(peak), frames)]
     if len(peaks) < 2:
         return whole
-    calm = size + np.abs(slow)  # a beam that is held aside is not at rest
+    calm = size + np.abs(slow)  # large also for a beam that is held away from its position at rest
     valleys = [int(first + np.argmin(calm[first:last])) for first, last in pairwise(peaks)]
     ends = [0, *(max(valley - frames // 2, 1) for valley in valleys), len(frame_s)]
     parts = list(pairwise(ends))
@@ -109,7 +110,8 @@ def _deflection(points_mm: Array) -> Array | None:
 def _period(moved: Array, rate_Hz: float) -> int:
     """Return the number of frames in one period of the strongest vibration of a point.
 
-    moved: deflection of the point in n frames, shape (n,).
+    ``moved`` is the deflection of the point in n frames, mm, shape (n,). ``rate_Hz`` is the number of frames per
+    second.
     """
     n = len(moved)
     power = np.abs(np.fft.rfft(np.diff(moved) * np.hanning(n - 1), 2 * n)) ** 2  # a difference suppresses slow motion

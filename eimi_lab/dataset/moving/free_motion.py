@@ -13,19 +13,33 @@ from eimi_lab.process.errors import InputError, tell
 Array = NDArray[np.float64]
 
 FEWEST_FRAMES = 8
-_NEAR_GREATEST = 0.97  # share of the greatest deflection; a beam released from rest is below it after 0.04 of a period
-_AT_THE_END = 4  # the last quarter of a recording shows where the beam comes to rest
-_GAP = 1.5  # times the usual interval between frames; in a longer interval frames were lost
+_NEAR_GREATEST = 0.97  # share of the greatest deflection; 0.04 periods after its release a beam is below this share
+_AT_THE_END = 4  # divisor: the last quarter of a recording shows where the beam comes to rest
+_GAP = 1.5  # in units of the usual interval between frames: in a longer interval frames were lost
 
 
 def free_motions(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> tuple[Motion, ...]:
-    """Return the free motions of a recording, one for each time that the beam was flicked.
+    """Return the free motions of a recording, one for each time that the beam was flicked (pushed briefly).
 
     If the user gives the time of the release, only the motion from the release to the next flick is returned. For
-    creep, the whole recording is one motion. A note about several flicks is printed on standard error. For the
-    parameters and errors see `free_motion`.
+    creep, the whole recording is one motion. A note about several flicks is printed on standard error.
+
+    Parameters
+    ----------
+    points_mm, rest_mm, time_s, sigma_mm
+        Positions (n, p, 2) of p points in n frames, positions at rest (p, 2), times (n, p) in s and standard
+        uncertainties (n, p), see `free_motion`.
+    facts : MotionFacts
+        Facts that the user gives.
+    origin : str
+        Name of the recording in messages.
+
+    Raises
+    ------
+    InputError
+        For the same reasons as `free_motion`.
     """
     frame_s, released_s = time_s.min(axis=1), facts.released_s
     alone = facts.kind != "ring_down" or len(frame_s) < FEWEST_FRAMES or not (np.diff(frame_s) > 0).all()
@@ -64,9 +78,9 @@ def free_motion(
 ) -> Motion:
     """Return the motion of the beam after its release. The times of the motion begin at the release.
 
-    If the user does not give the time of the release, the last frame whose deflection is at least 97 % of the largest
-    deflection is taken. The deflection is the distance from the position at the end of the recording. A note on
-    standard error gives the time that was taken.
+    If the user does not give the time of the release, the release is assumed in the last frame whose deflection is at
+    least 97 % of the largest deflection. The deflection is the distance from the position at the end of the recording.
+    A note on standard error gives the assumed time.
 
     Parameters
     ----------
@@ -75,9 +89,9 @@ def free_motion(
     rest_mm : ndarray, shape (p, 2)
         Positions of the points in the undeformed beam.
     time_s : ndarray, shape (n, p)
-        Times since the beginning of the recording.
+        Times of the points since the beginning of the recording, s.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of one coordinate.
+        Standard uncertainty of one coordinate of a point, mm.
     facts : MotionFacts
         Facts that the user gives.
     origin : str
@@ -144,7 +158,7 @@ def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
 
 
 def _release(points_mm: Array) -> int:
-    """Return the number of the frame in which the beam was released, for positions (n, p, 2) of its points.
+    """Return the number of the frame in which the beam was released, from positions (n, p, 2) of p points in n frames.
 
     This is the last frame with at least 97 % of the largest deflection. The deflection is the distance of the point
     with the largest motion from its mean position in the last quarter of the recording.

@@ -38,12 +38,12 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> t
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        Facts that the user gives. If `rate_Hz` is given, the time of a row is its frame number over `rate_Hz`.
+        Facts that the user gives. If `rate_Hz` is given, the time of a row is its frame number divided by `rate_Hz`.
 
     Returns
     -------
     tuple of Motion
-        One motion for each time that the beam was flicked.
+        One motion for each time that the beam was flicked (pushed briefly so that it swings).
 
     Raises
     ------

@@ -21,13 +21,13 @@ class MotionFacts:
     released_s : float, optional
         Time in the recording, in s, at which the beam was released, or at which the load of the beam changed.
     hanging_N : float
-        Weight that hangs at the tip during the motion.
+        Weight that hangs at the tip during the motion, N.
     removed_N : float
-        Weight that was taken from the tip at the release.
+        Weight that was taken from the tip at the release, N.
     exposure_s : float, optional
-        Exposure time of a frame.
+        Exposure time of a frame, s.
     row_time_s : float
-        Time between the exposures of two neighbouring rows of the sensor; 0 for a global shutter.
+        Time between the exposures of two neighbouring rows of the sensor, s; 0 for a global shutter.
     """
 
     kind: Kind

@@ -63,7 +63,8 @@ def write_motion_dataset(
 def add_motions(path: Path, motions: Sequence[Motion], specimen: SpecimenFile) -> None:
     """Store ring-downs, or creep, in an existing dataset of the same beam.
 
-    Stored motions of the same kind are replaced. Raises InputError if the file cannot be written.
+    Motions of the same kind that the dataset already contains are replaced. Raises InputError if the file cannot be
+    written.
 
     Parameters
     ----------

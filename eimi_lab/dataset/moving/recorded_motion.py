@@ -22,7 +22,7 @@ def recorded_motions(
     projection: Projection | None,
     report: Callable[[str], None],
 ) -> tuple[Motion, ...]:
-    """Measure the motion of the beam in each ring-down and each creep that a run recorded.
+    """Measure the motion of the beam in each ring-down and in each state with recorded creep of a run.
 
     A recording in which no beam is found is left out, and a note about this recording is printed on standard error.
 
@@ -31,7 +31,7 @@ def recorded_motions(
     dataset : Dataset
         A dataset of frames.
     edge_sets : sequence of EdgeSet
-        The edges of the states of the dataset. If no state has edges, the result is empty.
+        The edges that were found in each state of the dataset. If no state has edges, the result is empty.
     projection : Projection, optional
         Projection from colours to grey values.
     report : callable
@@ -91,7 +91,7 @@ def _followed(
     kind
         "ring_down" or "creep".
     step
-        The set-point that began the motion.
+        The set-point whose change of the current began the motion.
     set_points
         All set-points of the run.
     from_A

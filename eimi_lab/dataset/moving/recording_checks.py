@@ -28,7 +28,7 @@ SLOW = Check(
 
 
 def flag_names(motion: Motion) -> tuple[str, ...]:
-    """Return the names of the flags that a recorded motion raises; empty if no frame of the recording was lost."""
+    """Return the names of the defects (flags) of a recorded motion; empty if no frame of the recording was lost."""
     return (LOST.name,) if motion.lost_frames else ()
 
 

@@ -1,6 +1,7 @@
-"""Store and read motions in a dataset. The groups `ring_down_points` and `creep_points` have a group for each motion.
+"""Store motions of the beam in a dataset, and read stored motions.
 
-The group of a motion has the name 0, 1, … and is an NXdata. For a motion of p points in n frames, the group contains:
+The groups `ring_down_points` and `creep_points` of the file contain a group for each motion, with the name 0, 1, … and
+the NeXus class NXdata. For a motion of p points in n frames, the group of the motion contains:
 
     points              (n, p, 2) positions of the points
     time, sigma         (n, p) times and standard uncertainties of the points
@@ -32,7 +33,7 @@ _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the ring-downs, or the creep, of a dataset; stored motions of the same kind are replaced.
+    """Store the ring-downs, or the creep, of a dataset. Motions of the same kind in the file are replaced.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], leng
     motions : sequence of Motion
         The motions in the order in which they were recorded.
     length_mm : float
-        Length of the beam, from which the amplitudes of its modes are computed.
+        Length of the beam, mm, with which the amplitudes of its modes are computed.
     """
     if GROUPS[kind] in entry:
         del entry[GROUPS[kind]]
@@ -72,7 +73,10 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
 
 
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
-    """Return the stored ring-downs, or the stored creep, in the order in which the motions were recorded."""
+    """Return the stored motions of one kind in the order in which they were recorded; empty if there are none.
+
+    `entry` is the group `entry` of the file. `kind` is "ring_down" or "creep".
+    """
     store = entry.get(GROUPS[kind], {})
     return tuple(_read(store[str(number)], kind) for number in range(len(store)))
 

@@ -28,18 +28,18 @@ def read_tracked_motion(
     source : Path
         The file or the folder that the tracking program wrote.
     tool : str
-        Name of the program, one of `FORMATS`.
+        Name of the program, such as "tracker" or "dltdv".
     specimen : SpecimenFile
         The specimen.
     placing : Placing
-        How coordinates of the file are converted into the beam frame.
+        The rule by which coordinates of the file are converted into the beam frame (mm).
     facts : MotionFacts
         Facts that the user gives. If `rate_Hz` is given, the times follow from this rate instead of the file.
 
     Returns
     -------
     tuple of Motion
-        One motion for each time that the beam was flicked.
+        One motion for each time that the beam was flicked (pushed briefly so that it swings).
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Find the times at which the frames of a video were recorded, also for videos in slow motion.
 
-The times in a slow-motion file of a phone are those of the slow playback. The camera program of Android also stores the
-rate of the recording, with the key `com.android.capture.fps` (android.media.MediaRecorder.setCaptureRate). The key is
-in `moov` / `meta` (ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
+The times in a slow-motion file of a phone are the times of the slow playback. The camera program of Android also stores
+the rate of the recording, with the key `com.android.capture.fps` (android.media.MediaRecorder.setCaptureRate). The key
+is in `moov` / `meta` (ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from eimi_lab.process.errors import InputError, tell
 Array = NDArray[np.float64]
 
 _KEY = b"com.android.capture.fps"
-_FLOAT, _DOUBLE = 23, 24  # types of a metadata value
-_MOST_BYTES = 1 << 20  # of a header; the frames of a video lie outside
+_FLOAT, _DOUBLE = 23, 24  # codes of the types of a metadata value
+_MOST_BYTES = 1 << 20  # assumed largest size of a header, which contains no frames
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 1e5
-_USUAL_HZ = 61.0  # rate at which a video is played at most
-_SAME = 0.02  # relative difference of rates
+_USUAL_HZ = 61.0  # highest usual rate at which a video is played
+_SAME = 0.02  # largest relative difference of two rates that count as equal
 
 
 def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
     """Return the times at which the frames of a video were recorded, in s from the first frame, shape (n,).
 
-    The times in the file are multiplied by playback rate / recording rate. A longer time between two frames, where a
-    frame was lost, is therefore preserved. If the user gives no rate, a note on standard error gives the rate used.
+    The times in the file are multiplied by playback rate / recording rate. The longer time between two frames at a lost
+    frame is therefore preserved. If the user gives no rate, a note on standard error gives the rate that is used.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Words = NDArray[np.uint32]
 
-_ROW = 512  # words of 16 bits
+_ROW = 512  # number of words (16 bits) in a row of the arrangement by which `fletcher32` computes its sums
 
 
 def lookup3(block: bytes) -> int:
@@ -20,9 +20,10 @@ def lookup3(block: bytes) -> int:
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Return m blocks of n bytes, shape (m, n), as m rows of k little-endian words of 32 bits, shape (m, k).
+    """Convert m blocks of n bytes, shape (m, n), into m rows of k words, shape (m, k).
 
-    Each block is padded with zeros to a multiple of 12 bytes, that is to 4 k bytes.
+    A word is a little-endian number of 32 bits. Each block is padded with zeros to a multiple of 12 bytes, which are 4
+    k bytes.
     """
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)

@@ -14,9 +14,19 @@ FLETCHER32 = 3  # number of the filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:
-    """Correct one flipped bit in each chunk with a wrong checksum, and return the number of corrected chunks.
+    """Correct one flipped bit in each chunk (stored piece) of an array whose checksum is wrong.
 
-    The result is 0 if the array `dataset` is not stored with the filter fletcher32.
+    Parameters
+    ----------
+    file : MendedFile
+        The file, in which the corrected bytes are replaced in memory.
+    dataset : h5py.Dataset
+        The array.
+
+    Returns
+    -------
+    int
+        The number of corrected chunks; 0 if the array is not stored with the filter fletcher32.
     """
     plist = dataset.id.get_create_plist()
     filters = [plist.get_filter(number)[0] for number in range(plist.get_nfilters())]

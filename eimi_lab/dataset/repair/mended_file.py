@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 class MendedFile(io.RawIOBase):
-    """A file that is open for reading and whose bytes are partly replaced. `h5py.File` accepts this object as a file.
+    """A file that is open for reading, some of whose bytes are replaced. `h5py.File` accepts this object as a file.
 
     Attributes
     ----------
@@ -32,7 +32,10 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """Return `length` bytes from the position `at`, with the replaced bytes; fewer bytes at the end of the file."""
+        """Return `length` bytes from the position `at` (bytes), with the replacements.
+
+        At the end of the file, fewer bytes are returned.
+        """
         content = self._map[at : at + length] if at >= 0 else b""
         if any(at <= place < at + len(content) for place in self.patches):
             patched = bytearray(content)
@@ -43,24 +46,27 @@ class MendedFile(io.RawIOBase):
         return content
 
     def readable(self) -> bool:
-        """See `io.RawIOBase.readable`."""
+        """Return True, because the file can be read."""
         return True
 
     def seekable(self) -> bool:
-        """See `io.RawIOBase.seekable`."""
+        """Return True, because the position in the file can be changed."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """See `io.RawIOBase.seek`."""
+        """Change the position in the file, and return the new position, bytes.
+
+        `offset` counts from the beginning, the present position or the end of the file, as `whence` tells.
+        """
         self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self.size}[whence]
         return self._at
 
     def tell(self) -> int:
-        """See `io.RawIOBase.tell`."""
+        """Return the present position in the file, bytes."""
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """See `io.RawIOBase.readinto`."""
+        """Fill `buffer` with bytes from the present position, with the replacements; return the number of bytes."""
         content = self.bytes_at(self._at, len(buffer))
         buffer[: len(content)] = content
         self._at += len(content)
@@ -78,10 +84,13 @@ class MendedFile(io.RawIOBase):
         return (match.start() for match in pattern.finditer(self._map))
 
     def patch(self, at: int, content: bytes) -> None:
-        """Replace the bytes that begin at the position `at` by `content`."""
+        """Replace the bytes that begin at the position `at` by `content`, in memory only."""
         self.patches |= {at + offset: byte for offset, byte in enumerate(content)}
 
     def flip(self, at: int, bit: int) -> None:
-        """Flip one bit of the file; `bit` is the index of the bit, counted from the lowest bit of the byte at `at`."""
+        """Flip one bit of the file, in memory only.
+
+        `bit` is the index of the bit, counted from the lowest bit of the byte at the position `at`.
+        """
         place = at + bit // 8
         self.patch(place, bytes([self.bytes_at(place, 1)[0] ^ 1 << bit % 8]))

@@ -20,7 +20,10 @@ _OTHERS = re.compile(b"EAHD|EAIB|EADB|FRHP|FHDB|BTHD|BTLF")
 
 
 def mend_metadata(file: MendedFile) -> int:
-    """Correct one flipped bit in each damaged block of metadata of a file; return the number of corrected blocks."""
+    """Correct one flipped bit in each damaged block of metadata of an HDF5 file.
+
+    Metadata are HDF5's descriptions of groups and arrays. Returned is the number of corrected blocks.
+    """
     mended = 0
     for any_bit in (False, True):  # usually the signature itself is sound, and the first search is short
         for at in file.find(_with_one_wrong(OBJECT_HEADER) if any_bit else OBJECT_HEADER):
@@ -41,9 +44,9 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the block signature that differs from `content` (4 bytes) by at most one bit; None without one.
+    """Return the signature of a block that differs from `content` (4 bytes) by at most one bit.
 
-    `pattern` is the regular expression that lists all signatures.
+    None is returned if there is no such signature. `pattern` is the regular expression that lists all signatures.
     """
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
@@ -111,7 +114,10 @@ def _header_length(head: bytes) -> int:
 
 
 def _width_at(head: bytes) -> int:
-    """Return the position, in an object header, of the field with the length of the header."""
+    """Return the position (bytes) of the field that contains the length of an object header.
+
+    ``head`` contains the first bytes of the header.
+    """
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
 

@@ -15,7 +15,7 @@ import h5py
 from eimi_lab.process.limits import child_arguments, obey_processor_limit, run_limited
 
 WITHIN_S = 15.0
-"""Limit of the processor time, s. Elapsed time says nothing about the file, because the computer may be busy."""
+"""Limit of the processor time, s. Elapsed time would be unsuitable, because it may be long if the computer is busy."""
 
 
 def why_unreadable(path: Path) -> str:
@@ -33,9 +33,9 @@ def why_unreadable(path: Path) -> str:
 
 
 def read_all_but_frames(path: str | Path) -> None:
-    """Read every table of a file, and the position of every frame in the file.
+    """Read every table of a file, and the positions of all frames, to check whether HDF5 can read the file.
 
-    For a damaged file, h5py may raise any error, or this function may never return.
+    The frames themselves are not read. For a damaged file, h5py may raise any error, or this function may never return.
     """
 
     def read(name: str, item: h5py.Group | h5py.Dataset) -> None:

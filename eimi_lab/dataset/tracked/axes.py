@@ -22,7 +22,7 @@ PIXEL = "px"
 
 @dataclass(frozen=True, kw_only=True)
 class Placing:
-    """Information from the user by which tracked points are converted into the beam frame.
+    """Information from the user that is needed to convert tracked points into the beam frame.
 
     Give either ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, also give ``unit`` if the file does
     not contain its unit.
@@ -36,9 +36,9 @@ class Placing:
     pixels_per_mm
         Scale of the pictures, if the unit is px.
     clamp
-        Middle of the clamped section, in the unit and axes of the file.
+        Middle of the line at which the beam leaves the clamp, in the unit and axes of the file.
     axis_deg
-        Direction in which the beam leaves the clamp, from +x toward +y in the axes of the file.
+        Direction in which the beam leaves the clamp, degrees from +x toward +y in the axes of the file.
     sigma
         Standard deviation of one coordinate in the unit of the file; None if the file contains standard deviations.
     rest
@@ -66,11 +66,11 @@ class PlacedTracks:
     tracks
         The tracks in the unit and axes of their file.
     places_mm
-        Positions of the points in each frame, shape (k, n, 2).
+        Positions of the points in each frame, mm, shape (k, n, 2).
     rest_mm
-        Positions of the points at rest, shape (n, 2).
+        Positions of the points at rest, mm, shape (n, 2).
     sigma_mm
-        Standard deviation of one coordinate of each point, shape (k, n).
+        Standard deviation of one coordinate of each point, mm, shape (k, n).
     """
 
     tracks: Tracks

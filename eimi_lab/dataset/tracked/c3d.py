@@ -29,7 +29,7 @@ from eimi_lab.process.limits import (
 OWN_BYTES = 2 << 30
 """Address space that Python and its libraries need before a file is read, in bytes."""
 UNPACKED_PER_BYTE = 64
-"""Largest amount of memory for each byte of a file, in bytes. For an undamaged file ezc3d needs at most about 24."""
+"""Memory (bytes) that the library ezc3d may use for each byte of a file. An undamaged file needs at most about 24."""
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 
 
@@ -37,9 +37,10 @@ READ_WITHIN_S, BYTES_PER_S = 10.0, 1e6
 
 
 def read_c3d(path: Path) -> Tracks:
-    """Return the markers of a C3D file as tracks. The frames have the numbers of the original recording.
+    """Return the markers of a C3D file as tracks (positions of points in frames).
 
-    A second process reads the file, because a damaged file can crash the process in which ezc3d runs.
+    The frames have the numbers of the original recording. A second process reads the file, because a damaged file can
+    crash the process in which ezc3d runs.
 
     Raises InputError if ezc3d is not installed, or if the file cannot be read.
     """
@@ -75,10 +76,10 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Limit the memory of this process for the reading of a file that has ``file_bytes`` bytes.
+    """Limit the memory of this process before it reads a file of ``file_bytes`` bytes.
 
-    The limit is a quarter of the free memory, or `UNPACKED_PER_BYTE` times the size of the file if this is smaller. The
-    address space of the libraries is added to the limit.
+    The limit is the smaller of two numbers: a quarter of the free memory, and `UNPACKED_PER_BYTE` times the size of the
+    file. The address space of Python and its libraries is added to the limit.
     """
     limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 

@@ -67,9 +67,10 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Convert the lines of a sparse file into a dense table; an absent value is NaN.
+    """Convert the lines of a sparse DLTdv file, which lists only existing values, into a complete table.
 
-    Returned are the names of the columns, and the table with one row for each frame.
+    Returned are the names of the columns, and the table with one row for each frame. A value that the file does not
+    list is NaN.
     """
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]

@@ -51,7 +51,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """An object that accepts all calls and does nothing. It replaces every object of a pickle that is not an array."""
+    """An object that accepts all calls and does nothing, in place of every object of a pickle that is not an array."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)
@@ -70,14 +70,17 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Do nothing: the pickle appends a value to an object that was replaced."""
+        """Do nothing with a value that the pickle appends to an object, because the object was replaced."""
 
     def extend(self, values: Any) -> None:
-        """Do nothing: the pickle appends several values to an object that was replaced."""
+        """Do nothing with values that the pickle appends to an object, because the object was replaced."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
-    """Create an array from its constructor and its contents, as the library dill stores arrays; µDIC uses dill."""
+    """Create an array from its constructor `make`, the arguments of the constructor, and the contents `state`.
+
+    The library dill, with which µDIC writes its files, stores an array in this form.
+    """
     array = make(*arguments)
     array.__setstate__(state)
     return array

@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
 
-MOST_POINTS = 300  # of a dense field: errors of neighbouring points are correlated, and each point costs time in a fit
+MOST_POINTS = 300  # largest number of points: errors of near points are correlated, and each point costs time in a fit
 _OFF_THE_BEAM = 0.02  # tolerance relative to the beam's width: a marker on the edge counts as on the beam
 
 
@@ -40,16 +40,16 @@ def import_tracks(
     source
         The file or the folder that the tracking program wrote.
     tool
-        Name of the program, one of `FORMATS`.
+        Name of the tracking program on the command line, such as "tracker".
     states
         Table with one row for each state: its frame (the number that the tracking program gives, or the time), and its
         loads.
     specimen
         The specimen.
     placing
-        How coordinates of the file are converted into the beam frame.
+        The rule by which coordinates of the file are converted into the beam frame.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y. Ignored if ``placing`` has a calibration.
+        Direction of gravity in the beam frame, degrees from +x toward +y. Ignored if ``placing`` has a calibration.
     path
         The dataset to write.
     force
@@ -89,7 +89,10 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index in the tracks of the frame that a row of the table of states names by its number or time."""
+    """Return the index of a frame in the tracks. A row of the table of states gives the number or time of the frame.
+
+    Raises InputError if the tracks have no such frame.
+    """
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
         raise InputError(
@@ -114,8 +117,9 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
 def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
     """Return the indices of the n tracked points that are used for a dataset, shape (n,).
 
-    The points used are on the beam at rest, and were seen in at least one of the frames with the indices ``at``. Of
-    more than `MOST_POINTS` such points, `MOST_POINTS` are returned, evenly spaced in the order of the file.
+    A point is used if it is on the beam at rest, and if it was seen in at least one of the frames with the indices
+    ``at``. If there are more than `MOST_POINTS` such points, `MOST_POINTS` of them are returned, evenly spaced in the
+    order of the file.
 
     Raises InputError if there is no such point. A note on standard error tells how many points are left out.
     """

@@ -57,7 +57,7 @@ def read_tracker(path: Path) -> Tracks:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Return the names of the tracks, with a number after each name that several tracks have."""
+    """Return the names of the tracks; if several tracks have the same name, a number is added to each such name."""
     return tuple(
         name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
     )

@@ -12,7 +12,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """Positions of n tracked points in k frames, in the unit and axes of the file. A value missing in the file is None.
+    """Positions of n tracked points in k frames, in the unit and axes of the file.
+
+    An attribute is None if the file does not contain its value.
 
     Parameters
     ----------
