@@ -133,7 +133,7 @@ class Coil:
     def switch_off(self) -> Off | None:
         """Switch the supply off, and return the current that was measured afterwards.
 
-        None is returned if the supply cannot measure. See `eimi_drivers.supplies.off.switch_off`.
+        None is returned if the supply cannot measure. Raises SwitchOffFailed if the supply could not be confirmed off.
         """
         self.asked_A = 0.0
         self._recent.append((self._clock.now(), 0.0))
@@ -204,17 +204,23 @@ class Coil:
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
-        """Return, by their names, the readings of supply and sensors that an interlock can bound."""
+        """Return the readings of the supply and of the sensors that an interlock can check, by their names.
+
+        ``measured`` is a measurement of the supply. Without interlocks, the sensors are not read.
+        """
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     def check(self) -> None:
-        """Raise the errors of `PowerSupply.check` if the supply reports a fault."""
+        """Raise InstrumentError if the supply reports a fault or does not answer."""
         with self._reaching():
             self.supply.check()
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Record the duration of an exchange with the supply, or why the supply gave no usable answer."""
+        """Surround one exchange with the supply, and record its duration.
+
+        If the supply gives no usable answer, store the reason in `unreachable`, and raise the error again.
+        """
         began_s = self._clock.now()
         try:
             yield
@@ -225,7 +231,10 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Set `out_of_control` if an interlock opens: beyond some bounds a ramp down would take too long."""
+        """Surround a check of the interlocks, and set `out_of_control` if a reading is outside its bounds.
+
+        The ramp down is then left out, because it might take too long for the coil.
+        """
         try:
             yield
         except BeyondInterlock:
@@ -233,7 +242,10 @@ class Coil:
             raise
 
     def _swapped(self, current_A: float) -> float:
-        """Return the current of the coil for a current of the supply, or the reverse; swapped leads change the sign."""
+        """Convert a current of the supply into the current of the coil, or the reverse.
+
+        If the leads of the coil are swapped, the sign changes; otherwise the current is returned unchanged.
+        """
         return -current_A if self.leads_swapped and current_A else current_A
 
     def _is_right(self, of_supply_A: float) -> bool:

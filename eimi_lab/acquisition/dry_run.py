@@ -110,7 +110,7 @@ def dry_run(
     Raises
     ------
     InputError
-        If the protocol, the specimen and the rig do not fit together, see `check_request`.
+        If the protocol, the specimen and the rig do not fit together, for example because a current exceeds a limit.
     InstrumentError
         If the supply does not have the channel that its address names.
     """

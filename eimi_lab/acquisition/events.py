@@ -83,8 +83,8 @@ class ShapeChange:
     """Motion of the tip of the beam at rest from an earlier load cycle to the last load cycle, at one current.
 
     `since_cycle` is the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm`
-    are the distance between the two tips; null if no tip is visible. If no tip is visible, `difference_ratio` is the
-    difference of the two images divided by the difference due to noise; otherwise null.
+    are the distance between the two positions of the tip; null if no tip is visible. If no tip is visible,
+    `difference_ratio` is the difference of the two images divided by the difference due to noise; otherwise null.
     """
 
     current_A: float
@@ -299,7 +299,20 @@ def off_confirmed(
 ) -> OffConfirmed:
     """Return the event for a coil that is off.
 
-    `off` is the measured current; None if the supply cannot measure. The other parameters are fields of `OffConfirmed`.
+    Parameters
+    ----------
+    off : Off or None
+        The measured current and the limit below which the coil counts as off; None if the supply cannot measure.
+    by : str
+        The process that switched the coil off: "run" or "guardian".
+    takeover : str or None
+        The reason why the guardian process switched the coil off; None if the run switched it off.
+    run_killed : bool
+        Whether the guardian process killed the run before it switched the coil off.
+    address : str
+        Address of the supply; empty if the run switched the coil off.
+    remark : str
+        Failures before the coil was off, in words; empty if there was none.
     """
     return OffConfirmed(
         by=by,

@@ -47,17 +47,20 @@ RECOGNISED = b"recognised"  # the constants from ARM on are messages of the run
 
 
 class StoodStill(InstrumentError):
-    """The run took no step for longer than `LONGEST_GAP_S` while the coil was on."""
+    """The error that is raised if the run took no step for longer than `LONGEST_GAP_S` while the coil was on.
+
+    The reason is that the computer slept or the process was stopped.
+    """
 
 
 @dataclass(frozen=True)
 class Ward:
     """The supply that the guardian switches off: its driver, its address and the limits of the rig.
 
-    `packed` is the code of a driver that the user's program added, see `added_driver.pack`. `identity` contains the
-    identification text and the serial number of the supply that the run uses; None until the run has read both.
-    `recognised` is true if the run switched the output off and still measured a current. The guardian then knows that
-    this supply is the supply of the coil, although its output is off.
+    `packed` is the code of a driver that the user's program added, as text; empty for an installed driver. `identity`
+    contains the identification text and the serial number of the supply that the run uses; None until the run has read
+    both. `recognised` is true if the run switched the output off and still measured a current. The guardian then knows
+    that this supply is the supply of the coil, although its output is off.
     """
 
     driver: str
@@ -201,7 +204,7 @@ class Guardian:
             )
 
     def silent_s(self) -> float:
-        """Return the time (s) since the last report of the guardian."""
+        """Return the time (s) since the guardian process last reported that it is alive."""
         return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
@@ -241,10 +244,16 @@ class Guardian:
 
 @contextmanager
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
-    """Start a guardian for one run, and dismiss it at the end of the context.
+    """Start a guardian process for one run, and yield the connection to it.
 
-    A guardian that is still armed at the end of the context switches the coil off. `ward` and `events` are the
-    parameters of `Guardian`.
+    At the end of the context, an armed guardian switches the coil off. A guardian that is not armed is ended.
+
+    Parameters
+    ----------
+    ward : Ward
+        The supply of the coil.
+    events : int or None
+        File descriptor to which the guardian writes its events, as lines of JSON; None writes no events.
     """
     guardian = Guardian(ward, events)
     try:

@@ -14,7 +14,7 @@ from eimi_lab.config.interlock import READINGS, Interlock
 
 
 class BeyondInterlock(InstrumentError):
-    """A reading is outside the bounds of an interlock, or is missing."""
+    """The error that is raised if a reading is outside the bounds of its interlock, or is missing."""
 
 
 def readings_of(measured: Reading) -> dict[str, float]:

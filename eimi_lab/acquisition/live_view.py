@@ -76,9 +76,9 @@ class WatchedCamera:
         return frame
 
     def newly_lost(self) -> Counter[str]:
-        """Return the number of frames that were lost since the previous call, for each reason.
+        """Return the number of frames that the camera lost since the previous call, by the reason of the loss.
 
-        The result is empty if the camera does not count lost frames.
+        The driver of the camera gives the reasons. The result is empty if the camera does not count lost frames.
         """
         lost = Counter(getattr(self.watched, "lost_frames", {}))
         new, self._reported_lost = lost - self._reported_lost, lost

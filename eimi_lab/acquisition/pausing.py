@@ -74,8 +74,14 @@ class Pauses:
 
         Raises
         ------
-        Stopped, InstrumentError, SwitchOffFailed, StorageFailed
-            For the same reasons as `Stepping.take`, and if the coil could not be confirmed off.
+        Stopped
+            If a signal asked the run to stop.
+        InstrumentError
+            If an instrument fails or the current is wrong.
+        SwitchOffFailed
+            If the coil could not be confirmed off.
+        StorageFailed
+            If the dataset cannot be written.
         """
         ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked, self._on_event)
         if swap_leads:

@@ -17,7 +17,7 @@ from eimi_lab.config.rig import Rig
 
 
 def cannot_reverse(rig: Rig) -> bool:
-    """Return whether the supply of a rig can only give currents of one sign. True for every simulated supply.
+    """Return whether the supply of a rig can only give currents of one sign. This is so for every simulated supply.
 
     Raises InstrumentError for an unknown driver.
     """
@@ -27,7 +27,8 @@ def cannot_reverse(rig: Rig) -> bool:
 def swaps_leads(protocol: Protocol, rig: Rig) -> bool:
     """Return whether the leads of the coil have to be swapped during a run.
 
-    Raises InstrumentError for an unknown driver.
+    This is so if the protocol contains both signs of the current (`both_polarities`) and the supply cannot reverse its
+    current. Raises InstrumentError for an unknown driver.
     """
     return protocol.current.both_polarities and cannot_reverse(rig)
 
@@ -67,8 +68,14 @@ class Polarity:
 
         Raises
         ------
-        Stopped, InstrumentError, SwitchOffFailed, StorageFailed
-            For the same reasons as `Stepping.take`, and if the coil could not be confirmed off.
+        Stopped
+            If a signal asked the run to stop.
+        InstrumentError
+            If an instrument fails or the current is wrong.
+        SwitchOffFailed
+            If the coil could not be confirmed off.
+        StorageFailed
+            If the dataset cannot be written.
         """
         current_A = run.protocol.currents_A[state]
         if self._pauses is None or current_A == 0 or (current_A < 0) == run.coil.leads_swapped:

@@ -52,8 +52,12 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
     Raises
     ------
-    InstrumentError, StorageFailed, Stopped
-        For the same reasons as `Stepping.take`.
+    InstrumentError
+        If an instrument fails or the current is wrong.
+    StorageFailed
+        If the frames cannot be stored.
+    Stopped
+        If a signal asked the run to stop.
 
     Notes
     -----
@@ -127,7 +131,7 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 class _Recorded:
     """One ring-down while it is recorded: the step of the current, and the frames with their times of arrival.
 
-    The images are written to the stream at once and are not kept here.
+    The images are written to the file at once and are not kept in memory.
     """
 
     def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:

@@ -138,11 +138,17 @@ class Sensing:
                 coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:
-        """Return a new value of every sensor that answers, in the unit of the sensor, by the name of the sensor."""
+        """Read all sensors, and return the values in the units of the sensors, by the name of the sensor.
+
+        A sensor that does not answer is left out.
+        """
         return {name: reading.value for name, reading in self.read().items()}
 
     def read(self) -> dict[str, SensorReading]:
-        """Return a new reading of every sensor that answers, by the name of the sensor."""
+        """Read all sensors, and return the readings (value, uncertainty and time) by the name of the sensor.
+
+        A sensor that does not answer is left out, and the user gets one warning about it.
+        """
         readings = {}
         for each in self._sensors:
             name = each.rule.name

@@ -160,9 +160,9 @@ class Stepping:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points since the previous call of this method.
+        """Return the set-points that were sent since the previous call of this method.
 
-        Their times count from the beginning of the run.
+        The times of the set-points count from the beginning of the run.
         """
         return [replace(point, time_s=point.time_s - self.began_s) for point in self.coil.new_set_points()]
 

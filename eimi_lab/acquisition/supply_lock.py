@@ -1,7 +1,7 @@
 """Allow only one run at a time for each supply.
 
-The operating system lets only one run open a serial port. A supply in a network accepts several connections, and two
-runs could then change its current in turn.
+The operating system lets only one run open a serial port. A supply in a network accepts several connections, so that
+two runs could change the current of the same supply in turn.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Try the driver of a supply on a real unit without a coil, step by step, and record every message."""
+"""Try the driver of a supply on a real supply without a coil, step by step, and record every message."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class SupplyTrial:
 
 
 class _Failed(Exception):
-    """A step in the trial of a supply failed. The trial ends."""
+    """The error that is raised if a step in the trial of a supply fails. The trial then ends."""
 
 
 def try_supply(
@@ -86,7 +86,7 @@ def try_supply(
     driver, address : str
         The driver and the address, as in `[supply]` of a rig file.
     transcript : Path
-        New file that records every message, see `eimi_drivers.supplies.transcript`.
+        New file that records every message to and from the supply.
     before_switching_on : callable
         Called before the output is switched on. The function asks a person to look at the front panel.
 

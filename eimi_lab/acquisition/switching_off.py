@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """Raised between the steps of the ramp down after a second signal. The rest of the ramp is left out."""
+    """The error that ends the ramp down between two of its steps after a second signal."""
 
 
 class _SignalsHeeded:

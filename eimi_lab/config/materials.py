@@ -89,7 +89,7 @@ class TrueBench(Table):
 
 
 class TrueMaterials(Document):
-    """The contents of materials.toml."""
+    """The contents of materials.toml: the true materials, and the true properties of the bench, of a virtual rig."""
 
     silicone: dict[str, TrueMaterial]
     """One table for each material. Its name is the value of specimen.material in the specimen file."""

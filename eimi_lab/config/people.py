@@ -48,7 +48,7 @@ class Person(Table):
 
 
 class People(Document):
-    """Contents of people.toml."""
+    """The contents of people.toml: the authors of a published archive."""
 
     person: Annotated[tuple[Person, ...], Field(min_length=1, strict=False)]
     """The authors in the order of the publication, each in a table [[person]]."""

@@ -199,7 +199,7 @@ class RingDown(Table):
 
 
 class Protocol(Document):
-    """The contents of protocol.toml."""
+    """The contents of protocol.toml: the currents of a run, and when the frames of each state are taken."""
 
     name: str = Field(min_length=1)
     """Name of the protocol."""
@@ -276,7 +276,7 @@ class Protocol(Document):
 
     @property
     def ring_down_from_A(self) -> float:
-        """The current before the step of a ring-down, A."""
+        """The current before the step to zero with which a ring-down begins, A."""
         from_A = self.ring_down.from_A if self.ring_down else None
         return self.currents_A[-1] if from_A is None else from_A
 

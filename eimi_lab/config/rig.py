@@ -190,7 +190,7 @@ class Camera(Table):
 
 
 class Virtual(Table):
-    """The virtual rig: a simulated coil, beam and camera behind the driver interfaces."""
+    """The virtual rig: a simulated coil, beam and camera, which the program uses like real instruments."""
 
     model_config = ConfigDict(strict=False)  # pydantic cannot create a dataclass from a table in strict mode
 

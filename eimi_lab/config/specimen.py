@@ -144,7 +144,7 @@ class TipLoad(Table):
 
 
 class SpecimenFile(Document):
-    """The contents of specimen.toml."""
+    """The contents of specimen.toml: the beam, its magnet, the point of a tip force, and their uncertainties."""
 
     specimen: Beam
     """The beam."""

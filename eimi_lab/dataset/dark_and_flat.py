@@ -50,7 +50,7 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 def correction_by(images: Images) -> FieldCorrection | None:
     """Return the correction of frames by a dark frame and a flat field; None if both images are absent.
 
-    Raises ValueError if the images are unsuitable for a correction, see `FieldCorrection`.
+    Raises ValueError if the images are unsuitable for a correction, for example because their sizes differ.
     """
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
@@ -87,7 +87,7 @@ def store_correction(path: str | Path, images: Images) -> None:
     Raises
     ------
     InputError
-        If the dataset holds tracked points, or if the images do not suit its frames (see `check_like`).
+        If the dataset contains tracked points, or if the images differ from the frames in size or bit depth.
     """
     path = Path(path)
     with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:

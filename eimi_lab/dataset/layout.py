@@ -271,7 +271,10 @@ def group(parent: h5py.Group, name: str, nx_class: str) -> h5py.Group:
 
 
 def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
-    """Create an NXnote that contains a text of a media type such as "application/toml"."""
+    """Create an NXnote (a NeXus group for a text) with the name ``name`` in an HDF5 group.
+
+    ``media_type`` is the type of the text, such as "application/toml".
+    """
     created = group(parent, name, "NXnote")
     put_text(created, "type", media_type)
     put_text(created, "data", text)

@@ -144,8 +144,8 @@ class DatasetWriter:
     ) -> DatasetWriter:
         """Return a writer that appends states to an existing dataset, which was closed properly or recovered.
 
-        ``beat`` and ``warn`` are the parameters of the class. Raises InputError if the file cannot be opened for
-        writing, or if another writer uses the path.
+        ``beat`` is called repeatedly while a state is written. ``warn`` gets the text of a warning for the user. Raises
+        InputError if the file cannot be opened for writing, or if another writer uses the path.
         """
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn

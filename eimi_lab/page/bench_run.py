@@ -121,7 +121,7 @@ class Progress:
     said : deque of str
         Sentences about the last events of the run.
 
-    The other attributes are copies of the fields of the events of the run, see `eimi_lab.acquisition.events`.
+    The other attributes are copies of the fields of the events of the run (`eimi_lab.acquisition.events`).
     """
 
     number: int
@@ -145,7 +145,7 @@ class Progress:
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the run as a JSON object."""
+        """Return the attributes of this object, which describe the progress of the run, as a JSON object."""
         return {**vars(self), "said": list(self.said)}
 
 
@@ -213,13 +213,13 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
-        """Ask the run to pause after the present state. Without effect if the run is not in the phase "running"."""
+        """Ask the run to pause after the present state. The method has no effect if the phase is not "running"."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
 
     def go_on(self) -> None:
-        """Ask a paused run to continue. Without effect if the run is not paused."""
+        """Ask a paused run to continue. The method has no effect if the run is not paused."""
         if self.progress.phase == "paused":
             self._type("")
 

@@ -73,7 +73,7 @@ class CameraDesk:
         return [Route("/api/camera", self._tabs.steered(self._show), methods=["POST"])]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the live camera for every tab, as a JSON object."""
+        """Return the chosen rig and specimen, and whether the live camera is open, as a JSON object for every tab."""
         return {"camera": asdict(self.view) if self.view else None}
 
     async def close(self) -> None:

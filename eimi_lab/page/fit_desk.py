@@ -85,7 +85,7 @@ class FitDesk:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the fit for every tab, as a JSON object."""
+        """Return phase and progress of the fit for every tab, as a JSON object whose value is None before a fit."""
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
     async def close(self) -> None:

@@ -81,7 +81,7 @@ class FrameMemory:
         ----------
         image : ndarray, shape (H, W) or (H, W, 3)
             The image of H by W pixels. If the image is larger than the slot, only every second pixel in each direction
-            is written, or every fourth, and so on; see `NewestFrame.kept`.
+            is written, or every fourth, and so on. `NewestFrame.kept` gives this number.
         about : dict
             Description of the frame, as a JSON object.
         """

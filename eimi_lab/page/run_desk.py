@@ -50,7 +50,7 @@ class RunDesk:
         await self.camera.close()
 
     def as_json(self) -> dict[str, Any]:
-        """Return the state of the run and of the live camera for every tab, as a JSON object."""
+        """Return phase and progress of the run, and whether the live camera is open, as a JSON object for every tab."""
         return {"run": self.run.progress.as_json() if self.run else None, **self.camera.as_json()}
 
     async def _choices(self, request: Request) -> Response:

@@ -40,7 +40,10 @@ CLOSE_WITHIN_S = 10
 
 
 class Page:
-    """The page: its routes, and the data folder, worker and tabs that the routes share."""
+    """The page: its routes (addresses with the functions that answer), and the objects that the routes share.
+
+    These are the data folder, the worker process and the open tabs.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Create the page for the data folder ``folder``. Raises InputError if ``folder`` is not a folder."""

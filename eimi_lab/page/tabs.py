@@ -77,7 +77,7 @@ class Tabs:
     Parameters
     ----------
     state : callable
-        Returns the state of the page, which is sent to every tab when it changes.
+        Returns the state of the page (run, camera and fit) as a JSON object. A new state is sent to every tab.
     """
 
     def __init__(self, state: Callable[[], dict[str, Any]]) -> None:

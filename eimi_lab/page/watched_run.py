@@ -55,7 +55,7 @@ class Descriptors:
     def of(cls, numbers: str) -> Descriptors:
         """Return the three descriptors that the parent process passed.
 
-        ``numbers`` contains their names, separated by commas.
+        ``numbers`` contains the names under which the descriptors were passed, separated by commas.
         """
         return cls(*map(received, numbers.split(",")))
 
@@ -210,7 +210,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """Writes frames into the shared memory, and announces each frame to the page through a pipe."""
+    """A viewer that writes frames into the shared memory, and announces each frame to the page through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

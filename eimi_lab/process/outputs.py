@@ -112,7 +112,11 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes, force: bool) -> None:
-    """Write a file completely or not at all. Text is encoded as UTF-8. Raises the errors of `whole_file`."""
+    """Write a file completely or not at all. Text is encoded as UTF-8.
+
+    Raises InputError if the file exists and ``force`` is false, or if the file cannot be created. Raises OSError if
+    writing fails.
+    """
     with whole_file(path, force) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 

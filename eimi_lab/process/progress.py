@@ -21,7 +21,7 @@ def silent(words: str) -> None:
 
 @contextmanager
 def unseen() -> Iterator[None]:
-    """Show no progress of any work within the context."""
+    """Suppress the progress bars and progress lines of all work within the context."""
     before = _unseen.set(True)
     try:
         yield

@@ -57,7 +57,8 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
     Raises
     ------
     InputError
-        If several workers and a scheduler are given, or if the cluster cannot be used (see `cluster`).
+        If several workers and a scheduler are given, or if the cluster cannot be used, for example because no scheduler
+        answers.
     """
     if scheduler is None:
         # More workers than processors would only need more memory. Windows waits for at most 61 processes at once.

@@ -107,7 +107,10 @@ def lock_file(path: Path) -> Path:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return whether a process, which may be this process, holds the lock of a file."""
+    """Return whether a process holds the lock of a file, which means that it may write to the file.
+
+    The process may be this process.
+    """
     file = lock_file(path)
     with _held_lock:
         if file in _held:

@@ -29,8 +29,8 @@ def free_motions(
     Parameters
     ----------
     points_mm, rest_mm, time_s, sigma_mm
-        Positions (n, p, 2) of p points in n frames, positions at rest (p, 2), times (n, p) in s and standard
-        uncertainties (n, p), see `free_motion`.
+        Positions (n, p, 2) of p points in n frames in the beam frame (mm), positions at rest (p, 2) in mm, times (n, p)
+        in s, and standard uncertainties (n, p) in mm.
     facts : MotionFacts
         Facts that the user gives.
     origin : str
@@ -39,7 +39,7 @@ def free_motions(
     Raises
     ------
     InputError
-        For the same reasons as `free_motion`.
+        If the times do not increase from frame to frame, if no point was seen, or if there are too few frames.
     """
     frame_s, released_s = time_s.min(axis=1), facts.released_s
     alone = facts.kind != "ring_down" or len(frame_s) < FEWEST_FRAMES or not (np.diff(frame_s) > 0).all()
