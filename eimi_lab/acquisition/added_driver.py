@@ -44,7 +44,7 @@ def pack(name: str) -> str:
 
     try:
         pickled = cloudpickle.dumps(SUPPLIES[name])
-    except Exception as error:  # the driver's own code is called
+    except Exception as error:  # cloudpickle runs code of the driver, which may raise any error
         raise UnusableDriver(
             f"the supply driver {name!r} cannot be sent to the process that switches the coil off if the run dies: "
             f"{error}; write the driver as a class in a module of its own"

@@ -161,7 +161,7 @@ def _evaluated(
     values = np.array([[reading.value for reading in at_one] for at_one in readings])
     sigmas = [[reading.standard_uncertainty for reading in at_one] for at_one in readings]
     line = line_of(np.repeat(current_A, READINGS), values.ravel(), np.array(sigmas, dtype=float).ravel())
-    assert line is not None  # there are at least two currents
+    assert line is not None  # None only for fewer than two different currents
     means = values.mean(axis=1)
     at_same_current = [means[current_A == current] for current in np.unique(current_A)]
     return CoilCalibration(current_A, means, line, float(max(np.ptp(means_mT) for means_mT in at_same_current)))

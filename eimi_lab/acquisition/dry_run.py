@@ -187,7 +187,7 @@ def dry_run(
 
     with TemporaryDirectory() as folder:
         bench = Bench(supply, _BeamAtRest(clock), clock, relay=say_swapped)
-        without_interlocks = rig.model_copy(update={"interlocks": ()})  # the stand-in is not the coil of the bench
+        without_interlocks = rig.model_copy(update={"interlocks": ()})  # interlocks concern the real coil
         acquire(protocol, specimen, without_interlocks, bench, Path(folder) / "dry_run.h5", say_stored)
     shortest = clock.now()
     settled = len(currents) + (min(cycles, 2) + 2 if cycles else 0)

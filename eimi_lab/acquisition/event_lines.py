@@ -40,7 +40,7 @@ def from_line(line: str | bytes) -> Event | None:
     ValueError
         If the line is not a JSON object with an event, or if a field has the wrong type.
     """
-    from pydantic import TypeAdapter  # slow to import, and the guardian, which starts with every run, only writes
+    from pydantic import TypeAdapter  # slow to import; the guardian process only writes events and does not need it
 
     fields = json.loads(line)
     if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):

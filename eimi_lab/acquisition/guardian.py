@@ -98,7 +98,7 @@ class Guardian:
 
     def __init__(self, ward: Ward, events: int | None = None) -> None:
         self._ward = ward
-        inherited = [] if events is None else [os.dup(events)]  # not 1: standard output is the pipe to the run
+        inherited = [] if events is None else [os.dup(events)]  # a copy, because 1 is the pipe to the run
         with handed_down(*inherited) as (names, options):
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *names],

@@ -101,7 +101,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     takeover, ward = _wait_until_needed(ward)
     if takeover:
         if takeover == STANDS_STILL:
-            share_ports()  # the run holds the locks of the ports
+            share_ports()  # the run, which stands still, holds the locks of the ports
             _say(TAKING_OVER)
         on_event(GuardianTookOver(takeover=takeover, address=ward.address))
         doubt = OffNotConfirmed(
@@ -249,7 +249,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
         try:
             off = switch_off(supply, clock)
         except SwitchOffFailed as error:
-            if error.current_A is not None:  # the supply of the coil, which fails to stop the current
+            if error.current_A is not None:  # a current flows: this is the supply of the coil
                 was_on.add(True)
             if error.current_A is not None or found_off or not _is_one_of_a_kind(ward) or supply.output_on():
                 raise
@@ -335,7 +335,7 @@ def _stay() -> None:
 
 
 def _say(message: bytes) -> None:
-    with suppress(OSError):  # the run is gone or does not read
+    with suppress(OSError):  # the run has ended or does not read the pipe
         os.write(TO_RUN, message)
 
 

@@ -39,7 +39,7 @@ def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> Coil
     clock : Clock
         Clock of the run.
     """
-    assert rule.at_rest_degC is not None  # the model of the rig file requires both
+    assert rule.at_rest_degC is not None  # the rig file of a coil thermometer must give both values
     assert rule.at_rest_A is not None
     return CoilThermometer(supply.measure, clock, rule.at_rest_degC, rule.at_rest_A)
 

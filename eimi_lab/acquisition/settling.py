@@ -126,7 +126,7 @@ def wait_until_settled(
             past.popleft()
         if quiet >= rule.pairs and past[0][0] <= at - rule.drift_window_s and at >= not_before_s:
             drift = noise.difference_ratio(past[0][1], image, band)
-            if drift <= rule.noise_ratio:  # decide by the edges of the last frame
+            if drift <= rule.noise_ratio:  # decide with the band along the edges of the last frame
                 band = edge_pixels(image)
                 ratio = noise.difference_ratio(previous, image, band)
                 drift = noise.difference_ratio(past[0][1], image, band)

@@ -291,7 +291,7 @@ def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str =
         measured_A, limit_A = getattr(error, "current_A", None), getattr(error, "limit_A", None)
         on_event(OffNotConfirmed(by="run", reason=str(error), current_A=measured_A, limit_A=limit_A))
         if guardian:
-            with suppress(InstrumentError):  # the guardian continues to try; in a pause it was disarmed
+            with suppress(InstrumentError):  # an armed guardian continues to try; in a pause it is disarmed
                 guardian.arm()
             if measured_A is not None:
                 guardian.recognise()

@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any
 
-_MOST_DIGITS = 300  # a longer integer does not fit into a float
+_MOST_DIGITS = 300  # largest number of digits; a longer integer does not fit into a float
 
 
 def parse_json(text: str | bytes) -> Any:

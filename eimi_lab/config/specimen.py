@@ -26,7 +26,7 @@ MEASURED: Literal["measured"] = "measured"
 """Value of `rest_shape` for a shape at rest that is measured in the states without load."""
 SAME = 1e-3  # largest relative difference of two lengths that count as equal
 _NAMED_CSV = re.compile(r"""^\s*rest_shape\s*=\s*(?P<value>["'](?P<name>[^"']+\.csv)["'])""", re.MULTILINE)
-STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
+STRONGEST_kA_PER_M = 1600.0  # remanence of 2 T, which no magnetic powder reaches
 
 
 LEAST_SIZE_MM = 0.05

@@ -77,7 +77,7 @@ def locate(name: str | Path, folder: str = "") -> Path:
     raise InputError(f"{name}: no such file, and no shipped file of that name; the shipped files are {stems}")
 
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"  # HDF5 File Format Specification, II.A: the signature
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # the signature of HDF5 files (HDF5 File Format Specification, II.A)
 
 
 def is_dataset(path: Path) -> bool:
@@ -93,7 +93,7 @@ def is_dataset(path: Path) -> bool:
 
 def read_text(path: Path) -> str:
     """Return the text of a file in UTF-8. Raises InputError if the file cannot be read."""
-    if path.exists() and not (path.is_file() or path.is_dir()):  # reading it might never end
+    if path.exists() and not (path.is_file() or path.is_dir()):  # reading a device or a pipe might never end
         raise InputError(f"{path}: is a device or a pipe, not a file")
     try:
         return path.read_text(encoding="utf-8")
@@ -171,7 +171,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError as error:
         raise InputError(f"{origin}: is not usable TOML: its arrays or tables are nested too deeply") from error
-    except ValueError as error:  # TOMLDecodeError, or int() of too many digits
+    except ValueError as error:  # TOMLDecodeError, or the error of int() for too many digits
         raise InputError(f"{origin}: is not valid TOML: {error}{_decimal_comma(text)}") from error
 
 
@@ -327,7 +327,7 @@ def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
     the name of the table.
     """
     for part in location:
-        if part.isdecimal():  # one of several tables [[name]]
+        if part.isdecimal():  # the number of one of several tables [[name]]
             continue
         field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, BaseModel) else None
         annotation = field.annotation if field else None

@@ -92,7 +92,7 @@ def _refuse_storage(path: Path, item: Any) -> None:
             f"{path}: {item.name} is kept in another file; a dataset should contain all of its data itself"
         )
     if item.name == "/entry/start_time" and item.dtype.hasobject:
-        return  # `get_start` reads the copy of fixed length
+        return  # `get_start` reads the copy of fixed length instead
     if item.dtype.hasobject or item.dtype.kind not in "iufS":
         raise InputError(
             f"{path}: {item.name} is of type {item.dtype}; it should have numbers or texts of fixed length"

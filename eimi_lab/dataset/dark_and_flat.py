@@ -61,7 +61,7 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
     An image must have the size and the bit depth of the frame. The median of a dark frame must be at most half of the
     brightness of the back-light, for which the 99th percentile of the frame is used.
     """
-    from eimi_lab.vision.image_files import describe_image  # imports OpenCV, see above
+    from eimi_lab.vision.image_files import describe_image  # imports OpenCV, which loads slowly
 
     for name, image in images.items():
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):

@@ -115,7 +115,7 @@ def import_frames(
             ):
                 images = (in_channels(image, coloured) for image in listing.images())
                 _append_states(writer, by_state, images, first, average, report)
-        except StorageFailed as error:  # its message speaks of the temporary file and of resuming a run
+        except StorageFailed as error:  # its message names the temporary file and --resume
             raise OSError(f"{path}: cannot be written: {error.reason}") from error
         store_tip_force_angles(temporary, [load.tip_force_angle_deg for load, _ in by_state])
         store_measured_columns(temporary, [load for load, _ in by_state])

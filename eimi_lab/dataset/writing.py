@@ -191,7 +191,7 @@ class DatasetWriter:
         self._columns = {name: entry["data"][name] for name in FRAME_COLUMNS}
         self._states = {name: entry["states"][name] for name in STATE_COLUMNS}
         self._sensors = {name: log_of(entry, name) for name in sensor_names(entry)}
-        self._end_time = entry.get("end_time")  # in a file of 0.1.0, whose sessions have no column `end`
+        self._end_time = entry.get("end_time")  # in a file of version 0.1.0, whose sessions have no column `end`
         self._sessions = {name: entry["sessions"][name] for name in SESSION_COLUMNS if name in entry["sessions"]}
         self._recordings = {name: dict(entry[name]) for name in BELONGS_TO if name in entry}
         self._set_points, self._steps = (dict(entry.get(name, {})) for name in (SET_POINTS, RING_DOWN_STEPS))
@@ -441,7 +441,7 @@ class DatasetWriter:
         taken_from, old_lock = self.path, self._lock
         try:
             self._close()
-            self._abandoned = True  # until another file is open for writing
+            self._abandoned = True  # until the copy is open for writing
             self._attach(*_copy_beside(taken_from, source, fate, self._beat))
         finally:
             os.close(source)
@@ -458,7 +458,7 @@ class DatasetWriter:
 
     def _read_head(self) -> bytes:
         """Return the first `HEAD_BYTES` bytes of the file, also on Windows, which has no pread(2)."""
-        place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue from here
+        place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
         try:
             os.lseek(self._descriptor, 0, os.SEEK_SET)
             return os.read(self._descriptor, HEAD_BYTES)
@@ -473,7 +473,7 @@ def _taken_away(path: Path, descriptor: int) -> str:
     """
     try:
         open_file = os.fstat(descriptor)
-    except OSError:  # closed already
+    except OSError:  # the file is closed already
         return ""
     try:
         file_at_path = os.stat(path)

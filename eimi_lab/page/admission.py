@@ -54,7 +54,7 @@ MOST_BODY_BYTES = 1 << 16
 RECEIVED_PICTURE = "/api/phone/receive"
 """Path of the route that receives a photograph in the body of a request."""
 MOST_PICTURE_BYTES = 1 << 26
-CLOSED_BY_POLICY = 1008  # RFC 6455, 7.4.1
+CLOSED_BY_POLICY = 1008  # close code of a WebSocket after a violated policy (RFC 6455, 7.4.1)
 INTRODUCED_WITHIN_S = 10.0
 """Longest time (s) from the opening of a WebSocket to its message with the token."""
 
@@ -111,7 +111,7 @@ class Admission:
                 "the address has another host name than this page; open the address that `eimi dashboard` printed", 421
             )
         reads = scope["type"] == "http" and scope["method"] in SAFE
-        if reads and scope["path"] == INDEX:  # also if a file, which has another origin, redirects to it
+        if reads and scope["path"] == INDEX:  # also from another origin: the redirect file
             return _refused_length(scope, headers)
         open_to_all = reads and (scope["path"] == REPORT or scope["path"].startswith(STATIC))
         if scope["type"] == "http" and not open_to_all and not self._is_token(headers.get(TOKEN_HEADER, "")):

@@ -27,7 +27,7 @@ EVERY_S = 0.25
 """Time (s) between two frames: short enough for focusing, but little work for a computer on which a fit runs."""
 
 FRAME_WITHIN_S = 5.0
-GIVES_WAY = 5  # nice
+GIVES_WAY = 5  # number that is added to the nice value
 NO_CURRENT = {"state": None, "set_A": 0.0, "measured_A": 0.0, "on": False, "heat_share": None}
 
 

@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 Choices = dict[str, list[str]]
 
 SHIPPED = {"protocol": "", "specimen": "specimens", "rig": "rigs"}
-# A key that only TOML files of this kind have.
+# For each kind of TOML file, a key that only this kind has.
 KEYS = {"protocol": "frames_per_state", "specimen": "specimen", "rig": "supply", "calibration": "pixels_per_mm"}
 READ = {"protocol": load_protocol, "specimen": load_specimen, "rig": load_rig}
 INCOMPLETE = "incomplete"
@@ -50,7 +50,7 @@ def choices(folder: DataFolder) -> Choices:
         name = folder.name_of(file)
         try:
             table = parse_table(read_text(folder.inside(name)), file)
-        except InputError:  # not a file for a run
+        except InputError:  # the file is not an input of a run
             continue
         for kind, key in KEYS.items():
             if key in table:

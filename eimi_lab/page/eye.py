@@ -36,9 +36,9 @@ SIZES = struct.Struct(">II")
 
 BINS = 32
 WIDEST_PX = 960
-SATURATED = 0.998  # of full scale
-FRAMES, EDGES = "frames", "edges"  # the task of a process
-GIVES_WAY = 5  # nice
+SATURATED = 0.998  # share of full scale from which a pixel counts as saturated
+FRAMES, EDGES = "frames", "edges"  # names of the tasks of the two processes
+GIVES_WAY = 5  # number that is added to the nice value
 SHORTEST_PAUSE_S = 0.01
 _BLUR = CHECK_OF["blur_px"]
 _EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes

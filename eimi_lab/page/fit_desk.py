@@ -189,7 +189,7 @@ class FitDesk:
                 *whole, rest = file.read().split(b"\n")
             new = [generation for line in whole if (generation := _generation(line)) is not None]
             read += sum(len(line) + 1 for line in whole)
-            if (generation := _generation(rest)) is not None:  # the newest line has no end yet
+            if (generation := _generation(rest)) is not None:  # the newest line has no line end yet
                 new, read = [*new, generation], read + len(rest)
             if new:
                 fitting.generations = [*fitting.generations, *new][-MOST_GENERATIONS:]
@@ -200,5 +200,5 @@ def _generation(line: bytes) -> tuple[int, float, float] | None:
     try:
         entry = json.loads(line)
         return entry["generation"], entry["search"]["best_mm"], entry["search"]["mean_mm"]
-    except (ValueError, KeyError, TypeError, RecursionError):  # another line of the log, or an incomplete one
+    except (ValueError, KeyError, TypeError, RecursionError):  # a line of another kind, or an incomplete line
         return None

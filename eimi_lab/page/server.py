@@ -183,7 +183,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     Stopped
         After a signal has ended the page.
     """
-    one_thread_each()  # the processes started here inherit this, because they share the machine with a run
+    one_thread_each()  # the processes that are started here inherit this setting; they share the computer with a run
     page = Page(folder)
     listening = _listen(host, port)
     bound = listening.getsockname()[1]
@@ -193,7 +193,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     config = uvicorn.Config(
         app,
         log_level="warning",
-        access_log=False,  # it would hold the keys of reports
+        access_log=False,  # the access log would contain the keys of reports
         proxy_headers=False,
         server_header=False,
         ws_max_size=LARGEST_MESSAGE_BYTES,
@@ -239,9 +239,9 @@ class _Server(uvicorn.Server):
 def _listen(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family)  # now: the address is printed before the server runs
+        return socket.create_server((host, port), family=family)  # before the server runs, to print the address
     except OSError as error:
-        reason = str(error.strerror).partition(" (while")[0]  # Python adds the address, which the line states already
+        reason = str(error.strerror).partition(" (while")[0]  # Python adds the address, which the message gives
         raise InputError(
             f"--host {host} --port {port}: the program cannot listen there ({reason}); give another address or port"
         ) from error

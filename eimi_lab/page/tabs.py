@@ -157,7 +157,7 @@ class Tabs:
                 self._handle(tab, await socket.receive_json())
         except WebSocketDisconnect:
             pass
-        except (ValueError, KeyError, TypeError, RecursionError):  # not a client of this page
+        except (ValueError, KeyError, TypeError, RecursionError):  # the client is not this page
             with suppress(WebSocketDisconnect, RuntimeError):
                 await socket.close()
         finally:

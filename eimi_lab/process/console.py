@@ -52,7 +52,7 @@ def typed_line() -> str | None:
         if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
             return None
         return os.read(terminal, 1024).decode("utf-8", "replace").strip()
-    except (OSError, ValueError, AttributeError):  # no terminal, or a closed one
+    except (OSError, ValueError, AttributeError):  # there is no terminal, or the terminal is closed
         return None
 
 

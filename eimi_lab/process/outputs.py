@@ -85,11 +85,11 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
     """
     refuse_existing(path, force)
     with only_writer(path):
-        refuse_existing(path, force)  # again, because another writer may have created it in the meantime
+        refuse_existing(path, force)  # checked again, because another writer may have created the file
         file = followed(path)
         try:
             descriptor, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
-        except OSError as error:  # such as a file system mounted read-only
+        except OSError as error:  # for example on a file system that is mounted read-only
             raise InputError(
                 f"{path}: no file can be created in the folder {file.parent} ({error.strerror})"
             ) from error

@@ -68,5 +68,5 @@ def _ends_with_the_session_anyway() -> bool:
     """
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
-    except (OSError, KeyError):  # no such system; no name of the user
+    except (OSError, KeyError):  # the system has no such files, or the user has no name
         return False

@@ -65,7 +65,7 @@ class NeverBlocking(io.TextIOBase):
 
     def _drop_the_older_half(self) -> None:
         kept = self._waiting[-MOST_BYTES // 2 :].partition(b"\n")[2]
-        earlier_notices = self._waiting.count(NOTICE)  # two line ends each
+        earlier_notices = self._waiting.count(NOTICE)  # each notice has two line ends
         self._dropped += self._waiting.count(b"\n") - kept.count(b"\n") - 2 * earlier_notices
         self._waiting = bytearray(b"\neimi: %d%b\n" % (self._dropped, NOTICE)) + kept
 

@@ -322,7 +322,7 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         asyncio.run(asyncio.wait_for(_greet(address), _ANSWER_S))
         client = Client(address, timeout=_ANSWER_S)
-    except (OSError, ValueError, MemoryError, struct.error) as error:  # some follow from the answer of another service
+    except (OSError, ValueError, MemoryError, struct.error) as error:  # another service may answer
         raise InputError(
             f"--scheduler {address}: no dask scheduler answers there; an address has the form tcp://host:8786"
         ) from error

@@ -124,7 +124,7 @@ def is_being_written(path: Path) -> bool:
     except OSError:
         return False
     finally:
-        os.close(descriptor)  # which also unlocks it
+        os.close(descriptor)  # closing also unlocks the file
 
 
 @contextmanager

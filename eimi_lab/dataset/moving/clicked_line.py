@@ -21,7 +21,7 @@ from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
 
-_SCALE_SHARE = 0.03  # standard uncertainty of the scale: perspective, clicks, and a chord in place of the arc
+_SCALE_SHARE = 0.03  # relative standard uncertainty of the scale, due to perspective, inaccurate clicks and curvature
 _CLICK_PX = 3.0
 _AXIS_DEG, _GRAVITY_DEG = 1.0, 2.0
 _DOWN_DEG = 90.0

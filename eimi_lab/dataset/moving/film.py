@@ -153,7 +153,7 @@ def tracker_from(
         return None
     try:
         return BeamTracker(image, edges, BeamFrame(calibration), specimen.specimen.length_mm, projection)
-    except ValueError:  # the edges are those of another body
+    except ValueError:  # the edges belong to another body
         return None
 
 

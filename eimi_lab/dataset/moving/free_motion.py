@@ -141,7 +141,7 @@ def free_motion(
         sigma_mm=sigma_mm[first:],
         exposure_s=facts.exposure_s,
         step_uncertainty_s=period_s if facts.released_s is None else period_s / np.sqrt(12.0),
-        lost_frames=int(lost) if facts.kind == "ring_down" else 0,  # the intervals of creep grow on purpose
+        lost_frames=int(lost) if facts.kind == "ring_down" else 0,  # in creep the intervals grow on purpose
         tip_force_N=facts.removed_N,
         hanging_N=facts.hanging_N,
         label=origin,

@@ -50,7 +50,7 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
     computed = lookup3(block[:-4])
     if computed == _stored(block):
         return None
-    if (computed ^ _stored(block)).bit_count() == 1:  # the bit is in the checksum
+    if (computed ^ _stored(block)).bit_count() == 1:  # the flipped bit is in the checksum itself
         file.patch(at + length - 4, computed.to_bytes(4, "little"))
         return True
     bit = flipped_bit_within_budget(file, block[:-4], _stored(block))

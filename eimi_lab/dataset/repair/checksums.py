@@ -97,7 +97,7 @@ def flipped_bit(block: bytes, stored: int) -> int | None:
     """
     plain = np.frombuffer(block, np.uint8)
     length = len(plain)
-    for first in range(0, length, 128):  # bytes, 1024 bits at a time
+    for first in range(0, length, 128):  # 128 bytes, that is 1024 bits, are tried at a time
         places = np.repeat(np.arange(first, min(first + 128, length)), 8)
         variants = np.tile(plain, (len(places), 1))
         variants[np.arange(len(places)), places] ^= np.tile(1 << np.arange(8), len(places) // 8).astype(np.uint8)

@@ -10,7 +10,7 @@ import h5py
 from eimi_lab.dataset.repair.checksums import fletcher32, flipped_bit_of_chunk
 from eimi_lab.dataset.repair.mended_file import MendedFile
 
-FLETCHER32 = 3  # number of the filter in HDF5
+FLETCHER32 = 3  # number of this filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:

@@ -73,7 +73,7 @@ def _mend_header(file: MendedFile, at: int) -> int:
     waiting, visited = list(_continuations(header[first:-4], header[5])), set()
     while waiting:
         address, length = waiting.pop()
-        if (address, length) in visited:  # a loop
+        if (address, length) in visited:  # the blocks form a loop
             continue
         visited.add((address, length))
         outcome = mend_block(file, address, length)

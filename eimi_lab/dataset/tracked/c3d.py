@@ -93,7 +93,7 @@ def read_in_this_process(path: Path) -> Tracks:
 
     try:
         file: Any = ezc3d.c3d(str(path))
-        points = np.asarray(file["data"]["points"], dtype=np.float64)[:3]  # (3, n, k)
+        points = np.asarray(file["data"]["points"], dtype=np.float64)[:3]  # (3 coordinates, n markers, k frames)
         parameters, header = file["parameters"]["POINT"], file["header"]["points"]
         labels = [str(label) for label in parameters["LABELS"]["value"]]
         units = [str(unit).strip().lower() for unit in parameters["UNITS"]["value"]] if "UNITS" in parameters else []

@@ -30,7 +30,7 @@ COLUMNS = {
 }
 DEPTH = "z_mm"
 OPTIONAL_COLUMNS = {DEPTH: Column("Position at rest in depth, measured from mid-depth of the beam.", "2.5", "0")}
-ON_THE_BEAM_MM = 1e-6  # tolerance for numbers rounded in a table
+ON_THE_BEAM_MM = 1e-6  # tolerance for rounded numbers in a table
 
 
 def import_points(
