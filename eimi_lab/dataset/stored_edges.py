@@ -69,7 +69,7 @@ def write_edges(
     """
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
-    size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # 2: also in the plot of the outline
+    size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # the outline plot holds them again
     size += sum(3 * motion.points_mm.nbytes for motion in motions)
     with rewritten(path, size + BYTES_OF_A_STATE * len(edge_sets)) as entry:
         states = len(entry["states/index"])
