@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from eimi_drivers.interfaces import Camera, Clock, InstrumentDisconnected, InstrumentError, PowerSupply, Sensor
 from eimi_lab.acquisition.event_words import on_terminal
@@ -17,6 +18,9 @@ from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.config.rig import Rig
 from eimi_lab.process.awake import kept_awake
 from eimi_lab.process.progress import silent
+
+if TYPE_CHECKING:
+    from eimi_drivers.discovery import Found
 
 
 @dataclass(frozen=True)
@@ -140,9 +144,15 @@ def attached() -> str:
     """
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
-    ports = ", ".join(port.address for port in list_serial_ports()) or "none"
-    cameras = ", ".join(camera.address for camera in list_cameras()) or "none"
     return (
-        f"serial ports of this computer: {ports}; cameras: {cameras}; `eimi instruments` shows more, and --rig virtual "
-        "needs no instrument"
+        f"serial ports of this computer: {_addresses(list_serial_ports)}; cameras: {_addresses(list_cameras)}; "
+        "`eimi instruments` shows more, and --rig virtual needs no instrument"
     )
+
+
+def _addresses(search: Callable[[], Iterable[Found]]) -> str:
+    """Return the addresses that a search finds, or the reason why the operating system does not list them."""
+    try:
+        return ", ".join(instrument.address for instrument in search()) or "none"
+    except OSError as error:
+        return str(error)

@@ -21,9 +21,11 @@ from packaging.version import Version
 from typer.testing import CliRunner
 
 import eimi_lab
+from eimi_drivers import discovery
 from eimi_drivers.emulators.coil_line import RemoteCoil
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import open_supply
+from eimi_lab.acquisition.open_coil import attached
 from eimi_lab.cli import app
 from eimi_lab.commands.examples import EXAMPLES
 from eimi_lab.config.specimen import load_specimen
@@ -117,6 +119,16 @@ camera = { driver = "opencv", source = 0 }
     assert re.search(r"serial ports of this computer: .+; cameras: .+; `eimi instruments` shows more", done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (files / "x.h5").exists()
+
+
+def test_a_search_that_fails_does_not_hide_the_address_of_the_missing_supply(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> tuple[discovery.Found, ...]:
+        raise OSError("this operating system does not list its serial ports")
+
+    monkeypatch.setattr(discovery, "list_serial_ports", fail)
+    assert attached().startswith(
+        "serial ports of this computer: this operating system does not list its serial ports; cameras: "
+    )
 
 
 def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> None:
