@@ -1,9 +1,9 @@
 """Events of a run: one dataclass for each kind of event.
 
-The run and its guardian send the events to their listeners. Listeners use the type and the fields of an event, never
-the words in its text fields. `event_words` describes an event in English, and `event_lines` writes and reads an event
-as a line of JSON. Units are in the names of the fields. Times are seconds since 1970-01-01 UTC, from the clock of the
-computer. Currents are in ampere.
+The run, and the guardian process that switches the coil off if the run dies, send the events to their listeners.
+Listeners use the type and the fields of an event, never the words in its text fields. `event_words` describes an event
+in English, and `event_lines` writes and reads an event as a line of JSON. Units are in the names of the fields. Times
+are seconds since 1970-01-01 UTC, from the clock of the computer. Currents are in ampere.
 """
 
 from __future__ import annotations
@@ -347,7 +347,10 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian begins to switch the coil off, in place of the run."""
+    """The guardian process begins to switch the coil off, in place of the run.
+
+    `takeover` is the reason. `address` is the address of the supply.
+    """
 
     event: ClassVar[str] = "guardian_took_over"
     takeover: Takeover
@@ -356,9 +359,9 @@ class GuardianTookOver(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunKilled(Event):
-    """The guardian kills the run, because the run stands still and occupies the line to the supply.
+    """The guardian process kills the run, because the run stands still and occupies the line to the supply.
 
-    `reason` is a text for a person.
+    `reason` is a text for a person. `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "run_killed"
@@ -368,7 +371,10 @@ class RunKilled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class EmulatedSupplyGone(Event):
-    """The emulated supply and its pseudo-terminal do not exist any more. The guardian has nothing to switch off."""
+    """The emulated supply and its pseudo-terminal do not exist any more.
+
+    The guardian process therefore has nothing to switch off. `takeover` is the reason why it tried.
+    """
 
     event: ClassVar[str] = "emulated_supply_gone"
     takeover: Takeover

@@ -55,7 +55,8 @@ class StoodStill(InstrumentError):
 
 @dataclass(frozen=True)
 class Ward:
-    """The supply that the guardian switches off: its driver, its address and the limits of the rig.
+    """The supply that the guardian process switches off if the run dies: its driver, its address and the limits of the
+    rig.
 
     `packed` is the code of a driver that the user's program added, as text; empty for an installed driver. `identity`
     contains the identification text and the serial number of the supply that the run uses; None until the run has read
@@ -74,7 +75,10 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The current limit, the voltage limit and the off limit with which the guardian opens the driver."""
+        """The limits with which the guardian process opens the driver.
+
+        These are the largest current, the largest voltage, and the current below which the coil counts as off.
+        """
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
@@ -135,25 +139,31 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Send the identity of the run's supply, so that the guardian accepts no other supply at the same address."""
+        """Send the identity of the run's supply to the guardian process.
+
+        The guardian process then accepts no other supply at the same address as the supply of the coil.
+        """
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Report that the run switched the output off and still measured a current.
+        """Report to the guardian process that the run switched the output off and still measured a current.
 
-        The guardian then accepts this supply as the supply of the coil, although the output is already off.
+        The guardian process then accepts this supply as the supply of the coil, although the output is already off.
         """
         self._send(RECOGNISED)
 
     def beat(self) -> None:
-        """Send a beat to the guardian: a message that the run is alive. The method never waits and raises no error."""
+        """Tell the guardian process that the run is alive. The method never waits and raises no error.
+
+        Without such a message (a beat) for `STILL_FOR_S`, the guardian process switches the coil off.
+        """
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
             self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Tell the guardian that the next beat may come as late as `seconds` (s) from now.
+        """Tell the guardian process that the next beat may come as late as `seconds` (s) from now.
 
         A beat is a message that the run is alive. The method never waits and raises no error.
         """

@@ -84,7 +84,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     ward : Ward
         The supply of the coil.
     on_event : OnEvent
-        Receives the events of the guardian.
+        Receives the events of this process.
     """
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
@@ -158,7 +158,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     """Switch the supply off and measure its current, repeatedly, until the coil is off or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
-    If the first attempt fails, the guardian therefore kills the run.
+    If the first attempt fails, this process therefore kills the run.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def _is_one_of_a_kind(ward: Ward) -> bool:
 def _stay() -> None:
     """Do nothing when Windows closes the console or logs the user off.
 
-    The run ends first, and the guardian has to wait for the end of the run.
+    The run ends first, and this process has to wait for the end of the run.
     """
 
 

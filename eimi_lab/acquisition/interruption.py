@@ -64,7 +64,7 @@ class Interruption:
             self._run.leave_in_haste()
 
     def while_waiting(self) -> None:
-        """End the wait for the camera after a signal, and report to the guardian that the run is alive.
+        """End the wait for the camera after a signal, and tell the guardian process that the run is alive.
 
         The camera calls this method repeatedly while it waits for its driver.
         """

@@ -1,4 +1,4 @@
-"""Open the supply and the sensors of a rig with a guardian, and close them after use."""
+"""Open the supply and the sensors of a rig, start the guardian process of the supply, and end all of them after use."""
 
 from __future__ import annotations
 

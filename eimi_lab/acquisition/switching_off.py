@@ -65,7 +65,7 @@ class _SignalsHeeded:
             self._coil.count_the_end()
 
     def move_on(self) -> None:
-        """Report to the guardian that the run is alive, and refuse a suspension (Ctrl-Z) that was asked for."""
+        """Tell the guardian process that the run is alive, and refuse a suspension (Ctrl-Z) if one was asked for."""
         if self._guardian:
             self._guardian.beat()
         if self._suspended:
@@ -267,14 +267,14 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch the coil off, send the events about the result and disarm the guardian.
+    """Switch the coil off, send the events about the result, and tell the guardian process that the coil is off.
 
     Parameters
     ----------
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The guardian. If the coil could not be confirmed off, the guardian stays armed.
+        The guardian process. If the coil could not be confirmed off, it continues to try to switch the coil off.
     on_event : OnEvent
         Receives the events.
     failed : str

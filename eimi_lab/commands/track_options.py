@@ -47,7 +47,8 @@ class ImportOptions(MotionOptions):
     def placing(self, calibration: Calibration | None) -> Placing:
         """Return the rule by which coordinates of tracked points are converted into the beam frame (mm).
 
-        `calibration` is the loaded calibration file; None if --calibration is not given.
+        In the beam frame, x runs along the straight beam from the clamp, and y across the beam. `calibration` is the
+        loaded calibration file; None if --calibration is not given.
 
         Raises
         ------

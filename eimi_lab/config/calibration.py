@@ -156,7 +156,8 @@ class Calibration(Document):
     def positive_field_deg(self) -> float:
         """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
 
-        The direction is that of +y in the beam frame. Without a coil, the direction is at 90° to the beam.
+        The direction is that of +y in the beam frame (x along the straight beam from the clamp, y across). Without a
+        coil, the direction is at 90° to the beam.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
 

@@ -29,9 +29,10 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 class CoilShapeTable(Table):
     """How the field of the coil depends on the position in the plane of the beam, in the beam frame.
 
-    The table gives only the dependence on position. The strength follows from coil_constant_mT_per_A, which is the
-    field at the middle of the magnet at rest, or at the middle of the beam if there is no magnet. Give two loops, a
-    measured map, or only a gradient.
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The table gives only the
+    dependence on position. The strength follows from coil_constant_mT_per_A, which is the field at the middle of the
+    magnet at rest, or at the middle of the beam if there is no magnet. Give two loops, a measured map, or only a
+    gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -92,7 +93,8 @@ class CoilShapeTable(Table):
         specimen
             The specimen.
         field_deg
-            Direction of the field of a positive current in the beam frame, from +x toward +y.
+            Direction of the field of a positive current in the beam frame (x along the straight beam from the clamp, y
+            across), from +x toward +y.
 
         Raises
         ------

@@ -26,7 +26,7 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
     Parameters
     ----------
     entry
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     process
         The group of the edges, to which the plots are added.
     edge_sets

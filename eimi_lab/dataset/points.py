@@ -46,7 +46,7 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class TrackedPoints:
-    """The tracked points of one state, in the beam frame.
+    """The tracked points of one state, in the beam frame (x along the straight beam from the clamp, y across).
 
     Parameters
     ----------
@@ -82,7 +82,8 @@ class Load:
     tip_force_N
         Force at the tip, N.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame, degrees from +x toward +y; None for the direction of gravity.
+        Direction of the tip force in the beam frame (x along the straight beam from the clamp, y across), degrees from
+        +x toward +y; None for the direction of gravity.
     field_sigma_mT
         Standard uncertainty of the measured field, mT; None if the field was not measured.
     temperature_degC
@@ -114,7 +115,8 @@ def write_points(
     header
         Description of the measurement.
     gravity_angle_deg
-        Direction of gravity in the beam frame, degrees from +x toward +y.
+        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), degrees from +x
+        toward +y.
     loads, points
         The loads, and the tracked points, of each state.
     gravity

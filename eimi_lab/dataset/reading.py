@@ -65,7 +65,8 @@ class Dataset:
     states
         The states with their loads and flags.
     gravity_angle_deg, field_angle_deg
-        Directions of gravity, and of the field of a positive current, in the beam frame, from +x toward +y.
+        Directions of gravity, and of the field of a positive current, in the beam frame (x along the straight beam from
+        the clamp, y across), from +x toward +y.
     gravity
         Whether the simulation of the beam includes the weight of the beam.
     field_line
@@ -441,9 +442,9 @@ class Dataset:
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
         """Return points of the beam frame in coordinates (right, up), in which the beam looks as it was seen.
 
-        The last axis of the argument, shape (..., 2), holds x and y in the beam frame, and the last axis of the result
-        holds right and up. With a calibration, these are the directions in the picture. For tracked points, gravity
-        points down; without gravity, the points are not rotated.
+        The last axis of the argument, shape (..., 2), contains x (along the straight beam from the clamp) and y (across
+        the beam), mm. The last axis of the result contains right and up, mm. With a calibration, these are the
+        directions in the picture. For tracked points, gravity points down; without gravity, the points are not rotated.
         """
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)

@@ -61,7 +61,7 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
     Parameters
     ----------
     entry : h5py.Group
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     states : int
         Number of completely stored states.
     """
@@ -89,7 +89,7 @@ def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames |
     Parameters
     ----------
     entry : h5py.Group
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     states, state : int
         Number of completely stored states, and the number of this state, from 0.
 

@@ -108,7 +108,7 @@ def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]
     Parameters
     ----------
     entry
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     names
         Names of the recordings.
     image
@@ -191,7 +191,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
     Parameters
     ----------
     entry
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     name
         Name of the recording.
     states
@@ -237,7 +237,7 @@ def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64
     Parameters
     ----------
     entry
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     name
         Name of the recording.
     states
@@ -251,7 +251,7 @@ def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
     """Remove all rows of a recording except ``rows``, which must be in increasing order.
 
-    ``entry`` is the group `entry` of the file, and ``name`` is the name of the recording.
+    ``entry`` is the HDF5 group with the whole dataset, and ``name`` is the name of the recording.
     """
     store = entry[name]
     for place, row in enumerate(rows):

@@ -247,8 +247,8 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
     """Restore damaged columns of the table of states, and return a line of text for each restored column.
 
     The contents are taken from the table of frames. This table does not contain tip forces and flags: the forces become
-    0, and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised. ``entry`` is the
-    group `entry` of the new file.
+    0, and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised. ``entry`` is the HDF5
+    group with the whole dataset in the new file.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []

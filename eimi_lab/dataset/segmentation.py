@@ -202,7 +202,8 @@ def _in_words(flags: Sequence[Flag]) -> str:
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
     """Return the n points along the beam that the user clicked, shape (n, 2), in mm in the beam frame.
 
-    The points are stored in the calibration. None is returned if the calibration contains no clicked points.
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The points are stored in
+    the calibration. None is returned if the calibration contains no clicked points.
     """
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
@@ -314,8 +315,8 @@ def _edges_in(
     earlier
         Function that returns the edges of an earlier state. It is called only if several bodies may be the beam.
     expected_mm
-        (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame; None if the line is
-        unknown.
+        (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame (x along the
+        straight beam from the clamp, y across); None if the line is unknown.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)

@@ -26,7 +26,8 @@ class State:
         Defects that were found during the run or the import. The defects that the search for edges finds are stored
         with the edges.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame, degrees from +x toward +y; None for the direction of gravity.
+        Direction of the tip force in the beam frame (x along the straight beam from the clamp, y across), degrees from
+        +x toward +y; None for the direction of gravity.
     field_sigma_mT
         Standard uncertainty of a field that was measured in this state, mT; None if the field was computed from the
         current.

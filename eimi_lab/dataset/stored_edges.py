@@ -140,7 +140,10 @@ def _comply_with_definition(entry: h5py.Group) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """Return the stored edges of every state of a dataset; ``entry`` is the group `entry` of the file."""
+    """Return the stored edges of every state of a dataset.
+
+    ``entry`` is the HDF5 group with the whole dataset.
+    """
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]

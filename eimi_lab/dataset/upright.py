@@ -1,4 +1,7 @@
-"""Rotate the beam frame to the orientation of the camera's picture, or so that gravity points down."""
+"""Rotate the beam frame to the orientation of the camera's picture, or so that gravity points down.
+
+In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,8 @@ Array = NDArray[np.float64]
 
 def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Array:
     """Return the matrix (2, 2) that converts a vector (x, y) of the beam frame into (right, up) in the picture.
+
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
 
     Parameters
     ----------

@@ -138,7 +138,8 @@ def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFi
     specimen : SpecimenFile
         The specimen.
     place : BeamFrame
-        Conversion from the beam frame (mm) to the pixels of the result.
+        Conversion from the beam frame (x along the straight beam from the clamp, y across; mm) to the pixels of the
+        result.
 
     Returns
     -------

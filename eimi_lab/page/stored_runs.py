@@ -173,8 +173,8 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
 def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
     """Return the two edges of a beam in pixels and the flags of the edges, as a JSON object.
 
-    Each edge is a list of n points (x, y). `frame` converts from the beam frame (mm) to pixels. A flag is the name of a
-    defect.
+    Each edge is a list of n points (x, y). `frame` converts from the beam frame (x along the straight beam from the
+    clamp, y across; mm) to pixels. A flag is the name of a defect.
     """
     return {
         "left": rounded(frame.to_px(edge_set.left.points_mm)),

@@ -16,7 +16,7 @@ class InputError(Exception):
 
 
 class OwnFault(Exception):
-    """A fault of this program that is not caused by the input of the user."""
+    """The error that is raised if this program has a fault, which the input of the user does not cause."""
 
     def __init__(self, what: str, error: str) -> None:
         """Create the error.

@@ -58,7 +58,8 @@ class Film:
         Parameters
         ----------
         middle_mm : ndarray, shape (n, p, 2)
-            Points of the centre line in the n frames, in the beam frame, mm.
+            Points of the centre line in the n frames, in the beam frame (x along the straight beam from the clamp, y
+            across), mm.
 
         Returns
         -------

@@ -39,16 +39,18 @@ _LITTLE = 0.7  # share of the points that should be seen; with fewer points the 
 class FilmedPoints:
     """Positions of p points of the beam in the n frames of a film, in the beam frame.
 
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Positions; NaN for a point that was not seen in a frame.
+        Positions, mm; NaN for a point that was not seen in a frame.
     rest_mm : ndarray, shape (p, 2)
-        Positions of the points in the undeformed beam.
+        Positions of the points in the undeformed beam, mm.
     time_s : ndarray, shape (n, p)
         Time at which the camera exposed each point, s.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of one coordinate of each point.
+        Standard uncertainty of one coordinate of each point, mm.
     """
 
     points_mm: Array
@@ -66,8 +68,8 @@ def points_of_film(
 ) -> FilmedPoints:
     """Convert the points of a film from pixels into mm in the beam frame, and compute the time of each point.
 
-    With a rolling shutter, the camera exposes the rows of a frame one after another, so that the points of a frame have
-    different times.
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. With a rolling shutter, the
+    camera exposes the rows of a frame one after another, so that the points of a frame have different times.
 
     Parameters
     ----------

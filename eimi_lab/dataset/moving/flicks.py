@@ -31,7 +31,8 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     frame_s : ndarray, shape (n,)
         Times of the n frames, s.
     points_mm : ndarray, shape (n, p, 2)
-        Positions of p points in the beam frame, mm; NaN for a point that was not seen in a frame.
+        Positions of p points in the beam frame (x along the straight beam from the clamp, y across), mm; NaN for a
+        point that was not seen in a frame.
 
     Returns
     -------

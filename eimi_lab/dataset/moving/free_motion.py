@@ -29,8 +29,8 @@ def free_motions(
     Parameters
     ----------
     points_mm, rest_mm, time_s, sigma_mm
-        Positions (n, p, 2) of p points in n frames in the beam frame (mm), positions at rest (p, 2) in mm, times (n, p)
-        in s, and standard uncertainties (n, p) in mm.
+        Positions (n, p, 2) of p points in n frames in the beam frame (x along the straight beam from the clamp, y
+        across; mm), positions at rest (p, 2) in mm, times (n, p) in s, and standard uncertainties (n, p) in mm.
     facts : MotionFacts
         Facts that the user gives.
     origin : str
@@ -85,7 +85,8 @@ def free_motion(
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Positions of p points in n frames, in the beam frame; NaN for a point that was not seen in a frame.
+        Positions of p points in n frames, in the beam frame (x along the straight beam from the clamp, y across); NaN
+        for a point that was not seen in a frame.
     rest_mm : ndarray, shape (p, 2)
         Positions of the points in the undeformed beam.
     time_s : ndarray, shape (n, p)

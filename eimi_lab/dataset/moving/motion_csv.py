@@ -1,4 +1,7 @@
-"""Read motions from a table of tracked points, which has one row for each point of each frame, in the beam frame."""
+"""Read motions of the beam from a table of tracked points, which has one row for each point of each frame.
+
+The positions are in mm: x along the straight beam from the clamp, and y across the beam.
+"""
 
 from __future__ import annotations
 

@@ -40,7 +40,8 @@ def write_motion_dataset(
     calibration : Calibration, optional
         Calibration of the pictures, which also gives the direction of gravity; None for tracked points.
     gravity_angle_deg : float, optional
-        Direction of gravity in the beam frame, from +x toward +y. This is used only without a calibration.
+        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), from +x toward +y.
+        This is used only without a calibration.
     gravity : bool
         Whether the simulation of the beam includes the weight of the beam. This is used only without a calibration.
     force : bool

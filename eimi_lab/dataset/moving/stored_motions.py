@@ -38,7 +38,7 @@ def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], leng
     Parameters
     ----------
     entry : h5py.Group
-        The group `entry` of the file.
+        The HDF5 group `entry`, which contains the whole dataset.
     kind : {"ring_down", "creep"}
         Kind of all motions.
     motions : sequence of Motion
@@ -75,7 +75,7 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
     """Return the stored motions of one kind in the order in which they were recorded; empty if there are none.
 
-    `entry` is the group `entry` of the file. `kind` is "ring_down" or "creep".
+    `entry` is the HDF5 group with the whole dataset. `kind` is "ring_down" or "creep".
     """
     store = entry.get(GROUPS[kind], {})
     return tuple(_read(store[str(number)], kind) for number in range(len(store)))

@@ -32,7 +32,8 @@ def read_tracked_motion(
     specimen : SpecimenFile
         The specimen.
     placing : Placing
-        The rule by which coordinates of the file are converted into the beam frame (mm).
+        The rule by which coordinates of the file are converted into the beam frame (x along the straight beam from the
+        clamp, y across; mm).
     facts : MotionFacts
         Facts that the user gives. If `rate_Hz` is given, the times follow from this rate instead of the file.
 

@@ -1,4 +1,7 @@
-"""Convert tracked points from the unit and the axes of their file into the beam frame."""
+"""Convert tracked points from the unit and the axes of their file into the beam frame.
+
+In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +27,9 @@ PIXEL = "px"
 class Placing:
     """Information from the user that is needed to convert tracked points into the beam frame.
 
-    Give either ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, also give ``unit`` if the file does
-    not contain its unit.
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. Give either
+    ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, also give ``unit`` if the file does not contain
+    its unit.
 
     Parameters
     ----------
@@ -61,6 +65,8 @@ class Placing:
 class PlacedTracks:
     """Tracks of n points in k frames, converted into the beam frame; NaN for a point that was not seen in a frame.
 
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+
     Parameters
     ----------
     tracks
@@ -80,7 +86,9 @@ class PlacedTracks:
 
 
 def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
-    """Convert tracks from the unit and axes of their file into the beam frame.
+    """Convert tracks (positions of points in frames) from the unit and axes of their file into the beam frame.
+
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
 
     Parameters
     ----------
@@ -133,7 +141,8 @@ def _in_plane(tracks: Tracks, placing: Placing, origin: str) -> Array:
 def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float, Callable[[Array], Array]]:
     """Return the length of the unit of the file in mm, and a function that converts positions into the beam frame.
 
-    The function takes and returns positions of shape (..., 2).
+    The function takes and returns positions of shape (..., 2). In the beam frame, x runs along the straight beam from
+    the clamp, and y across the beam; the unit is mm.
     """
     calibration = placing.calibration
     if calibration is not None:

@@ -1,4 +1,7 @@
-"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state."""
+"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state.
+
+In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +54,8 @@ def import_points(
     specimen
         The specimen.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y. A tip force without an angle has this direction.
-        None without gravity.
+        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), from +x toward +y.
+        A tip force without an angle has this direction. None without gravity.
     path
         The dataset to write.
     force

@@ -47,7 +47,8 @@ def import_tracks(
     specimen
         The specimen.
     placing
-        The rule by which coordinates of the file are converted into the beam frame.
+        The rule by which coordinates of the file are converted into the beam frame (x along the straight beam from the
+        clamp, y across).
     gravity_angle_deg
         Direction of gravity in the beam frame, degrees from +x toward +y. Ignored if ``placing`` has a calibration.
     path
