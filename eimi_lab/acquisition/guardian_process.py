@@ -319,10 +319,10 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_one_of_a_kind(ward: Ward) -> bool:
-    """Return whether the supply that answers is certainly the supply of the coil, if its identity is the expected one.
+    """Return whether the identity of the supply is sufficient to recognise the supply of the coil.
 
-    This is so for a supply with a serial number and for a supply on a pseudo-terminal. True is also returned if the run
-    has sent no identity.
+    The identity is sufficient if it contains a serial number, or if the supply is on a pseudo-terminal. If the run has
+    sent no identity, nothing is compared, and True is returned.
     """
     return ward.identity is None or bool(ward.identity[1]) or "/dev/pts/" in ward.address
 

@@ -1,4 +1,4 @@
-"""Options by which the user helps the program to find the beam in images."""
+"""Options with which the user helps the program to find the beam in images."""
 
 from __future__ import annotations
 

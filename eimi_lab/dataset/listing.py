@@ -75,12 +75,12 @@ class Listing:
 
 
 def is_video(path: Path) -> bool:
-    """Return whether the name of a file has the ending of a video."""
+    """Return whether the name of a file ends like that of a video file, such as ".mp4"."""
     return path.suffix.lower() in VIDEOS
 
 
 def is_image(path: Path) -> bool:
-    """Return whether the name of a file has the ending of an image."""
+    """Return whether the name of a file ends like that of an image file, such as ".png"."""
     return path.suffix.lower() in IMAGES
 
 

@@ -457,7 +457,10 @@ class DatasetWriter:
         self._head = self._read_head()
 
     def _read_head(self) -> bytes:
-        """Return the first `HEAD_BYTES` bytes of the file, also on Windows, which has no pread(2)."""
+        """Return the first `HEAD_BYTES` bytes of the file, and keep the present position in the file for HDF5.
+
+        pread(2) is not used, because Windows has no such function.
+        """
         place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
         try:
             os.lseek(self._descriptor, 0, os.SEEK_SET)

@@ -13,7 +13,7 @@ frame_memory   the newest frame, in memory that server and run share
 opened_eyes    start and end the processes of `eye`; part of the server
 camera_desk    the routes of the live camera before a run
 camera_alone   the process of the live camera
-eye            processes that compress frames and find the edges in them
+eye            a process that compresses frames, and a process that finds the edges in frames
 stored_runs    a dataset as the page shows it
 stored_fits    the fits of a result file as the page shows them
 fit_desk       the routes that fit a dataset, and the process of the fit
@@ -21,7 +21,7 @@ phone_desk     the routes of "Weights and a phone"
 by_weights     make a dataset from photographs, clicks and typed numbers
 picture_desk   the routes for pictures without instruments
 by_hand        edges in images with a calibration that a person drags into place
-report_links   links to reports that a new tab can open
+report_links   links that open a report in a new tab
 worker         a separate process for work that takes long or may crash
 
 A route is an address of the server together with the function that answers requests to this address.

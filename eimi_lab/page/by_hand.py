@@ -152,7 +152,8 @@ def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, A
     Returns
     -------
     dict
-        The result of `eye.edges_in`, in pixels of the whole image.
+        A JSON object with the two edges in pixels of the whole image, the angle of the tip with its standard
+        uncertainty (degrees), the blur with its limit (pixels), and the flags.
 
     Raises
     ------

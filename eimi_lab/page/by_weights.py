@@ -178,8 +178,9 @@ def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> di
     Returns
     -------
     dict
-        The result of `eye.edges_in` in pixels of the photograph. Under "sources", the value and the source of each
-        number of the calibration.
+        A JSON object with the two edges in pixels of the photograph, the angle of the tip with its standard uncertainty
+        (degrees), the blur with its limit (pixels), and the flags. The key "sources" contains the value and the source
+        of each number of the calibration.
 
     Raises
     ------
