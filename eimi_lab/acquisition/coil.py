@@ -169,8 +169,8 @@ class Coil:
         ------
         InstrumentError
             If two measurements in a row are above the limit of the supply, or are outside the range of the set-points
-            of the last `FOLLOWS_WITHIN_S` by more than the tolerance. Also for the reasons of `PowerSupply.check` and
-            `PowerSupply.measure`.
+            of the last `FOLLOWS_WITHIN_S` by more than the tolerance. Also if the supply reports a fault or does not
+            answer.
         BeyondInterlock
             If a reading is outside the bounds of its interlock in two measurements in a row, or if a reading did not
             come within its longest silence.

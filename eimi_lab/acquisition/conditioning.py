@@ -1,8 +1,8 @@
 """Apply load cycles before a run, and measure how far the cycles changed the shape of the beam.
 
-A filled rubber or a silicone is stiffer when it is stretched for the first time than afterwards. It stays softer up to
-the largest stretch that it has reached (Mullins effect; L. Mullins, Rubber Chem. Technol. 42 (1969) 339). Without load
-cycles, a run measures some states before this softening and some after it.
+A filled rubber or a silicone is stiffer when it is stretched for the first time than afterwards. Afterwards the
+material is softer up to the largest stretch that it has reached (Mullins effect; L. Mullins, Rubber Chem. Technol. 42
+(1969) 339). Without load cycles, a run measures some states before this softening and some states after the softening.
 """
 
 from __future__ import annotations

@@ -100,8 +100,8 @@ class DatasetWriter:
     Parameters
     ----------
     path
-        The new file. If another program deletes, moves or replaces it during the run, the attribute ``path`` becomes
-        the path of the copy in which the writer continues.
+        The new file. If another program deletes, moves or replaces this file during the run, the attribute ``path``
+        becomes the path of the copy in which the writer continues.
     header
         Description of the run.
     like
