@@ -137,18 +137,18 @@ def _append_states(
     (_, (first_frame, *_)), *_ = by_state
     for load, frames in by_state:
         names = [frame.path for frame in frames]
-        taken = list(islice(images, len(names)))
-        for image, name in zip(taken, names, strict=True):
+        images_of_state = list(islice(images, len(names)))
+        for image, name in zip(images_of_state, names, strict=True):
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
                     f"{name}: is {describe_image(image)}, but {first_frame.path.name} is {describe_image(first)}; all "
                     f"pictures of a dataset need the same size and depth: {_remedy(image, first)}"
                 )
-        flags = _flags(names, taken, last)
-        last = taken[-1]
-        kept, times = taken, [frame.time_s for frame in frames]
+        flags = _flags(names, images_of_state, last)
+        last = images_of_state[-1]
+        kept, times = images_of_state, [frame.time_s for frame in frames]
         if average:
-            kept, times = [_mean(taken)], [float(np.mean(times))]
+            kept, times = [_mean(images_of_state)], [float(np.mean(times))]
         writer.append_state(
             [Frame(image, number + k, float("nan")) for k, image in enumerate(kept)],
             current_A=float("nan") if load.current_A is None else load.current_A,

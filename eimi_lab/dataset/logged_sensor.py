@@ -70,7 +70,7 @@ class SensorLog:
 
         ``states`` is the number of states.
         """
-        known = np.isfinite(self.value) & (self.state < states)
-        count = np.bincount(self.state[known], minlength=states)
-        total = np.bincount(self.state[known], weights=self.value[known], minlength=states)
+        has_reading = np.isfinite(self.value) & (self.state < states)
+        count = np.bincount(self.state[has_reading], minlength=states)
+        total = np.bincount(self.state[has_reading], weights=self.value[has_reading], minlength=states)
         return np.asarray(np.divide(total, count, out=np.full(states, np.nan), where=count > 0))

@@ -81,15 +81,15 @@ def field_line(
     FieldLine or None
         The line; None if there are readings at fewer than two different currents.
     """
-    current, field, stated = np.broadcast_arrays(
+    current, field, reported = np.broadcast_arrays(
         np.asarray(current_A, dtype=float), np.asarray(field_mT, dtype=float), np.asarray(stated_mT, dtype=float)
     )
-    known = np.isfinite(current) & np.isfinite(field)
-    current, field, stated = current[known], sensor.at_magnet * field[known], stated[known]
+    complete = np.isfinite(current) & np.isfinite(field)
+    current, field, reported = current[complete], sensor.at_magnet * field[complete], reported[complete]
     currents = len(np.unique(current))
     if currents < 2:
         return None
-    sigma = sensor.uncertainty if sensor.uncertainty is not None else _root_mean_square(stated[np.isfinite(stated)])
+    sigma = sensor.uncertainty if sensor.uncertainty is not None else _root_mean_square(reported[np.isfinite(reported)])
     zero_mT = abs(sensor.at_magnet) * sigma
     columns = np.column_stack([current, np.ones(len(current))])
     (slope, offset), *_ = np.linalg.lstsq(columns, field, rcond=None)

@@ -114,8 +114,8 @@ def measured_heating(
         differ by less than `LEAST_RISE_K`.
     """
     order = np.argsort(log.time_s, kind="stable")
-    known = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
-    time_s, degC, state = log.time_s[known], log.value[known], log.state[known]
+    finite = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
+    time_s, degC, state = log.time_s[finite], log.value[finite], log.state[finite]
     if len(degC) < LEAST_READINGS or np.ptp(degC) < LEAST_RISE_K:
         return None
     squares = (np.asarray(current_A, dtype=float)[state] / continuous_current_A) ** 2

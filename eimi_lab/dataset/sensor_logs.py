@@ -72,11 +72,11 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
         put_text(place, "short_name", sensor.measures)
         if sensor.measures in MEASUREMENTS:
             put_text(place, "measurement", MEASUREMENTS[sensor.measures])
-        stated = group(place, "stated", "NXcollection")
-        put_text(stated, "unit", sensor.unit)
-        stated["at_magnet"] = sensor.at_magnet
-        stated["uncertainty"] = math.nan if sensor.uncertainty is None else sensor.uncertainty
-        stated["uncertainty_share"] = math.nan if sensor.uncertainty_share is None else sensor.uncertainty_share
+        from_rig_file = group(place, "stated", "NXcollection")
+        put_text(from_rig_file, "unit", sensor.unit)
+        from_rig_file["at_magnet"] = sensor.at_magnet
+        from_rig_file["uncertainty"] = math.nan if sensor.uncertainty is None else sensor.uncertainty
+        from_rig_file["uncertainty_share"] = math.nan if sensor.uncertainty_share is None else sensor.uncertainty_share
         log = group(place, "value_log", "NXlog")
         columns(log, {"time": ("f8", "s"), "value": ("f8", sensor.unit), "value_errors": ("f8", sensor.unit)})
 

@@ -195,14 +195,14 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
         If a file exists and ``replace`` is false, if no image has a current, or if a current is not a number. In these
         cases nothing is written.
     """
-    stated = _stated(path, calibration)
+    new_calibration = _stated(path, calibration)
     names = [image.name for image in find_images(path)]
     rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
     if not rows:
         raise InputError(f"{path.name}: no picture has a current; enter the current of at least one picture")
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
-    for name, text in ((CALIBRATION, to_toml(stated)), (STATES, csv_text([("frame", "current_A"), *rows]))):
+    for name, text in ((CALIBRATION, to_toml(new_calibration)), (STATES, csv_text([("frame", "current_A"), *rows]))):
         write_file(path / name, text, replace)
     return {"written": [CALIBRATION, STATES], "states": len(rows)}
 
@@ -236,5 +236,5 @@ def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
     InputError
         If a file cannot be read, or the dataset exists and ``replace`` is false.
     """
-    stated = load_calibration(path / CALIBRATION)
-    return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)
+    saved_calibration = load_calibration(path / CALIBRATION)
+    return import_frames(path, path / STATES, load_specimen(specimen), saved_calibration, target, replace)

@@ -139,12 +139,12 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
     has_tip_load : bool
         Whether a weight hangs at the tip.
     """
-    seen = np.isfinite(rest_px[:, 0])
-    if seen.sum() < 6:
+    is_seen = np.isfinite(rest_px[:, 0])
+    if is_seen.sum() < 6:
         return calibration
     clamp, axis_deg = np.array(calibration.clamp_midpoint_px), calibration.axis_angle_deg
-    ahead, across = _along_and_across(rest_px[seen] - clamp, axis_deg)
-    share = along_mm[seen] / along_mm.max()
+    ahead, across = _along_and_across(rest_px[is_seen] - clamp, axis_deg)
+    share = along_mm[is_seen] / along_mm.max()
     shapes = [np.ones(len(share)), ahead, _uniform(share)] + ([0.5 * (3 - share) * share**2] if has_tip_load else [])
     offset, turn = np.linalg.lstsq(np.column_stack(shapes), across, rcond=None)[0][:2]
     normal = np.array([-np.sin(np.radians(axis_deg)), np.cos(np.radians(axis_deg))])

@@ -96,12 +96,12 @@ def _deflection(points_mm: Array) -> Array | None:
     For frames that do not show this point, the deflection is interpolated. The result is None if no point was seen in
     more than half of the frames.
     """
-    seen = np.isfinite(points_mm[..., 1])
-    often = seen.mean(axis=0) > 0.5
+    is_seen = np.isfinite(points_mm[..., 1])
+    often = is_seen.mean(axis=0) > 0.5
     if not often.any():
         return None
     spread = np.zeros(len(often))
-    spread[often] = np.nanstd(np.where(seen, points_mm[..., 1], np.nan)[:, often], axis=0)
+    spread[often] = np.nanstd(np.where(is_seen, points_mm[..., 1], np.nan)[:, often], axis=0)
     place = points_mm[:, int(np.argmax(spread)), 1]
     good = np.flatnonzero(np.isfinite(place))
     filled = np.interp(np.arange(len(place)), good, place[good])

@@ -128,8 +128,8 @@ def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, 
     margin = _OFF_THE_BEAM * beam.width_mm
     along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)
     on_it = along & (np.abs(rest[:, 1]) <= beam.width_mm / 2 + margin)
-    seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
-    chosen = np.flatnonzero(on_it & seen)
+    is_seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
+    chosen = np.flatnonzero(on_it & is_seen)
     with_rest = np.flatnonzero(np.isfinite(rest).all(axis=1))
     if not len(chosen):
         where = "no point was seen at rest"
@@ -157,11 +157,11 @@ def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, 
 
 def _points_of(placed: PlacedTracks, index: int, chosen: NDArray[np.int64], row: Row, source: Path) -> TrackedPoints:
     places, sigma = placed.places_mm[index, chosen], placed.sigma_mm[index, chosen]
-    seen = np.isfinite(places).all(axis=1) & np.isfinite(sigma)
-    if not seen.any():
+    is_seen = np.isfinite(places).all(axis=1) & np.isfinite(sigma)
+    if not is_seen.any():
         raise InputError(
             f"{row.path}: row {row.line}: {source.name} has no point of the beam in this frame; list another frame"
         )
     beam_rest = placed.rest_mm[chosen]
-    names = tuple(placed.tracks.names[k].encode()[:NAME_BYTES].decode(errors="ignore") for k in chosen[seen])
-    return TrackedPoints(names, beam_rest[seen], places[seen], sigma[seen])
+    names = tuple(placed.tracks.names[k].encode()[:NAME_BYTES].decode(errors="ignore") for k in chosen[is_seen])
+    return TrackedPoints(names, beam_rest[is_seen], places[is_seen], sigma[is_seen])
