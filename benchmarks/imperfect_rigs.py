@@ -173,13 +173,21 @@ def together(first: Imperfection, second: Imperfection) -> Imperfection:
         lambda stated: second.specimen(first.specimen(stated)),
         lambda loads: second.loads(first.loads(loads)),
         lambda places: second.picture(first.picture(places)),
+        first.is_clamp_seen and second.is_clamp_seen,
     )
 
 
 _BY_NAME = {imperfection.cause: imperfection for imperfection in IMPERFECTIONS}
 PAIRS = tuple(
     together(_BY_NAME[first], _BY_NAME[second])
-    for first, second in (("magnetisation_angle", "creep"), ("rest_shape", "clamp_angle"))
+    for first, second in (
+        ("magnetisation_angle", "creep"),
+        ("rest_shape", "clamp_angle"),
+        ("moment", "background_field"),
+        ("width", "hysteresis"),
+        ("field_gradient", "clamp_softness"),
+        ("scale", "magnetisation_angle"),
+    )
 )
 
 
@@ -290,7 +298,8 @@ class Place:
     second : bool
         True if the true cause is among the first two causes, or if the two true causes are among the first three.
     declared : bool
-        True if `first` is true, or if a single true cause is listed as similar to the first cause.
+        True if `first` is true, or if the true cause is listed as similar to the first cause. For two true causes:
+        also true if each of the first two classes of similar causes contains a true cause.
     wrong : float
         Largest probability that the fit gives to a cause that is not true.
     """
@@ -308,10 +317,12 @@ def placed(fit: Fit, cause: str) -> Place:
     """
     true = set(cause.split("+"))
     names = [entry.name for entry in fit.causes]
-    count, alike = len(true), {names[0], *fit.causes[0].like}
+    count = len(true)
+    classes = dict.fromkeys(frozenset({entry.name, *entry.like}) for entry in fit.causes)
     wrong = max((c.probability for c in fit.causes if c.name not in true and c.name != NONE), default=0.0)
     first, second = true <= set(names[:count]), true <= set(names[: count + 1])
-    return Place(first, second, first or (count == 1 and true <= alike), wrong)
+    declared = all(true & members for members in list(classes)[:count])
+    return Place(first, second, first or declared, wrong)
 
 
 def ranked(fit: Fit, cause: str) -> str:

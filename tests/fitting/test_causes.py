@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +20,14 @@ from eimi_fitting.inference.doubts.causes import NONE, Cause
 from eimi_fitting.inference.doubts.checks import rivals
 from eimi_fitting.inference.doubts.collinear_causes import classes, shared_equally
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
+from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, Assumed, PossibleCause
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.inference.fit import Fit
 from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_fitting.laws import LAWS
 
 TRUTH_PA = 46e3
@@ -43,20 +46,26 @@ def fit_of(
     setup: Setup = NOTHING,
     stiffness: np.ndarray | float = 1.0,
     stated: tuple[StatedSource, ...] = (),
+    seen: Callable[[np.ndarray], np.ndarray] = lambda places: places,
+    is_rest_measured: bool = False,
 ) -> Fit:
     """Return the fit of the beam as its file describes it to the edges of a true beam.
 
     specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
     stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.
+    seen: maps true positions to those in the picture. is_rest_measured: True if the fit uses the shape at rest that the
+    states without a field show.
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
     shapes = model.solve(LAWS["neo-hookean"], moduli[:, None], loads)
     row = np.searchsorted(moduli, TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
     sides = points_on(edge_curves(model, shapes)[row, np.arange(len(loads))], 2)[:, :, 4:-2]
-    noisy = setup.imaged(sides) + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
+    noisy = seen(setup.imaged(sides)) + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
     observed = EdgeObservation(noisy, np.full(noisy.shape[:3], NOISE_MM))
-    return identify("neo-hookean", [Experiment(BeamModel(BEAM).refined(), LOADS, observed, stated=stated)])
+    experiment = Experiment(BeamModel(BEAM).refined(), LOADS, observed, stated=stated)
+    shape = measured_rest_shape(experiment) if is_rest_measured else None
+    return identify("neo-hookean", [shape.applied(experiment) if shape else experiment])
 
 
 @pytest.mark.parametrize(
@@ -79,6 +88,65 @@ def test_the_only_error_of_a_bench_is_the_most_probable_cause(name, value, wrong
     if name != NONE:
         corrected = fit.initial_shear_modulus.value * (1 + 0.01 * first.shift_percent)
         assert corrected == pytest.approx(TRUTH_PA, rel=0.02)
+
+
+def _possible(name: str) -> PossibleCause:
+    return next(cause for cause in POSSIBLE_CAUSES if cause.name == name)
+
+
+def test_the_cause_taper_undoes_both_measured_modes_of_the_width():
+    measured = with_modes(BEAM, (), (0.02, 0.015))
+    observed = EdgeObservation(np.zeros((len(LOADS), 2, 3, 2)), np.full((len(LOADS), 2, 3), NOISE_MM))
+    experiment = Experiment(BeamModel(measured), LOADS, observed)
+    assumed = Assumed(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), None, experiment)
+    stated = _possible("taper").change(assumed, -np.array([0.04, 0.0225])).bent.model.specimen
+    widths = np.array(stated.rest_shape.widths)[:, 1]
+    assert widths == pytest.approx(np.zeros(len(widths)), abs=1e-12)
+
+
+@given(
+    share=st.floats(-0.02, 0.02).filter(lambda share: abs(share) > 1e-3),
+    x=st.floats(-1.5, 1.5),
+    y=st.floats(-1.0, 1.0),
+    seed=st.integers(0, 1000),
+)
+def test_a_distortion_about_a_displaced_lens_axis_is_exact_and_leaves_no_scale(share, x, y, seed):
+    true = np.random.default_rng(seed).uniform([0, -8], [30, 12], (2, 2, 9, 2))
+    used = true.reshape(-1, 2)
+    centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
+    farthest_mm = np.sqrt(((used - centre) ** 2).sum(axis=1).max())
+    axis = centre + farthest_mm * np.array([x, y])
+
+    def by(places):
+        from_axis = (places - axis) / farthest_mm
+        return farthest_mm * share * (from_axis**2).sum(axis=-1, keepdims=True) * from_axis
+
+    experiment = Experiment(BeamModel(BEAM), LOADS.take(np.arange(2)), EdgeObservation(true, np.full((2, 2, 9), 0.1)))
+    assumed = Assumed(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), None, experiment)
+    amplitudes = np.array([share, share * x, share * y, *by(np.zeros(2))])
+    changed = _possible("distortion").change(assumed, amplitudes).experiment.observed.points_mm
+    assert changed == pytest.approx(true - by(true), abs=1e-12)
+
+
+@pytest.mark.slow
+def test_a_distortion_is_found_alone_although_a_picture_at_rest_shows_a_bulge_of_the_beam():
+    centre = np.array([15.0, 5.0])
+
+    def seen(places):
+        from_centre = places - centre
+        return centre + from_centre * (1 + 0.01 * (from_centre**2).sum(axis=-1, keepdims=True) / 20.0**2)
+
+    fit = fit_of(seen=seen, is_rest_measured=True)
+    assert fit.causes[0].name == "distortion"
+    assert max((cause.probability for cause in fit.causes[1:]), default=0.0) < 0.1
+
+
+@pytest.mark.slow
+def test_two_causes_are_found_although_one_of_them_bends_the_beam_at_rest():
+    # Alone, a field along the beam explains most of the weak moment, so that a pair needs an exact comparison.
+    weak = replace(LOADS, field_T=0.97 * LOADS.field_T + np.array([0.0, 5e-5]))
+    fit = fit_of(loads=weak, is_rest_measured=True)
+    assert {cause.name for cause in fit.causes[:2]} == {"moment", "background_field"}
 
 
 def test_an_error_that_the_fit_has_estimated_is_the_cause_and_gives_no_doubt():

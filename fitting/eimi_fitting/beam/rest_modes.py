@@ -24,6 +24,7 @@ from eimi_fitting.beam.specimen import Specimen
 Array = NDArray[np.float64]
 
 BENDS, WIDTHS = 3, 2  # numbers of modes
+TAPER, WAIST = 2.0, 1.5  # change of the width from the clamp to the end by P_1, and from the middle to the ends by P_2
 _STATIONS = 17  # rows of a table that holds modes; its spline reproduces their cubics exactly
 
 

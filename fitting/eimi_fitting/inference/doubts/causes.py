@@ -244,6 +244,7 @@ class _Weighing:
         for row, hypothesis in enumerate(self.hypotheses):
             indices = kept + [index for i in hypothesis for index in blocks[i]]
             self._members[row, : len(indices)] = indices
+        self._in_the_fit = {i for i, columns in enumerate(columns_by_cause.values()) if any(c.start for c in columns)}
         self._holds = np.array([[i in hypothesis for i in causes] for hypothesis in self.hypotheses])
         self.log_prior = -np.log(max(len(self._causes) - 1, 1)) * np.array([len(h) for h in self.hypotheses], float)
         # What the residuals were if the freed and measured inputs had their stated values.
@@ -277,6 +278,7 @@ class _Weighing:
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
+        known = np.zeros(len(self.hypotheses), bool)  # whether a hypothesis was simulated
         settled: set[int] = set()
         for index in range(_PASSES):
             moved = np.abs(result.means - simulated_at) / self._scale
@@ -292,15 +294,51 @@ class _Weighing:
                     settled.add(row)
                 simulated = self._simulated(self.hypotheses[row], simulated_at[row])
                 if simulated is not None:
+                    known[row] = True
                     moves = simulated_at[row] / self._scale
                     moves[len(self._about.law_spread) : self._common] = 0.0  # these are not simulated
                     y[row] = moves @ self._rows - self._project.of(simulated)
             if not rows:
                 break
+            for row, part in self._starts(result, known):
+                y[row], simulated_at[row] = y[part], simulated_at[part]
             best = result.means[np.argmax(result.log_evidence + self.log_prior)] / self._scale
             result = self._weigh(y, self._model_error(best[:, None] * self._rows))
         self._y = y
         return result
+
+    def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
+        """Return hypotheses that were not simulated, each with the most probable simulated part of its causes.
+
+        The linear model of such a hypothesis is then exact where that of the part is. Without this, one more cause
+        would seem to make the agreement worse. A part without a cause that the fit contains has another shape at rest,
+        so that a part contains the same causes of the fit as the hypothesis.
+
+        Parameters
+        ----------
+        result : Posterior
+            The evidence of the H hypotheses.
+        known : ndarray of bool, shape (H,)
+            Whether each hypothesis was simulated.
+
+        Returns
+        -------
+        list of tuple of int
+            For each hypothesis with such a part, the index of the hypothesis and the index of the part.
+        """
+        score = result.log_evidence + self.log_prior
+        pairs = []
+        for row in np.flatnonzero(~known):
+            of_fit = self._in_the_fit.intersection(self.hypotheses[row])
+            parts = [
+                part
+                for part in np.flatnonzero(known)
+                if set(self.hypotheses[part]) < set(self.hypotheses[row])
+                and self._in_the_fit.intersection(self.hypotheses[part]) == of_fit
+            ]
+            if parts:
+                pairs.append((int(row), int(max(parts, key=lambda part: score[part]))))
+        return pairs
 
     def _model_error(self, moves: Array) -> Array:
         """Return the variance of N coefficients of the residuals due to errors of the simulation, shape (N,).

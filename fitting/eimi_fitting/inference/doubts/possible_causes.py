@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.rest_modes import WAIST, with_modes
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.sources import SOURCES
@@ -26,6 +27,7 @@ from eimi_fitting.laws.sum_of_terms import SumOfTerms
 Array = NDArray[np.float64]
 
 _STAND_OFF_MM = 300.0  # distance of a camera whose stand-off is not stated
+_FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion is computed exactly, a multiple of R
 _GRADIENT_AT_M = 0.01  # distance at which a curved field has the gradient that is given as its size
 
 
@@ -194,12 +196,16 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
     Positions (x, y) in mm and displacements have the shape (..., 2). The first amplitude is the relative distortion k
     at the measured point that is farthest from the assumed centre of the lens, at the distance R. The next two
-    amplitudes are k / R times the displacement of the lens axis from the assumed centre in x and y.
+    amplitudes are k / R times the displacement of the lens axis from the assumed centre in x and y. For a displacement
+    of more than 2 R, only the terms that are linear in the displacement are returned.
     """
-    centre, radial, off_centre = _centre(experiment), amplitudes[0], amplitudes[1:3]
+    centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
     farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
     share = (places - centre) / farthest_mm
+    if float(np.linalg.norm(off_centre)) <= _FARTHEST_AXIS * abs(radial) and radial:
+        from_axis = share - off_centre / radial
+        return np.asarray(farthest_mm * radial * (from_axis**2).sum(axis=-1, keepdims=True) * from_axis)
     square = (share**2).sum(axis=-1, keepdims=True)
     by_axis = 2 * (share @ off_centre)[..., None] * share + square * off_centre
     return np.asarray(farthest_mm * (radial * square * share - by_axis))
@@ -215,6 +221,20 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm, (..., 2), of positions (x, y) if the beam is farther than the calibration."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
+
+
+def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Return the assumptions with a beam whose width varies.
+
+    The two amplitudes in mm are the change of the width from the clamp to the end of the flexible part, and the width
+    at both ends minus the width in the middle.
+    """
+    assumed = _by_sources({("taper", 0): 1.0})(assumed, amplitudes[:1])
+    if not amplitudes[1]:
+        return assumed
+    model = assumed.experiment.model
+    waisted = with_modes(model.specimen, (), (0.0, float(amplitudes[1]) / WAIST))
+    return replace(assumed, experiment=replace(assumed.experiment, model=model.of(waisted)))
 
 
 def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
@@ -342,7 +362,15 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "tilt",
     ),
     _of_source("rest_shape", "rest-shape", (0.5, 0.3, 0.3), _REST_PICTURE),
-    _of_source("taper", "taper", (0.06,), "the width at both ends of the beam"),
+    PossibleCause(
+        "taper",
+        SOURCES["taper"].words,
+        SOURCES["taper"].unit,
+        (0.06, 0.03),
+        _tapered,
+        "the width at both ends and in the middle of the beam",
+        "taper",
+    ),
     _of_source("width", "width", (0.05,), "the width at several places"),
     _of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
     _of_source(

@@ -52,7 +52,8 @@ class Experiment:
         The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
         Measured deviations of the specimen in ``model`` from the stated specimen. Each key is a source (a key of
-        `SOURCES`). Each value has one number for each part of this source, in the unit of the source.
+        `SOURCES`). Each value has one number for each part of this source, in the unit of the source. "taper" has one
+        more: the width at both ends minus the width in the middle, in mm.
 
     Examples
     --------

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Status
-from eimi_fitting.beam.rest_modes import BENDS, WIDTHS, bend_offset, with_modes
+from eimi_fitting.beam.rest_modes import BENDS, TAPER, WAIST, WIDTHS, bend_offset, with_modes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.inference.evidence._coarse import coarsened, on_coarse_mesh
@@ -95,14 +95,15 @@ class MeasuredRestShape:
         Experiment
             The experiment, with the measured shape in its beam models.
         """
-        sigmas = {"rest-shape": self.bend_sigma_mm, "taper": 2 * self.width_sigma_mm}
+        sigmas = {"rest-shape": self.bend_sigma_mm, "taper": TAPER * self.width_sigma_mm}
+        taper, waist = (of_width * mode for of_width, mode in zip((TAPER, WAIST), self.widths_mm, strict=True))
         others = (stated for stated in experiment.stated if stated.source not in sigmas)
         return replace(
             experiment,
             model=experiment.model.of(self.specimen),
             solid=None if experiment.solid is None else experiment.solid.of(self.specimen),
             stated=(*others, *(StatedSource(source, sigma, of) for source, sigma in sigmas.items() if sigma)),
-            measured={"rest-shape": self.bends_mm, "taper": (2 * self.widths_mm[0],)},
+            measured={"rest-shape": self.bends_mm, "taper": (taper, waist)},
         )
 
     @property
