@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import time
 
@@ -21,8 +22,15 @@ def announced(kind: str, host: str, port: int, name: str, **fields: str) -> Serv
     return ServiceInfo(kind, f"{name}.{kind}", addresses=addresses, port=port, properties=fields, server="i.local.")
 
 
+# The name contains the number of this process, so that it differs from the names that other test processes announce.
 TTI = announced(
-    LXI, "127.0.0.1", 80, "t521236", Manufacturer="THURLBY THANDAR", Model="CPX400DP", SerialNumber="521236"
+    LXI,
+    "127.0.0.1",
+    80,
+    f"t521236-{os.getpid()}",
+    Manufacturer="THURLBY THANDAR",
+    Model="CPX400DP",
+    SerialNumber="521236",
 )
 
 
