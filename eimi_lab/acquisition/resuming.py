@@ -67,8 +67,8 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         Dataset of the run that ended early.
     header : Header
         Files and instruments of the present run.
-    image : ndarray, shape (H, W)
-        A frame of the present run, H by W pixels.
+    image : ndarray, shape (H, W) or (H, W, 3)
+        A frame of the present run, H by W pixels, grey or with three colour channels.
 
     Returns
     -------
@@ -78,8 +78,8 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Raises
     ------
     InputError
-        If there is no such dataset, or the present run differs from the run in the dataset. The message names the first
-        difference.
+        If there is no such dataset, or the files, instruments or frames of the present run differ from those in the
+        dataset. The message names the first difference.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")

@@ -38,7 +38,7 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Keep a new frame in `moments` if the present logarithmic interval is over.
+        """Add a new frame to `moments` if the present logarithmic interval is over; otherwise ignore the frame.
 
         `at_s` is the time of the frame on the clock of the run, s.
         """

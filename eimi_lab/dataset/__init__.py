@@ -7,7 +7,7 @@ recordings        frames that a run takes outside the states: settling, creep, r
 frame_chunk       storage of a frame as one compressed chunk of HDF5
 frame_stream      compression and writing of frames in threads while the camera takes further frames
 recorded_frames   the frames of a ring-down or of creep, read one at a time
-steps             the set-points of a run, and the current steps that began its ring-downs
+steps             the set-points of a run, and the steps of the coil current that began its ring-downs
 state             the class `State`: the loads and flags of one state
 points            datasets of tracked material points instead of frames
 tip_force_angles  the directions of the tip forces in the file

@@ -56,7 +56,7 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
     """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
 
     Files of early versions contain a group `release` instead. This group is returned as one ring-down from the current
-    of the last state. The standard uncertainty of the time of the current step is then the interval between two frames.
+    of the last state. The standard uncertainty of the time of the step is then the interval between two frames.
 
     Parameters
     ----------

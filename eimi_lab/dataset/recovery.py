@@ -144,9 +144,9 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
 
 
 def _comes_from_hdf5(error: BaseException) -> bool:
-    """Return whether an error was raised inside the library h5py.
+    """Return whether an error was raised inside the library h5py, which means that the file is damaged.
 
-    Then the file is damaged. An error that was raised elsewhere is a fault of this program.
+    An error that was raised elsewhere is a fault of this program.
     """
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return "h5py" in Path(frame.f_code.co_filename).parts

@@ -1,11 +1,10 @@
-"""Store and read the times of set-points and of current steps in a dataset.
+"""Store and read the times of set-points and of steps of the coil current in a dataset.
 
     set_points         one row for each set-point that was sent: `time`, `current`, `uncertainty`
     ring_down_steps    one row for each recorded ring-down: the step of the current, and the number and rate of frames
 
 All times are on the clock of the run. A set-point takes effect after it is sent and before the supply answers. `time`
-is the middle of this interval, and `uncertainty` is the standard deviation of a uniform distribution over the
-interval.
+is the middle of this interval, and `uncertainty` is the standard deviation of a uniform distribution over the interval.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append the current step of a ring-down to the table of ring-downs in a dataset.
+    """Append one row to the table of ring-downs in a dataset: the step of the current with which a ring-down began.
 
     ``store`` contains the columns of the table by name.
     """
@@ -124,7 +123,10 @@ def read_set_points(entry: h5py.Group) -> tuple[SetPoint, ...]:
 
 
 def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
-    """Return the current steps of all recorded ring-downs in the order of time; empty if no ring-down was recorded."""
+    """Return the steps of the coil current with which the recorded ring-downs began, in the order of time.
+
+    The result is empty if no ring-down was recorded.
+    """
     kinds = {"int": int, "float": float}
     of_field = [kinds[str(field.type)] for field in fields(RingDownStep)]
     rows = _rows(entry, RING_DOWN_STEPS, list(_STEP_COLUMNS))
