@@ -12,10 +12,10 @@ the test. With ``--results`` a run continues where an earlier run ended, and rep
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
 the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
-`tests_by_line` and must exist before. A mistake counts as missed if no test executes its line, or if its tests end
-without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not
-counted. The script prints the shares of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat.
-Assoc. 22, 209, 1927), and the time.
+`tests_by_line` and must exist before. A mistake is also caught if a file of these tests cannot be imported any more. A
+mistake counts as missed if no test executes its line, or if its tests end without a result. Mistakes that
+``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not counted. The script prints the shares
+of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 """
 
 from __future__ import annotations
@@ -149,20 +149,37 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
         file, (stat.st_atime + 2, stat.st_mtime + 2)
     )  # a later time, so that Python does not use the compiled right code; Python compares whole seconds
     try:
-        return run_tests(mutant.tests, copy, mutant.limit_s)
+        outcome, line = run_tests(mutant.tests, copy, mutant.limit_s)
+        whole = tuple(dict.fromkeys(test.partition("[")[0] for test in mutant.tests))
+        if outcome == BROKEN and whole != mutant.tests and not _is_import_failure(line):
+            outcome, line = run_tests(whole, copy, mutant.limit_s)  # the mistake changed the parameters of a test
     finally:
         file.write_bytes(right)
         os.utime(file, (stat.st_atime, stat.st_mtime))
+    if outcome == BROKEN and _is_import_failure(line):
+        right_code, _ = run_tests(mutant.tests, copy, mutant.limit_s, ("--collect-only",))
+        outcome = CAUGHT if right_code == SURVIVED else BROKEN
+    return outcome, line
 
 
-def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) -> tuple[str, str]:
-    """Run tests in a copy of the project until a test fails; return the outcome and the last line of pytest's output.
+def _is_import_failure(line: str) -> bool:
+    """Return whether a line of pytest's output says that a file of tests or a conftest.py could not be imported."""
+    return line.startswith(("ERROR tests", "ERROR test_", "ImportError while loading conftest"))
+
+
+def run_tests(
+    tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S, options: Sequence[str] = ()
+) -> tuple[str, str]:
+    """Run tests in a copy of the project until a test fails; return the outcome and a line of pytest's output.
 
     The outcome is "caught" if a test failed, "broken" if pytest could not run the tests, and otherwise "survived", also
-    after `limit_s` (s).
+    after `limit_s` (s). The line belongs to the failed test or to a file of tests that cannot be imported; otherwise it
+    is the last line. For a file that cannot be imported the outcome is "broken", and `tried` finds out whether the
+    mistake is the cause. `options` are further options of pytest.
     """
     transcript = copy.with_suffix(".txt")
-    child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests), min(TEST_LIMIT_S, limit_s / 2)))
+    arguments = (copy, transcript, (*options, *tests), min(TEST_LIMIT_S, limit_s / 2))
+    child = _PROCESSES.Process(target=_pytest, args=arguments)
     child.start()
     child.join(limit_s)
     if child.exitcode is None:
@@ -170,7 +187,7 @@ def run_tests(tests: Sequence[str], copy: Path, limit_s: float = RUN_LIMIT_S) ->
         child.join()
         return SURVIVED, f"no end within {limit_s:.0f} s"
     lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
-    failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    failed = [line for line in lines if line.startswith("FAILED") or _is_import_failure(line)]
     outcome = _OUTCOMES.get(child.exitcode, BROKEN)
     if outcome == CAUGHT and not failed:  # pytest itself failed, but no test
         outcome = BROKEN

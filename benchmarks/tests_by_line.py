@@ -86,8 +86,9 @@ class TestsByLine:
 
         The function returns the tests that execute the line. If a fixture executes the line, the other tests of the
         fixture's file follow, because they may use the fixture. A line outside all functions is executed only by the
-        first import. For such a line, the tests that import the module come first, then the tests that execute any line
-        of the module. If no test executes the line, the tests in the files that contain the module's name are returned.
+        first import. For such a line, the tests that import the module or all modules come first, then the tests that
+        execute any line of the module. If no test executes the line, the tests in the files that contain the module's
+        name are returned.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -97,7 +98,8 @@ class TestsByLine:
             chosen = [*self._in_order(nodes), *self._in_order(self._of_files(sharing) - nodes)]
         else:
             module = ".".join(Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :])
-            importing = self._of_files(_files_with(module.removesuffix(".__init__")))
+            every = _files_with("pkgutil.walk_packages")  # these tests import all modules
+            importing = self._of_files([*_files_with(module.removesuffix(".__init__")), *every])
             nodes = {context.partition("|")[0] for contexts in by_line.values() for context in contexts if context}
             chosen = [*self._in_order(importing), *self._in_order(nodes)]
         chosen = list(dict.fromkeys(chosen or self._in_order(self._of_files(_files_with(Path(file).stem)))))

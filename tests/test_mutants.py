@@ -46,13 +46,19 @@ def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -
     project.mkdir()
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')
     (project / "sums.py").write_text("def add(a, b):\n    return a + b\n")
-    (project / "test_sums.py").write_text("from sums import add\n\ndef test_add():\n    assert add(2, 2) == 4\n")
+    (project / "test_sums.py").write_text(
+        "import pytest\nfrom sums import add\n\n"
+        "@pytest.mark.parametrize('four', [add(3, 1)])\ndef test_add(four):\n    assert add(2, 2) == 4\n"
+    )
     copy = copied(project, tmp_path / "copies")
     minus = Mutant(1, "small", "minus", "sums.py", "a + b", "a - b", ("test_sums.py",))
     product = replace(minus, number=2, wrong="a * b")
     nowhere = replace(minus, number=3, wrong="b + a", tests=("test_nothing.py",))
     outcomes = {mutant.key: tried(mutant, copy)[0] for mutant in (minus, product, nowhere)}
     assert list(outcomes.values()) == [CAUGHT, SURVIVED, BROKEN]
+    recorded = replace(minus, tests=("test_sums.py::test_add[4]",))
+    assert tried(replace(recorded, wrong="undefined"), copy)[0] == CAUGHT  # the file of the test cannot be imported
+    assert tried(replace(recorded, wrong="2 * max(a, b)"), copy)[0] == SURVIVED  # the test is test_add[6] then
     assert (copy / "sums.py").read_text() == (project / "sums.py").read_text()
     assert table([minus, product, nowhere], outcomes)[-1] == "| all | 3 | 1 | 33 % |"
     with pytest.raises(ValueError, match="'a / b' 0 times"):
