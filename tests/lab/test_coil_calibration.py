@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from eimi_lab.acquisition.coil_calibration import calibration_currents
+from eimi_drivers.interfaces import SensorReading
+from eimi_lab.acquisition import coil_calibration
+from eimi_lab.acquisition.coil_calibration import CoilCalibration, calibration_currents, with_measured_coil
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.measured_field import FieldLine
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.field_at_beam import stated_coil
 from tests.end_to_end.test_measured_field import OFFSET_MT, SENSORS, TRUE_MT_PER_A, write_bench
@@ -66,6 +72,86 @@ def test_a_current_beyond_the_rating_of_the_coil_is_refused() -> None:
     assert calibration_currents(rig, 1.0, 3) == [0.0, 0.5, 1.0, 0.5, 0.0]
     with pytest.raises(InputError, match=r"coil\.continuous_current_A = 1\.6"):
         calibration_currents(rig, 1.7, 3)
+
+
+def test_the_currents_of_a_calibration_go_up_and_back_and_then_the_other_way_on_a_bipolar_supply(
+    tmp_path: Path,
+) -> None:
+    rig = load_rig("bench_example")
+    assert calibration_currents(rig, None, 2) == [0.0, 1.6, 0.0]  # the rating of the coil is below that of the supply
+    assert calibration_currents(rig.model_copy(update={"coil": None}), None, 2)[1] == rig.supply.limits.current_A
+    assert calibration_currents(rig, 1.0, 4) == [0.0, 0.333333, 0.666667, 1.0, 0.666667, 0.333333, 0.0]
+    bipolar = rig.model_copy(update={"supply": rig.supply.model_copy(update={"driver": "kepco-bop"})})
+    assert calibration_currents(bipolar, 1.0, 3) == [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0]
+    for largest_A in (0.0, -0.5):
+        with pytest.raises(InputError, match="should be above 0"):
+            calibration_currents(rig, largest_A, 3)
+    write_bench(tmp_path, SENSORS)
+    virtual = load_rig(str(tmp_path / "rig.toml"))
+    assert min(calibration_currents(virtual, None, 3)) == 0.0
+    assert calibration_currents(virtual, 2.0, 2)[1] == 2.0  # the limit itself is permitted
+
+
+def test_the_field_at_a_current_is_the_mean_of_its_readings_and_hysteresis_is_the_largest_difference() -> None:
+    current_A = np.array([0.0, 0.5, 1.0, 0.5, 0.0])
+    means_mT = np.array([0.1, 2.0, 4.0, 2.3, 0.2])
+    scatter = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
+    readings = [[SensorReading(float(mean + part), "mT", 0.0, 0.05) for part in scatter] for mean in means_mT]
+    given: dict[str, Any] = {}
+
+    def line_of(current: Any, field: Any, stated: Any) -> FieldLine:
+        given.update(current=current, field=field, stated=stated)
+        return line(4.0, 0.1)
+
+    found = coil_calibration._evaluated(current_A, readings, line_of)
+    np.testing.assert_allclose(found.field_mT, means_mT)
+    assert found.hysteresis_mT == pytest.approx(0.3)
+    np.testing.assert_array_equal(given["current"], np.repeat(current_A, 5))
+    np.testing.assert_allclose(given["field"], np.add.outer(means_mT, scatter).ravel())
+    np.testing.assert_array_equal(given["stated"], np.full(25, 0.05))
+
+
+def line(mT_per_A: float, offset_mT: float) -> FieldLine:
+    return FieldLine("hall (425)", mT_per_A, 0.0123456, offset_mT, 0.0456789, 0.01, 3, True)
+
+
+def measured(mT_per_A: float, offset_mT: float) -> CoilCalibration:
+    return CoilCalibration(np.array([0.0, 1.0]), np.array([0.3, 4.71234567]), line(mT_per_A, offset_mT), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "before_mT", "after_mT"),
+    [
+        (0.0, None, (0.3, 0.0)),
+        (0.0, (0.1, 0.2), (0.3, 0.2)),  # only the part along the axis of the coil is measured
+        (45.0, (0.2, 0.0), (0.1 + 0.3 / np.sqrt(2), -0.1 + 0.3 / np.sqrt(2))),
+    ],
+)
+def test_the_measured_offset_replaces_the_background_along_the_axis_of_the_coil(
+    files: Path, angle_deg: float, before_mT: tuple[float, float] | None, after_mT: tuple[float, float]
+) -> None:
+    given = load_calibration(files / "calibration.toml")
+    given = given.model_copy(update={"field_angle_deg": angle_deg, "background_field_mT": before_mT})
+    new = with_measured_coil(given, measured(4.5, 0.3), date(2026, 3, 4))
+    assert new.background_field_mT == pytest.approx(after_mT, abs=1e-6)
+    assert new.coil_constant_mT_per_A == 4.5
+    assert new.calibrated_on == date(2026, 3, 4)
+    assert new.uncertainty == {"coil_constant_mT_per_A": 0.0123, "background_field_mT": 0.0457}
+    assert new.field is not None
+    assert new.field.against_current == ((0.0, 0.3), (1.0, 4.712346))
+
+
+def test_a_larger_stated_uncertainty_of_the_background_is_kept(files: Path) -> None:
+    given = load_calibration(files / "calibration.toml")
+    stated = {"background_field_mT": 0.2, "pixels_per_mm": 0.01, "coil_constant_mT_per_A": 1.0}
+    new = with_measured_coil(given.model_copy(update={"uncertainty": stated}), measured(4.5, 0.0), date.today())
+    assert new.uncertainty == stated | {"coil_constant_mT_per_A": 0.0123}
+
+
+@pytest.mark.parametrize("mT_per_A", [-4.5, 0.0])
+def test_a_field_that_does_not_increase_with_the_current_is_refused(files: Path, mT_per_A: float) -> None:
+    with pytest.raises(InputError, match=r"hall \(425\): measured .* mT/A, but a positive current should give"):
+        with_measured_coil(load_calibration(files / "calibration.toml"), measured(mT_per_A, 0.3), date.today())
 
 
 def test_the_field_of_a_calibrated_coil_is_uniform(files: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from eimi_drivers.emulators import DIALECTS
 from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.supplies import SUPPLIES
 from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.heating import hottest
+from eimi_lab.config.interlock import Interlock
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 
@@ -134,3 +137,58 @@ def test_a_protocol_that_no_run_could_finish_is_refused_in_one_short_line(
     assert (status, told.count("\n")) == (2, 1)
     assert said in told
     assert len(told) < 400
+
+
+LONG = """
+conditioning = { cycles = 3, current_A = 0.5 }
+transients = { frames_per_state = 6 }
+ring_down = { seconds = 2.0, repeats = 3, from_A = 0.4, rate_Hz = 60.0 }
+"""
+INTERLOCK = Interlock(reading="coil_voltage_V", maximum=8.0)
+
+
+def long_run(setup: Any) -> tuple[list[str], list[str]]:
+    """Return the steps and the details of a dry run of ten states with everything that a protocol can ask for."""
+    setup.protocol = parse(Protocol, LONG + setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.9"), "p")
+    setup.rig = setup.rig.model_copy(update={"interlocks": (INTERLOCK,)})
+    steps: list[str] = []
+    details: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, steps.append, details.append)
+    return steps, details
+
+
+def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
+    steps, details = long_run(setup)
+    worst = hottest(setup.protocol, setup.rig.coil)
+    assert steps[:-2] == [
+        "short on small with rig bench: 10 states",
+        "limits: 1 A, 10 V; ramps of 10 A/s",
+        f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}",
+        "interlock: coil_voltage_V at most 8, silent for at most 5 s",
+        "conditioning: 3 cycles to 0.5 A and back to 0",
+        *[f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in range(6)],
+        "… 2 states between …",
+        *[f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in (8, 9)],
+        "transients: at most 6 frames of each state while the beam settles",
+        "ring-down: from 0.4 A to zero in one step, recorded for 2 s at 60 Hz, 3 times",
+    ]
+    assert steps[-2].startswith("only the run checks the interlocks (coil_voltage_V); ")
+    between = [f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in (6, 7)]
+    assert [line for line in details if line in between] == between
+    assert details[2] == "messages to the supply, in the language of korad:"
+    told: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
+    assert not any("states between" in line for line in told)
+    assert sorted(told) == sorted([*(line for line in steps if "between" not in line), *details])
+
+
+def test_the_durations_of_a_run_are_those_of_a_beam_at_rest_and_of_one_that_never_rests(setup: Any) -> None:
+    """A state that never rests takes 5 s instead of 0.02 s, and so do four shapes of the conditioning."""
+    steps, _ = long_run(setup)
+    found = re.fullmatch(
+        r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", steps[-1]
+    )
+    assert found is not None
+    shortest_s, longest_s = map(int, found.groups())
+    assert shortest_s > 3 * 2.0  # of the ring-downs
+    assert longest_s - shortest_s == pytest.approx((10 + 4) * (5.0 - 0.02), abs=1.0)

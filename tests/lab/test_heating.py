@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eimi_lab.acquisition import heating
 from eimi_lab.acquisition.coil import REACHED_WITHIN_S
-from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, hottest, refuse_overheating
+from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, Warming, hottest, refuse_overheating
 from eimi_lab.config.protocol import Conditioning, Currents, Protocol, Ramp, RingDown, Settle, SupplyLimits
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.process.errors import InputError
@@ -30,6 +31,7 @@ def protocol(currents_A: list[float], timeout_s: float = 30.0) -> Protocol:
 def test_a_constant_current_warms_the_coil_exponentially() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=100.0)
     held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S
+    assert held_s == pytest.approx(30.0 + 3.0 + 2 * 0.5 + 12 * 0.1)  # of the state, its current, frames and transient
     found = hottest(protocol([0.0, 2.0]), rating)
     assert found.stage == "state 1 (2 A)"
     assert found.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
@@ -83,3 +85,34 @@ def test_a_current_within_the_continuous_rating_is_never_refused() -> None:
     refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=1.0000001, thermal_time_constant_s=60.0))
     with pytest.raises(InputError, match=r"overheat the coil at state \d+ \(1 A\).*continuous_current_A = 0\.9"):
         refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=0.9, thermal_time_constant_s=60.0))
+
+
+def test_a_protocol_without_current_is_hottest_at_the_beginning() -> None:
+    found = hottest(protocol([0.0, 0.0]), CoilRating(continuous_current_A=1.0, thermal_time_constant_s=10.0))
+    assert (found.stage, found.share) == ("the beginning", 0.0)
+
+
+def test_the_heat_of_a_run_follows_the_current_that_flows() -> None:
+    """Each step of the current is compared with the solution of τ dh/dt = I² − h."""
+    warming = Warming(CoilRating(continuous_current_A=2.0, thermal_time_constant_s=100.0))
+    assert warming.share(5.0) == 0.0
+    warming.flows(1000.0, 3.0)
+    assert warming.share(1000.0) == 0.0
+    after_50_s = 9.0 * (1 - math.exp(-0.5))
+    assert warming.share(1050.0) == pytest.approx(after_50_s / 4.0)
+    warming.flows(1050.0, 1.0)
+    assert warming.share(1050.0) == pytest.approx(after_50_s / 4.0)
+    after_80_s = 1.0 + (after_50_s - 1.0) * math.exp(-0.3)
+    assert warming.share(1080.0) == pytest.approx(after_80_s / 4.0)
+    warming.flows(1080.0, 0.0)
+    assert warming.share(1180.0) == pytest.approx(after_80_s * math.exp(-1.0) / 4.0)
+    assert warming.share(1e6) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_just_the_allowed_heat_is_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(heating, "hottest", lambda protocol, rating: heating.Heating("state 1 (1 A)", 1.0))
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=60.0)
+    refuse_overheating(protocol([0.0, 1.0]), rating)
+    monkeypatch.setattr(heating, "hottest", lambda protocol, rating: heating.Heating("state 1 (1 A)", 1.26))
+    with pytest.raises(InputError, match=r"protocol p: could overheat the coil at state 1 \(1 A\): 126 % of the heat"):
+        refuse_overheating(protocol([0.0, 1.0]), rating)

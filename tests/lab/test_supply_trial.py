@@ -8,8 +8,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -18,10 +22,13 @@ from eimi_drivers.clock import SimulatedClock, WallClock
 from eimi_drivers.discovery import Discovery, Found
 from eimi_drivers.emulators import CoilSupply, emulate, serve_tcp
 from eimi_drivers.emulators.session import OPEN_OHM
+from eimi_drivers.interfaces import Identity, Limits, SwitchOffFailed
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transcript import ReplayedTransport
+from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition import supply_trial
-from eimi_lab.acquisition.trial_form import FORM
+from eimi_lab.acquisition.supply_trial import SupplyTrial, TrialStep, try_supply
+from eimi_lab.acquisition.trial_form import FORM, trial_form
 from eimi_lab.cli import app
 from tests.patience import PATIENCE_S
 
@@ -160,3 +167,138 @@ FORM_FIELDS = (
     *("unit", "serial_number", "firmware", "driver", "version", "line", "date", "who", "transcript", "panel"),
     *("passed", "steps"),
 )
+
+
+class Watcher:
+    """Notes what a trial reports to its guardian."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *arguments: self.told.append((name, *arguments))
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]]:
+    """Return a function that tries a driver on an emulated Korad in simulated time, with nothing at its output."""
+
+    def trial(**changes: Any) -> tuple[SupplyTrial, CoilSupply, Watcher]:
+        clock, watcher = SimulatedClock(), Watcher()
+        coil = CoilSupply(clock, resistance_ohm=OPEN_OHM)
+        for name, value in changes.items():
+            setattr(coil, name, value)
+
+        @contextmanager
+        def guarded(ward: Any) -> Iterator[Watcher]:
+            watcher.told.append(("guards", ward.driver, ward.address, ward.limits))
+            yield watcher
+
+        def opened(driver: str, address: str, limits: Limits, on_clock: Any, transcript: Path) -> Any:
+            assert on_clock is clock
+            return SUPPLIES[driver](InProcessTransport(emulate(driver, coil), clock, address), limits, clock)
+
+        monkeypatch.setattr(supply_trial, "WallClock", lambda: clock)
+        monkeypatch.setattr(supply_trial, "guarding", guarded)
+        monkeypatch.setattr(supply_trial, "only_run_on", lambda address: nullcontext())
+        monkeypatch.setattr(supply_trial, "open_supply", opened)
+        monkeypatch.setattr(supply_trial, "ON_FOR_S", 4.0)
+        found = try_supply("aim-tti", "COM3", Path("wire.txt"), lambda: watcher.told.append(("person",)))
+        return found, coil, watcher
+
+    return trial
+
+
+def test_every_step_of_a_trial_has_its_outcome(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
+) -> None:
+    trial, coil, watcher = simulated()
+    identity = trial.identity
+    assert identity is not None
+    assert [(step.check, step.passed, step.outcome) for step in trial.steps] == [
+        ("it identifies itself", True, identity.text),
+        ("its output is off", True, "off"),
+        ("a current above the limit is refused", True, "refused, nothing sent (1.01 A)"),
+        ("set-points are taken", True, "1 V and 0.1 A read back"),
+        ("the output switches on", True, "protections and watchdog read back; the output is on"),
+        (
+            "it measures voltage and current",
+            True,
+            "1.000 V, 0.0000 A; a reading takes 0.000 s, at most 0.000 s (20 readings)",  # one in 0.2 s, for 4 s
+        ),
+        ("errors and trips", True, "none"),
+        ("it switches off", True, "0.0000 A measured, at most 0.02 A counts as off"),
+        ("its meter without a current", True, "mean 0.0000 A, largest 0.0000 A (10 readings)"),
+    ]
+    assert trial.passed
+    assert not coil.state.output
+    assert watcher.told == [
+        ("guards", "aim-tti", "COM3", Limits(1.0, 5.0)),
+        ("person",),
+        ("expect", identity),
+        ("arm",),
+        *[("beat",)] * 20,
+        ("disarm",),
+    ]
+
+
+def test_a_meter_may_show_up_to_the_off_limit(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
+) -> None:
+    trial, coil, _ = simulated(offset_A=-0.015)
+    assert (trial.passed, coil.state.output) == (True, False)
+    assert trial.steps[-1].outcome == "mean -0.0150 A, largest -0.0150 A (10 readings)"
+    for offset_A in (0.03, -0.03):  # the meter of a supply whose output is off shows no such current
+        with pytest.raises(SwitchOffFailed, match=f"{abs(offset_A):.2f}"):
+            simulated(offset_A=offset_A)
+
+
+@pytest.mark.parametrize(
+    ("address", "line"),
+    [
+        ("/dev/ttyACM0", "serial line"),
+        ("COM3", "serial line"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "TCP socket"),
+        ("tcpip::192.0.2.7::hislip0::instr", "HiSLIP"),
+        ("TCPIP::192.0.2.7::INSTR", "VXI-11"),
+        ("GPIB0::5::INSTR", "GPIB"),
+        ("USB0::1::2::3::INSTR", "USB (VISA)"),
+    ],
+)
+def test_the_form_states_the_kind_of_the_line_and_not_the_address(address: str, line: str) -> None:
+    form = trial_form(SupplyTrial("korad", address), "", "", Path("wire.txt"))
+    assert f"| line | {line} |" in form
+    assert address not in form
+
+
+def test_the_form_is_filled_from_the_identity_and_the_steps() -> None:
+    identity = Identity("korad", "Maker, Model | 3, 0123 , 1.2, beta", "COM3", "SN 7")
+    steps = [TrialStep("first", True, "1 | 2"), TrialStep("second", False, "no\nanswer")]
+    trial = SupplyTrial("korad", "COM3", identity, steps)
+    form = trial_form(trial, "A | B", "1.00 V\n0 A", Path("some") / "wire.txt")
+    today = datetime.now(UTC).date().isoformat()
+    assert form.splitlines() == [
+        "# Tried on: Maker Model / 3",
+        "",
+        "| | |",
+        "| --- | --- |",
+        "| unit | Maker Model / 3 |",
+        "| serial number | SN 7 |",
+        "| firmware | 1.2, beta |",
+        f"| driver | `korad` of eimi-lab {version('eimi-lab')} |",
+        "| line | serial line |",
+        f"| date | {today} |",
+        "| who | A / B |",
+        "| transcript | `wire.txt` |",
+        "| front panel | 1.00 V 0 A |",
+        "| passed | NO |",
+        "",
+        "| step | passed | outcome |",
+        "| --- | --- | --- |",
+        "| first | yes | 1 / 2 |",
+        "| second | NO | no answer |",
+    ]
+    nameless = trial_form(replace(trial, identity=None, steps=steps[:1]), "", "", Path("wire.txt"))
+    assert nameless.startswith("# Tried on: unknown\n")
+    assert "| serial number |  |\n| firmware |  |" in nameless
+    assert "| passed | yes |" in nameless

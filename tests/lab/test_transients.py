@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from eimi_drivers.interfaces import InstrumentDisconnected
+from eimi_drivers.interfaces import Frame, InstrumentDisconnected
 from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.transients import Transient
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
@@ -54,6 +55,37 @@ def test_frames_are_stored_while_the_beam_settles(setup: Any) -> None:
     with h5py.File(setup.path) as file:
         of_states = file["entry/data/time"][()]
         assert last.time_s[-1] <= of_states[-2] < of_states[-1]
+
+
+class Moved:
+    """Stands for a coil whose current changed 50 s ago on the clock of the run."""
+
+    changed_s, asked_A = 50.0, 0.3
+
+
+def seen(budget: int, lasts_s: float, times_s: list[float]) -> list[tuple[float, float, float]]:
+    kept = Transient(budget, lasts_s, Moved())  # type: ignore[arg-type]
+    for at_s in times_s:
+        kept.see(Frame(np.zeros((2, 2), np.uint8), 1, 0.0), at_s)
+    return [(moment.time_s, moment.elapsed_s, moment.set_A) for moment in kept.moments]
+
+
+def test_frames_of_a_fast_camera_are_equally_spaced_in_the_logarithm_of_time() -> None:
+    kept = seen(5, 99.99, [50.01 + 0.001 * number for number in range(20_001)])
+    elapsed_s = [moment[1] for moment in kept]
+    # Five equal intervals from 0.01 s to 0.01 + 99.99 s; each begins with a frame.
+    np.testing.assert_allclose(elapsed_s, np.geomspace(0.01, 100.0, 6)[:5], rtol=0.03)
+    assert all(time_s - 50.0 == pytest.approx(after_s) for time_s, after_s, _ in kept)
+    assert {set_A for *_, set_A in kept} == {0.3}
+
+
+def test_a_slow_camera_still_gives_all_frames_of_the_budget() -> None:
+    assert [moment[1] for moment in seen(5, 4.0, [51.0, 52.0, 53.0, 54.0, 55.0, 56.0])] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert seen(0, 4.0, [51.0, 52.0]) == []
+
+
+def test_a_frame_at_the_time_of_the_set_point_counts_as_1_ms_later() -> None:
+    assert [moment[1] for moment in seen(2, 1.0, [50.0, 50.0005, 52.0])] == [0.001, 2.0]
 
 
 def test_no_frames_of_the_moving_beam_are_stored_if_the_protocol_says_so(setup: Any) -> None:

@@ -1,0 +1,516 @@
+"""The formulas of the inference, each on numbers that can be checked by hand or against an exhaustive search."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.inference.doubts import checks
+from eimi_fitting.inference.doubts.causes import Cause
+from eimi_fitting.inference.doubts.checks import NotDetermined, NotExplained
+from eimi_fitting.inference.evidence._coarse import _thinned
+from eimi_fitting.inference.evidence._quadratic import step_to_minimum
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
+from eimi_fitting.inference.evidence.objective import Evaluation
+from eimi_fitting.inference.evidence.parameter_priors import Prior
+from eimi_fitting.inference.evidence.polarity import has_both_polarities
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval import draws
+from eimi_fitting.inference.interval.covariance import LinearStates
+from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
+from eimi_fitting.inference.interval.draws import draw_parameters, interval_95, normal_draws, rounded, thinned
+from eimi_fitting.inference.interval.identifiability import Direction, directions, held_by_bounds, is_open, statement
+from eimi_fitting.inference.interval.profile_likelihood import moved_to
+from eimi_fitting.inference.searching import modulus_range
+from eimi_fitting.inference.searching.modulus_range import NothingConverged, Scan, narrowed
+from eimi_fitting.inference.searching.polish import difference_batch
+
+HESSIAN = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]])
+
+
+def quadratic(step: Any, gradient: Any, hessian: Any) -> Any:
+    return step @ gradient + 0.5 * np.einsum("...i,ij,...j", step, hessian, step)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_step_to_the_minimum_stays_in_the_cube_and_no_point_of_the_cube_is_lower(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    unit, gradient = rng.uniform(size=3), rng.normal(0.0, 3.0, 3)
+    step = step_to_minimum(unit, gradient, HESSIAN)
+    assert ((unit + step >= -1e-12) & (unit + step <= 1 + 1e-12)).all()
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 21)] * 3), axis=-1).reshape(-1, 3) - unit
+    assert quadratic(step, gradient, HESSIAN) <= quadratic(grid, gradient, HESSIAN).min() + 1e-12
+
+
+def test_a_minimum_inside_the_cube_is_reached() -> None:
+    minimum, unit = np.array([0.2, 0.9, 0.4]), np.array([0.5, 0.5, 0.5])
+    np.testing.assert_allclose(unit + step_to_minimum(unit, HESSIAN @ (unit - minimum), HESSIAN), minimum)
+    corner = np.array([0.0, 1.0, 0.0])  # on the bounds, but inside the cube
+    np.testing.assert_allclose(unit + step_to_minimum(unit, HESSIAN @ (unit - corner), HESSIAN), corner, atol=1e-12)
+
+
+@pytest.mark.parametrize("to", [-0.5, 0.0, 0.3, 0.9, 1.5])
+def test_the_point_of_a_profile_has_the_least_value_for_its_coordinate(to: float) -> None:
+    point, score = np.array([0.4, 0.5, 0.6]), np.array([0.3, -0.2, 0.1])
+    found = moved_to(point, score, HESSIAN, 1, to)
+    assert found[1] == np.clip(to, 0.0, 1.0)
+    others = np.stack(np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41)), axis=-1).reshape(-1, 2)
+    grid = np.column_stack([others[:, 0], np.full(len(others), found[1]), others[:, 1]])
+    lowest = quadratic(grid - point, score, HESSIAN).min()
+    assert quadratic(found - point, score, HESSIAN) <= lowest + 1e-12
+    assert moved_to(np.array([0.4]), np.array([0.3]), np.array([[2.0]]), 0, 0.7) == pytest.approx([0.7])
+
+
+def test_central_differences_stay_within_the_bounds() -> None:
+    batch, distance = difference_batch(np.array([0.5, 0.995, 0.0]))
+    np.testing.assert_allclose(batch[0], [0.5, 0.995, 0.0])
+    np.testing.assert_allclose(batch[1:4] - batch[0], np.diag([2e-4, 0.005, 0.01]), atol=1e-12)
+    np.testing.assert_allclose(batch[4:] - batch[0], -np.diag([2e-4, 0.01, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(distance, [4e-4, 0.015, 0.01])
+
+
+@pytest.mark.parametrize(
+    ("field_mT", "both"),
+    [
+        ([0.0, 5.0, 10.0], False),
+        ([0.0, -5.0, -10.0], False),
+        ([10.0, -10.0], True),
+        ([10.0, -2.1], True),
+        ([10.0, -1.9], False),
+        ([-10.0, 2.1], True),
+        ([1.9, -10.0], False),
+    ],
+)
+def test_both_polarities_need_a_fifth_of_the_strongest_field(field_mT: list[float], both: bool) -> None:
+    assert has_both_polarities(Loads.along(np.array(field_mT), gravity_angle_deg=None)) is both
+    assert has_both_polarities(Loads.along(np.array(field_mT), field_angle_deg=70.0, gravity_angle_deg=None)) is both
+
+
+def edge(points: int, noise: bool = True) -> EdgeObservation:
+    places = np.zeros((2, 2, points, 2))
+    places[..., 0] = np.arange(points)
+    sigma = np.tile(np.arange(points, dtype=float) + 1.0, (2, 2, 1))
+    return EdgeObservation(places, sigma, noise_mm=0.5 * sigma if noise else None)
+
+
+@pytest.mark.parametrize(
+    ("points", "kept"), [(10, 10), (25, 25), (49, 49), (50, 25), (74, 37), (75, 25), (99, 33), (100, 25)]
+)
+def test_a_search_uses_at_least_25_points_of_each_edge(points: int, kept: int) -> None:
+    thin = _thinned(edge(points))
+    stride = points // kept
+    assert isinstance(thin, EdgeObservation)
+    assert thin.points_mm.shape == (2, 2, kept, 2)
+    np.testing.assert_array_equal(thin.points_mm[1, 1, :, 0], np.arange(kept) * stride)
+    np.testing.assert_array_equal(thin.sigma_mm[1, 0], np.arange(kept) * stride + 1.0)
+    assert thin.noise_mm is not None
+    np.testing.assert_array_equal(thin.noise_mm, 0.5 * thin.sigma_mm)
+    assert _thinned(edge(points, noise=False)).noise_mm is None  # type: ignore[union-attr]
+    other: Any = SimpleNamespace()
+    assert _thinned(other) is other
+
+
+def comparison(mean_mm: list[float], states: int = 4) -> Any:
+    mean = np.array(mean_mm)
+    return SimpleNamespace(
+        objective_mm=mean,
+        error_mm=np.tile(mean[:, None], (1, states)),
+        unconverged=mean >= DISCARDED_MM,
+        unstable=np.zeros(len(mean), bool),
+        misfits=("edges",),
+    )
+
+
+def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
+    """Return an evaluation whose standardised residuals `z` belong to one curve row, one nuisance and one prior."""
+    columns = [np.array(z)[:, k : k + 1] for k in range(3)]
+    return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
+
+
+def test_the_objective_is_the_mean_error_times_the_factor_of_the_other_evidence() -> None:
+    found = evaluation([0.02, 0.03, 0.02], [[0.0, 0.0, 0.0], [1.0, -2.0, 3.0], [0.0, 0.0, 10.0]])
+    np.testing.assert_allclose(found.objective_mm, [0.02, 0.03 * np.exp(14 / 100), 0.02 * np.e])
+    np.testing.assert_allclose(found.without_law_priors.objective_mm, [0.02, 0.03 * np.exp(5 / 100), 0.02])
+    assert found.standardised.shape == (3, 3)
+    assert not found.beyond.any()
+
+
+def test_evidence_far_away_raises_the_objective_without_an_overflow() -> None:
+    at_5, beyond_5 = np.sqrt(2 * 50 * 5.0), np.sqrt(2 * 50 * 7.0)
+    found = evaluation([1e-4] * 3, [[at_5, 0.0, 0.0], [beyond_5, 0.0, 0.0], [1e9, 0.0, 0.0]])
+    np.testing.assert_allclose(found.objective_mm, [1e-4 * np.exp(5), 3e-4 * np.exp(5), 0.99 * DISCARDED_MM])
+    assert found.beyond.tolist() == [False, False, True]
+    invalid = evaluation([DISCARDED_MM], [[0.0, 0.0, 0.0]])
+    assert invalid.objective_mm.tolist() == [DISCARDED_MM]
+    assert not invalid.beyond.any()
+
+
+def test_other_evidence_is_one_more_state_of_least_squares() -> None:
+    found = evaluation([0.02, 0.04, DISCARDED_MM], [[1.0, 2.0, 3.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]], states=8)
+    first, additional = found.misfits
+    assert first == "edges"
+    np.testing.assert_allclose(additional.residuals[0, 0, 0], 0.03 * np.sqrt(8 / 50) * np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(additional.weights, np.full((1, 1, 3), 1 / 3))
+    np.testing.assert_allclose(additional.error_mm, np.full((3, 1), 0.03))
+    alone = Evaluation(comparison([0.02]), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)), 50.0)
+    assert alone.misfits == ("edges",)
+
+
+@pytest.mark.parametrize(
+    ("interval", "is_wide"),
+    [((1.0, 4.0), False), ((1.0, 4.01), True), ((0.0, 1.0), True), ((-1.0, 1.0), True), ((-2.0, -1.0), True)],
+)
+def test_a_modulus_is_open_above_four_times_its_lower_end(interval: tuple[float, float], is_wide: bool) -> None:
+    assert is_open(Quantity(1.0, "Pa", interval)) is is_wide
+    estimate: Any = SimpleNamespace(initial_shear_modulus=Quantity(1.0, "Pa", interval))
+    one, two = [SimpleNamespace(loads=[1])], [SimpleNamespace(loads=[1, 2])]
+    checks.check_determined(estimate, two)  # type: ignore[arg-type]
+    checks.check_determined(estimate, one * 2)  # type: ignore[arg-type]
+    if is_wide:
+        with pytest.raises(NotDetermined, match="which may lie anywhere from"):
+            checks.check_determined(estimate, one)  # type: ignore[arg-type]
+    else:
+        checks.check_determined(estimate, one)  # type: ignore[arg-type]
+
+
+def test_a_parameter_is_held_by_bounds_above_half_of_its_variance() -> None:
+    slopes = np.array([[1.0, 1.0], [1.0, 0.9], [0.0, 1.0], [1.0, 0.0]])
+    is_open_coordinate = np.array([False, True])
+    np.testing.assert_array_equal(held_by_bounds(slopes, np.eye(2), is_open_coordinate), [False, False, True, False])
+    np.testing.assert_array_equal(held_by_bounds(slopes, np.diag([1.0, 1.1]), is_open_coordinate)[:2], [True, False])
+
+
+def test_a_direction_names_its_parts_from_a_tenth_on_with_their_signs() -> None:
+    vector = np.array([0.9, -0.3, 0.32])
+    (best, *_) = directions(("a", "b", "c"), 100 * np.outer(vector, vector), np.eye(3))
+    assert best.words == "a with c"  # 0.3² is less than 0.1
+    (best, *_) = directions(("a", "b"), np.diag([1.0, 9.0]), np.diag([1.0, 3.0]))
+    assert (best.words, best.remaining) == ("b", pytest.approx(0.5))  # 1 / sqrt(1 + 9 / 3)
+
+
+def said(**changed: Any) -> str:
+    given: dict[str, Any] = {
+        "names": ("mu", "alpha", "scale"),
+        "law_coordinates": 2,
+        "not_fixed": (),
+        "correlation": np.eye(3),
+        "eigen": (),
+        "ratios": ("scale",),
+        "remaining": (0.01, 0.02, 0.5),
+        "modulus": Quantity(50e3, "Pa", (49e3, 51e3)),
+    }
+    return statement(**(given | changed))
+
+
+def correlated(rho: float) -> Any:
+    matrix = np.eye(3)
+    matrix[0, 2] = matrix[2, 0] = rho
+    return matrix
+
+
+def test_the_statement_about_the_unknowns() -> None:
+    whole = "fix every parameter of this law, the initial shear modulus to ±2 %."
+    assert said() == f"These data and the stated priors {whole}"
+    assert said(names=("mu", "alpha"), correlation=np.eye(2)) == f"These data {whole}"
+    assert (
+        said(names=("mu", "alpha"), correlation=np.eye(2), priors=True) == f"These data and the stated priors {whole}"
+    )
+    best = (Direction("mu with alpha", 0.01),)
+    assert said(eigen=best).endswith(" The best determined combination is mu with alpha.")
+    assert "best determined" not in said(eigen=(Direction("mu", 0.01),))
+    assert "best determined" not in said(eigen=best, not_fixed=("alpha",))
+    rough = said(remaining=(0.01, 0.3, 0.5))
+    assert "fix only mu; the initial shear modulus is known to ±2 %, alpha only to within 34 % of its range." in rough
+    assert said(remaining=(0.01, 0.25, 0.5)) == said()
+    lopsided = said(modulus=Quantity(50e3, "Pa", (40e3, 65e3)))
+    assert "to -20 % to +30 %." in lopsided
+    three = said(names=("mu", "a", "b", "scale"), law_coordinates=3, correlation=np.eye(4), not_fixed=("b",))
+    assert three.startswith("These data and the stated priors fix mu and a; the initial shear modulus is known to ±2 %")
+    assert three.endswith("; they do not fix b, whose intervals are set by the bounds of the search.")
+
+
+@pytest.mark.parametrize(
+    ("rho", "words"), [(0.95, "ratio"), (-0.95, "combination"), (0.9, None), (-0.89, None), (0.901, "ratio")]
+)
+def test_a_correlated_nuisance_is_named(rho: float, words: str | None) -> None:
+    text = said(correlation=correlated(rho))
+    if words is None:
+        assert "correlated" not in text
+    else:
+        assert f" mu and scale are correlated by {rho:+.3f}: the data fix their {words}, and the prior on scale" in text
+    assert ("combination" in said(correlation=correlated(rho), ratios=())) is (words is not None)
+
+
+def test_draws_are_normal_and_independent_and_every_tenth_is_kept() -> None:
+    drawn = normal_draws(np.random.default_rng(3), 2)
+    assert drawn.shape == (4000, 2)
+    np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(drawn.std(axis=0), 1.0, atol=2e-3)
+    assert abs(np.mean(drawn[:, 0] * drawn[:, 1])) < 0.05
+    kept = thinned(drawn[:, 0])
+    assert len(set(kept.tolist())) == 400
+    ranks = np.argsort(np.argsort(drawn[:, 0]))[kept]
+    np.testing.assert_array_equal(ranks, np.arange(5, 4000, 10))
+    assert interval_95(np.arange(1001.0)) == (25.0, 975.0)
+
+
+def test_parameters_are_drawn_with_their_intervals_and_their_correlation() -> None:
+    values, intervals = np.array([10.0, 5.0]), np.array([[8.0, 13.0], [4.0, 6.0]])
+    correlation = np.array([[1.0, -0.8], [-0.8, 1.0]])
+    found = draw_parameters(("a", "b"), values, intervals, correlation, lambda drawn: drawn[:, 0], seed=5)
+    assert (found.seed, found.names, np.shape(found.values)) == (5, ("a", "b"), (400, 2))
+    assert interval_95(found.column("a")) == pytest.approx((8.0, 13.0), abs=0.06)
+    assert interval_95(found.column("b")) == pytest.approx((4.0, 6.0), abs=0.15)
+    assert np.median(found.column("a")) == pytest.approx(10.0, abs=0.02)
+    assert np.corrcoef(found.column("a"), found.column("b"))[0, 1] == pytest.approx(-0.8, abs=0.06)
+    with pytest.raises(ValueError, match="tuple"):
+        found.column("c")
+    again = draw_parameters(("a", "b"), values, intervals, correlation, lambda drawn: drawn[:, 0])
+    assert again.seed == 1
+
+
+def test_numbers_are_stored_with_seven_digits() -> None:
+    given = np.array([0.0, 1.23456789, -1234567.89, 9.87654321e-12])
+    np.testing.assert_array_equal(rounded(given), [0.0, 1.234568, -1234568.0, 9.876543e-12])
+    assert draws.quantity(2.0, "Pa", np.arange(1001.0), np.arange(1001.0) / 10) == Quantity(
+        2.0, "Pa", (25.0, 975.0), (2.5, 97.5)
+    )
+
+
+def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
+    """Return states of one edge each: `residuals` (K, m) and `slopes` (n, K, m), all points used, and weight 1."""
+    count = np.full(len(residuals), float(residuals.shape[1]))
+    error = np.sqrt((residuals**2).mean(axis=1))
+    return LinearStates(
+        residuals[:, None], slopes[:, :, None], np.ones_like(residuals)[:, None], np.ones(len(residuals)), count, error
+    )
+
+
+@pytest.mark.parametrize(("states", "folds"), [(6, 5), (3, 5), (6, 2), (2, 5)])
+def test_the_error_of_omitted_states_is_that_of_fits_without_them(states: int, folds: int) -> None:
+    """For a linear model the step from all states is exact: it is compared with least squares for the other states."""
+    rng = np.random.default_rng(states + folds)
+    slopes, data = rng.normal(size=(2, states, 5)), rng.normal(size=(states, 5))
+    rows = slopes.transpose(1, 2, 0)
+    whole = np.linalg.lstsq(rows.reshape(-1, 2), data.ravel(), rcond=None)[0]
+    linear = states_of(data - rows @ whole, -slopes)
+    errors = []
+    for fold in range(min(folds, states)):
+        out = np.arange(states) % min(folds, states) == fold
+        fitted = np.linalg.lstsq(rows[~out].reshape(-1, 2), data[~out].ravel(), rcond=None)[0]
+        errors += [np.sqrt(((data[k] - rows[k] @ fitted) ** 2).mean()) for k in np.flatnonzero(out)]
+    assert held_out_error_mm([linear], linear.information, folds) == pytest.approx(np.mean(errors))
+    half = [states_of(data[k] - rows[k] @ whole, -slopes[:, k]) for k in (np.s_[:1], np.s_[1:])]
+    assert held_out_error_mm(half, linear.information, folds) == pytest.approx(np.mean(errors))
+
+
+def test_the_error_of_an_omitted_state_needs_two_states() -> None:
+    assert held_out_error_mm([states_of(np.ones((1, 5)), np.ones((1, 1, 5)))], np.eye(1)) is None
+
+
+MODULI = np.geomspace(1e2, 1e8, 13)
+
+
+def scan(*valid_mm: float, first: int = 5) -> Scan:
+    """Return a scan with two moduli for each decade, of which those from `first` on have the errors `valid_mm`."""
+    objective = np.full(len(MODULI), DISCARDED_MM)
+    objective[first : first + len(valid_mm)] = valid_mm
+    return Scan(MODULI, objective)
+
+
+def test_the_bounds_of_the_search_lie_three_decades_about_the_best_modulus() -> None:
+    found = scan(0.5, 0.1, 0.4, 0.6)
+    assert (found.best_mm, found.best_Pa) == (0.1, pytest.approx(1e5))
+    assert found.searched() == pytest.approx((1e5 / 10**1.5, 1e5 * 10**1.5), rel=0.02)
+    assert Scan(MODULI, np.linspace(2.0, 1.0, 13)).unmoved_mm == 1.0
+
+
+def test_the_bounds_of_the_search_contain_all_moduli_that_are_as_good() -> None:
+    """The outermost moduli within 2 % of the best are 10^2.5 apart; half a decade is added at both ends."""
+    found = scan(0.1, 0.1019, 0.5, 0.1, 0.1, 0.1019, 0.1021, first=2)
+    assert found.searched() == pytest.approx((10**2.5, 10**6.0), rel=0.02)
+
+
+def test_without_a_valid_modulus_the_whole_range_is_searched() -> None:
+    assert scan().searched() == (pytest.approx(1e2), pytest.approx(1e8))
+
+
+def test_a_scan_is_narrowed_about_its_best_modulus_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[np.ndarray] = []
+
+    def evaluated(problem: Any, moduli: np.ndarray, independent_points: float) -> Any:
+        asked.append(moduli)
+        return SimpleNamespace(objective_mm=np.abs(np.log10(moduli) - 5.1))
+
+    monkeypatch.setattr(modulus_range, "evaluated", evaluated)
+    found = narrowed(SimpleNamespace(), Scan(MODULI, np.abs(np.log10(MODULI) - 5.1)), 50.0)  # type: ignore[arg-type]
+    assert [len(moduli) for moduli in asked] == [9, 9]
+    np.testing.assert_allclose(np.log10(asked[0]), 5.0 + np.linspace(-0.5, 0.5, 9))
+    np.testing.assert_allclose(np.log10(asked[1]), 5.125 + np.linspace(-0.125, 0.125, 9))
+    assert len(found.moduli_Pa) == 13 + 18
+    assert (np.diff(found.moduli_Pa) >= 0).all()
+    assert np.log10(found.best_Pa) == pytest.approx(5.1, abs=0.016)
+
+
+@pytest.mark.parametrize(
+    ("per_Pa", "expected"),
+    [
+        (1e6, 1e6),  # the displacement over the length is 1e6 / modulus
+        (1e2, 1e2),
+        (1e13, 1e13),
+    ],
+)
+def test_the_compliance_is_that_of_a_beam_that_bends_by_a_thousandth(
+    monkeypatch: pytest.MonkeyPatch, per_Pa: float, expected: float
+) -> None:
+    tried: list[float] = []
+
+    def bent(problem: Any, modulus: float) -> float:
+        tried.append(modulus)
+        return per_Pa / modulus
+
+    monkeypatch.setattr(modulus_range, "_bent", bent)
+    assert modulus_range._compliance(SimpleNamespace()) == pytest.approx(expected)  # type: ignore[arg-type]
+    assert per_Pa / tried[-1] <= 1e-3
+    assert all(per_Pa / modulus > 1e-3 for modulus in tried[:-1])
+    monkeypatch.setattr(modulus_range, "_bent", lambda problem, modulus: float("inf"))
+    with pytest.raises(NothingConverged, match=r"even with a shear modulus of 1e\+18 Pa no beam can be simulated"):
+        modulus_range._compliance(SimpleNamespace())  # type: ignore[arg-type]
+
+
+def misfit(error_mm: list[float]) -> Misfit:
+    error = np.array([error_mm])
+    return Misfit(np.zeros((1, len(error_mm), 2, 4)), np.ones((len(error_mm), 2, 4)), error, error)
+
+
+def experiment(sigma_mm: float, states: int, noise_mm: float | None = None) -> Any:
+    observed = EdgeObservation(
+        np.zeros((states, 2, 4, 2)),
+        np.full((states, 2, 4), sigma_mm),
+        noise_mm=None if noise_mm is None else np.full((states, 2, 4), noise_mm),
+    )
+    model = SimpleNamespace(specimen=SimpleNamespace(width_mm=2.0))
+    return Observed(observed, model)
+
+
+class Observed:
+    """Stands for an experiment of edges of a beam of 2 mm width; `dataclasses.replace` may change the observation."""
+
+    def __init__(self, observed: EdgeObservation, model: Any) -> None:
+        self.observed, self.model = observed, model
+
+
+@pytest.fixture
+def deflected(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """The largest deflection in mm of every experiment."""
+    largest = {"mm": 10.0}
+    monkeypatch.setattr(checks, "deflection_mm", lambda experiment: largest["mm"])
+    monkeypatch.setattr(
+        checks,
+        "replace",
+        lambda one, **new: Observed(new["observed"], one.model) if isinstance(one, Observed) else replace(one, **new),
+    )
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("error_mm", "deflection_mm", "sigma_mm", "worst"),
+    [
+        ([0.1, 0.49, 0.2], 10.0, 0.01, None),  # a twentieth of the deflection
+        ([0.1, 0.51, 0.2], 10.0, 0.01, 1),
+        ([0.1, 0.99, 0.2], 100.0, 0.01, None),  # half the width of the beam
+        ([0.1, 0.2, 1.01], 100.0, 0.01, 2),
+        ([0.59, 0.1, 0.1], 10.0, 0.2, None),  # three times the stated uncertainty
+        ([0.61, 0.1, 0.1], 10.0, 0.2, 0),
+        ([float("nan"), 0.1, 0.1], 10.0, 0.2, 0),
+    ],
+)
+def test_a_state_is_explained_within_its_deflection_width_or_noise(
+    deflected: dict[str, float], error_mm: list[float], deflection_mm: float, sigma_mm: float, worst: int | None
+) -> None:
+    deflected["mm"] = deflection_mm
+    final: Any = SimpleNamespace(misfits=(misfit([0.01] * 3), misfit(error_mm)))
+    experiments = [experiment(sigma_mm, 3)] * 2
+    if worst is None:
+        checks.check_explained(final, experiments)
+        with pytest.raises(NotExplained) as caught:
+            checks.check_explained(final, experiments, beyond=True)
+        assert (caught.value.experiment, caught.value.state) == (0, 0)
+        return
+    with pytest.raises(NotExplained) as caught:
+        checks.check_explained(final, experiments)
+    assert (caught.value.experiment, caught.value.state) == (1, worst)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.state) == (str(caught.value), worst)
+    assert "tensile curves" not in str(again)
+    with pytest.raises(NotExplained, match=r"and the tensile curves; .*, and material, unit and weight of the curves"):
+        checks.check_explained(final, experiments, curves=True)
+
+
+def test_an_error_that_a_displaced_clamp_explains_is_not_refused(deflected: dict[str, float]) -> None:
+    final: Any = SimpleNamespace(misfits=(misfit([0.9, 0.1]),))
+    checks.check_explained(final, [experiment(0.01, 2)], without_clamp=[np.array([0.4, 0.5])])
+    with pytest.raises(NotExplained):
+        checks.check_explained(final, [experiment(0.01, 2)], without_clamp=[np.array([0.6, 0.0])])
+
+
+def test_residuals_above_the_noise_and_single_states_are_doubts(deflected: dict[str, float]) -> None:
+    def kinds(error_mm: list[float], **stated: Any) -> list[tuple[str | None, int | None]]:
+        final: Any = SimpleNamespace(misfits=(misfit(error_mm),))
+        found = checks.doubts(final, [experiment(stated.pop("sigma", 0.01), len(error_mm), **stated)])
+        assert all(doubt.dataset == 0 for doubt in found)
+        return [(doubt.kind, doubt.state) for doubt in found]
+
+    assert kinds([0.099] * 3) == []
+    assert kinds([0.101] * 3) == [("beyond_noise", None)]
+    assert kinds([0.02, 0.02, 0.101]) == [("state_stands_out", 2)]
+    assert kinds([0.0205, 0.0205, 0.101]) == []  # not five times the median error
+    assert kinds([0.01, 0.01, 0.099]) == []  # not ten times the noise
+    assert kinds([0.101] * 3, sigma=1.0, noise_mm=0.01) == [("beyond_noise", None)]  # flags do not hide a wrong law
+    final: Any = SimpleNamespace(misfits=(misfit([0.01]), misfit([0.01])))
+    missing = checks.doubts(final, [experiment(0.01, 1)] * 2, ("no mesh",))
+    assert [(doubt.words, doubt.dataset, doubt.kind) for doubt in missing] == [
+        ("no mesh", 0, "correction_missing"),
+        ("no mesh", 1, "correction_missing"),
+    ]
+
+
+def test_curves_and_priors_are_doubted_beyond_three_standard_deviations() -> None:
+    curves: Any = [SimpleNamespace(noise_Pa=100.0)] * 3
+    found = checks.curve_doubts(curves, [301.0, 299.0, 500.0])
+    assert [(doubt.curve, doubt.kind) for doubt in found] == [(0, "curve_contradicts"), (2, "curve_contradicts")]
+    priors = [Prior("mu", 1000.0, 10.0)] * 4
+    doubted = checks.prior_doubts(priors, [3.1, 2.9, -3.1, -2.9])
+    assert len(doubted) == 2
+    assert all("differs from the prior on mu, 1000 ± 10, by 3.1 standard deviations" in d.words for d in doubted)
+
+
+def cause(name: str, probability: float, like: tuple[str, ...] = ()) -> Cause:
+    fields: dict[str, Any] = {
+        "name": name,
+        "probability": probability,
+        "like": like,
+        "value": 0.02,
+        "unit": "1",
+        "shift_percent": 1.0,
+        "decide_by": "a ruler",
+    }
+    return Cause(**{key: value for key, value in fields.items() if key in Cause.__dataclass_fields__})
+
+
+def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -> None:
+    def names(*causes: Cause) -> list[str]:
+        return [one.name for one in checks.rivals(causes)]
+
+    assert names(cause("a", 0.8), cause("b", 0.081), cause("c", 0.079)) == ["b"]
+    assert names(cause("a", 0.7), cause("b", 0.51)) == []  # together above 1.2: both are present
+    assert names(cause("a", 0.7), cause("b", 0.49)) == ["b"]
+    assert names(cause("a", 0.4), cause("b", 0.3), cause("c", 0.2), cause("d", 0.1)) == ["b", "c"]
+    assert names(cause("a", 0.5, ("c",)), cause("b", 0.4), cause("c", 0.01)) == ["c"]

@@ -1,0 +1,41 @@
+"""A record does not change: a dataclass is frozen, unless the class is listed here as a state that grows."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+
+import eimi_drivers
+import eimi_fitting
+import eimi_lab
+
+CHANGING = {
+    *("_Announced", "CameraBench", "SensorBench", "SupplyBench"),
+    *("Cue", "_Ending", "SupplyTrial", "GenerationLog", "_Underway", "Progress", "View", "Fitting", "Tab", "_Held"),
+    *("Elements", "_Counted", "BackLitSearch", "SolidLoads", "_State", "_End"),
+}
+"""Dataclasses whose attributes are set after the construction: benches, progress of a run, and states of a solver."""
+
+
+def dataclasses_of_the_packages() -> Iterator[type]:
+    """Yield every dataclass that a module of the three packages defines."""
+    for package in (eimi_drivers, eimi_fitting, eimi_lab):
+        for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if info.name.rpartition(".")[2] == "__main__":
+                continue
+            module = importlib.import_module(info.name)
+            for _, found in inspect.getmembers(module, inspect.isclass):
+                if found.__module__ == info.name and "__dataclass_params__" in vars(found):
+                    yield found
+
+
+def test_a_record_cannot_be_changed() -> None:
+    """`dataclasses.replace` makes a changed copy; nobody can change a record that another part of the program holds."""
+    found = set(dataclasses_of_the_packages())
+    assert len(found) > 300
+    assert all(dataclasses.is_dataclass(record) for record in found)
+    changing = {record.__name__ for record in found if not record.__dataclass_params__.frozen}  # type: ignore[attr-defined]
+    assert changing == CHANGING
