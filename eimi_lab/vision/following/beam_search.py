@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following import hypotheses as hypothesis
+from eimi_lab.vision.following.centre_line import CLICKED_PX
 from eimi_lab.vision.following.hypotheses import Hypotheses
 from eimi_lab.vision.following.working import WorkingPicture
 
@@ -105,7 +106,9 @@ class _Stiffness:
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
     """Search for the strip of a picture that shows the beam, and return the strip with the highest score.
 
-    The strip begins at the clamp and ends where its score is highest.
+    The strip begins at the clamp and ends where its score is highest. If a person clicked points of the beam, the strip
+    does not end before the last of these points: the person has seen the beam there, although the picture may hide it
+    nearer to the clamp.
 
     Parameters
     ----------
@@ -130,11 +133,12 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
     step = max(width / 3.0, length / 90.0)
     strips = _seeds(picture, stiffness, polarity)
     trail = [_Generation(strips, np.arange(len(strips)), strips.score)]
-    for count in range(1, round(_FARTHEST * length / step) + 1):
+    for count in range(1, round(max(_FARTHEST * length, beam.clicked_px) / step) + 1):
         along = _SEED_AT * width + count * step
         strips, parent, gain = _extended(picture, strips, stiffness, step, along)
         trail.append(_Generation(strips, parent, gain))
-    return _best_strip(trail, step, width, earlier)
+    clicked = min(round((beam.clicked_px - CLICKED_PX * picture.factor) / step), len(trail) - 1)
+    return _best_strip(trail, step, width, earlier, max(0, clicked))
 
 
 @dataclass(frozen=True)
@@ -256,11 +260,14 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 
 
 def _best_strip(
-    trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]
+    trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None], least: int
 ) -> Strip | None:
-    """Return the strip with the highest score, traced back to the clamp; None if no score is positive."""
+    """Return the strip with the highest score, traced back to the clamp; None if no score is positive.
+
+    The strip has at least `least` steps.
+    """
     best = [float(generation.strips.score.max()) for generation in trail]
-    last = int(np.argmax(best))
+    last = least + int(np.argmax(best[least:]))
     if last == 0 or best[last] <= 0.0:
         return None
     ends = trail[last].strips

@@ -49,6 +49,11 @@ class CentreLine:
     evidence: float
     largest_cost: float
 
+    @property
+    def clicked_px(self) -> float:
+        """Distance from the clamp, along the line, up to which a person clicked the beam; 0 if no person did."""
+        return self.length_px if self.evidence > 0.0 else 0.0
+
     def scaled(self, factor: float, origin_px: Array) -> CentreLine:
         """Return the same line in a picture that is cut at `origin_px` and enlarged by `factor`."""
         points = (self.points - origin_px + 0.5) * factor - 0.5

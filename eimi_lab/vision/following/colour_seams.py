@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_lab.vision.following.discriminant import ColourProjection, project
-from eimi_lab.vision.following.seams import fall_across, find_seams
+from eimi_lab.vision.following.discriminant import BODY_BAND, INSIDE_BAND, ColourProjection, project
+from eimi_lab.vision.following.seams import ARM, CHROMA_ARM, fall_across, find_seams
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
@@ -61,17 +61,19 @@ def find_colour_seams(
         For each pass, the expected standard deviation between an edge and the same edge in the previous pass, in
         nominal widths.
     shadowless : bool
-        Whether to use only projections in which the surroundings look the same in shadow and in light.
+        Whether to use only projections in which the surroundings look the same in shadow and in light. In the first
+        pass, the colours of the middle of the beam then count as inside.
 
     Returns
     -------
     Seams
     """
-    for tolerance in tolerances:
-        left, right = (project(unrolled, *side, noise, shadowless) for side in zip(edge, OUTWARD, strict=True))
+    for number, tolerance in enumerate(tolerances):
+        band = BODY_BAND if shadowless and number == 0 else INSIDE_BAND
+        left, right = (project(unrolled, *side, noise, shadowless, band) for side in zip(edge, OUTWARD, strict=True))
         sides = zip((left, right), OUTWARD, strict=True)
-        in_width = unrolled.stations_in_width
-        fall = np.stack([fall_across(side.share, outward, unrolled.across, in_width) for side, outward in sides])
+        in_width, arm = unrolled.stations_in_width, CHROMA_ARM if shadowless else ARM
+        fall = np.stack([fall_across(side.share, outward, unrolled.across, in_width, arm) for side, outward in sides])
         edge = find_seams(fall, unrolled.across, edge, tolerance)
     column = np.rint((edge - unrolled.across[0]) / (unrolled.across[1] - unrolled.across[0])).astype(int)
     rows = np.arange(edge.shape[1])

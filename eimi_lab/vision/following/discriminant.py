@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 INSIDE_BAND = (0.08, 0.30)  # widths from the edge: clear of its blur, and not far into a beam that is lit from one side
 OUTSIDE_BAND = (0.08, 0.55)
+BODY_BAND = (0.3, 0.7)  # from the border of a possible shadow: the middle of the beam, also behind a shadow
 _WINDOW = 1.5  # widths along the beam
 _SHRINKAGE = 0.02  # of the mean variance, added to every colour direction: a window has few samples
 _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
@@ -56,7 +57,12 @@ class ColourProjection:
 
 
 def project(
-    unrolled: UnrolledPicture, edge: Array, outward: float, noise: float, shadowless: bool = False
+    unrolled: UnrolledPicture,
+    edge: Array,
+    outward: float,
+    noise: float,
+    shadowless: bool = False,
+    inside_band: tuple[float, float] = INSIDE_BAND,
 ) -> ColourProjection:
     """Compute the colour projection of one edge from the colours on both sides of the edge.
 
@@ -73,6 +79,8 @@ def project(
     shadowless : bool
         Whether to use only projections in which the outside colour and all its multiples have the same value. A picture
         with one channel has no such projection.
+    inside_band : tuple of float
+        Least and largest distance from the edge, in nominal widths, of the colours that count as inside the beam.
 
     Returns
     -------
@@ -80,7 +88,7 @@ def project(
     """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])
-    inside = (distance <= -INSIDE_BAND[0]) & (distance >= -INSIDE_BAND[1]) & unrolled.inside
+    inside = (distance <= -inside_band[0]) & (distance >= -inside_band[1]) & unrolled.inside
     outside = (distance >= OUTSIDE_BAND[0]) & (distance <= OUTSIDE_BAND[1]) & unrolled.inside
     window = max(3, round(_WINDOW * unrolled.stations_in_width))
     mean_in, spread_in = _moments(colours, inside, window)

@@ -131,7 +131,7 @@ def follow(
     unrolled = unroll(fine, coarse, strip) if fine else None
     if unrolled is None:
         return FollowedBeam(nothing, coarse, strip)
-    sides = find_sides(unrolled, coarse.noise, beam.length_px / beam.width_px)
+    sides = find_sides(unrolled, coarse.noise, beam.length_px / beam.width_px, beam.clicked_px / beam.width_px)
     findings = _findings(beam, strip, unrolled, sides, (image.shape[1], image.shape[0]))
     left, right = (locate_edge(image, unrolled, sides, side, spacing_px) for side in (0, 1))
     if left is None or right is None:

@@ -11,14 +11,17 @@ from scipy.ndimage import uniform_filter1d
 
 Array = NDArray[np.float64]
 
-_ARM = 0.12  # widths: the fall is the difference of the means over this length on both sides
+ARM = 0.12  # widths: the fall is the difference of the means over this length on both sides
+CHROMA_ARM = 2.0 * ARM  # cameras and JPEG store the hue with half of the resolution of the brightness
 _ALONG = 0.35  # widths along the beam over which the fall is averaged
 _STEEPEST = 2  # largest number of places by which a seam moves from station to station
 _UNREST = 0.05  # cost of each place, where a full step has a fall of 1
 _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected place
 
 
-def fall_across(share: Array, outward: float, across: Array, stations_in_width: float) -> Array:
+def fall_across(
+    share: Array, outward: float, across: Array, stations_in_width: float, arm_widths: float = ARM
+) -> Array:
     """Return the fall of the projected colour in the outward direction, at each point of the sampled picture.
 
     Parameters
@@ -31,13 +34,15 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
         Coordinates of the m points across the beam, in nominal widths.
     stations_in_width : float
         Number of stations along the beam in a nominal width.
+    arm_widths : float
+        Length on each side of a point over which the projected colour is averaged, in nominal widths.
 
     Returns
     -------
     ndarray, shape (n, m)
         The fall, which is 1 for a full step from inside to outside.
     """
-    arm = max(2, round(_ARM / (across[1] - across[0])))
+    arm = max(2, round(arm_widths / (across[1] - across[0])))
     padded = np.pad(share, ((0, 0), (arm, arm)), mode="edge")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
     mean = (total[:, arm:] - total[:, :-arm]) / arm  # of padded[i : i + arm]

@@ -6,9 +6,14 @@ projection that is orthogonal to the colour of the surroundings maps all multipl
 shadow on the surroundings then has no step. The edge of the beam keeps a step, unless the colour of the beam is also a
 multiple of the colour of the surroundings.
 
-The thin rim of a translucent beam also looks like darkened surroundings. But the colour of the rim is near to the
-colour of the beam, so that nearly the whole colour step is at the outer border of the rim. The outer border is then
-kept as the edge, and the distance between the outer and the inner border is recorded in `Seams.shadow`.
+In a shadow that touches the beam, the beam adds some of its own colour. The colours beside the border of this shadow
+would then be taken for the colours of the beam. The first pass of the search therefore takes the colours of the beam
+from its middle.
+
+The thin rim of a translucent beam and the cut side of a coloured board also look like darkened surroundings. But the
+colour of the rim is near to the colour of the beam, so that nearly the whole colour step is at the outer border of the
+rim. The cut side has a hue of its own. The outer border is then kept as the edge, and the distance between the outer
+and the inner border is recorded in `Seams.shadow`.
 """
 
 from __future__ import annotations
@@ -25,14 +30,15 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
 
-_TOLERANCES = (0.3, 0.2)  # widths, of the two passes: about the border of the shadow, then about the first result
+_TOLERANCES = (0.6, 0.2)  # widths, of the two passes: about the border of a shadow, which may be as wide as this, then
+# about the first result
 _WINDOW = 1.0  # widths along the beam over which both edges are compared; a shorter difference is ignored
 _LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the image: a smaller shift is ignored
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
 _AS_SURE = 0.15  # least share of the separation that all colours have
 _LEAST_BODY_STEP = 0.2  # of the step at the border: behind the border of a shadow the body differs by more
 _HALF = 0.5  # of the fall of a full step
-_ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every sure place is moved
+_ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every place with a clear colour step is moved
 
 
 def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: float) -> Seams:
@@ -61,18 +67,18 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     separation, shadowless_separation = (
         np.stack([side.separation for side in seams.projected]) for seams in (colour_seams, body)
     )
-    sure = (shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)) & (body.support > _HALF)
-    moved = sure & (median_filter(shift, size=(1, window), mode="nearest") > least)
+    clear = shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)
+    moved = clear & (body.support > _HALF) & (median_filter(shift, size=(1, window), mode="nearest") > least)
     moved &= np.stack(
         [_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)]
     )
     moved = binary_opening(moved, np.ones((1, window), dtype=bool))
     if not moved.any():
         return colour_seams
-    moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
+    moved |= clear & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
     shadow = np.where(moved, shift, 0.0)
     for edge, border, places in zip(body.edge, colour_seams.edge, moved, strict=True):
-        if places.any() and _is_rim(unrolled, edge, border, places, window):
+        if places.any() and _is_layer(unrolled, edge, border, places, window):
             places[:] = False
     left, right = (_merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
     return Seams(
@@ -83,11 +89,15 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     )
 
 
-def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between an edge and a border outside the edge has nearly the colour of the beam.
+def _is_layer(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
+    """Return whether the region between an edge and a border outside the edge belongs to the beam.
 
     Three mean colours are compared: inside the edge, in the middle of the region, and outside the border. All three are
-    measured away from the blur of the edge and of the border.
+    measured away from the blur of the edge and of the border. The region belongs to the beam on one of two conditions:
+
+    - The region has nearly the colour of the beam, like the rim of a translucent beam.
+    - The hue of the region differs from the hue of the surroundings by more than half as much as the hue of the beam
+      does. A shadow has nearly the hue of the surroundings. The beam throws only a part of its colour into the shadow.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
@@ -97,9 +107,11 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
         (inward >= 0.25 * gap) & (inward <= 0.75 * gap),
         (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1]),
     )
-    body, between, outside = (_colours_of(unrolled, band, window)[moved] for band in bands)
-    at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in (body - between, between - outside))
-    return bool(at_edge < _LEAST_BODY_STEP * at_border)
+    colours = [_colours_of(unrolled, band, window)[moved] for band in bands]
+    at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
+    hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
+    of_body, of_region = (np.median(np.linalg.norm(hue - hues[2], axis=1)) for hue in hues[:2])
+    return bool(at_edge < _LEAST_BODY_STEP * at_border or of_region > _HALF * of_body)
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:

@@ -36,6 +36,11 @@ class StatedBeam:
     line: CentreLine | None = None
 
     @property
+    def clicked_px(self) -> float:
+        """Distance from the clamp, along the beam, of the last point that a person clicked; 0 without such a point."""
+        return self.line.clicked_px if self.line else 0.0
+
+    @property
     def ahead(self) -> Array:
         """Unit vector (2,) along the beam at its clamp, away from the clamp."""
         return np.array([math.cos(self.axis_rad), math.sin(self.axis_rad)])

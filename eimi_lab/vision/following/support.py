@@ -69,7 +69,7 @@ class Sides:
         return np.asarray(self.edge[1] - self.edge[0])
 
 
-def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
+def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: float = 0.0) -> Sides:
     """Find both edges of the beam in its unrolled picture, and the stations at which each edge is reliable.
 
     Parameters
@@ -80,6 +80,9 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     length : float
         Nominal length of the beam, in nominal widths.
+    clicked : float
+        Distance of the last point that a person clicked from the clamp, in nominal widths. The beam does not end before
+        this point.
 
     Returns
     -------
@@ -90,7 +93,9 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
     edge, support, projected = seams.edge, seams.support, seams.projected
     sound = _sound(unrolled, edge, support, projected)
     # The beam ends where the cumulative support of both sides, less 2 · _HALF at each station, is largest.
-    sound[:, int(np.cumsum(support.sum(axis=0) - 2.0 * _HALF).argmax()) + 1 :] = False
+    total = np.cumsum(support.sum(axis=0) - 2.0 * _HALF)
+    total[: np.searchsorted(unrolled.along[:-1], clicked)] = -np.inf
+    sound[:, int(total.argmax()) + 1 :] = False
     scale = float(np.linalg.norm(unrolled.aside[0]))
     lever = round(_LEVER * unrolled.stations_in_width)
     for row in (0, 1):
