@@ -71,7 +71,7 @@ def wait_until_settled(
     previous frame including its noise is a repetition by the camera and is not counted.
 
     The ratio is computed in a band of pixels along the edges of the beam. The band is found only in the first pair of
-    frames, when the ratio first falls to `rule.noise_ratio`, and in the frame that ends the wait, because finding the
+    frames, each time the ratio falls to `rule.noise_ratio`, and in the frame that ends the wait, because finding the
     band takes most of the time. In an old band, a beam that has moved out of the band gives a small ratio although the
     beam moves. The new band then shows the motion.
 
