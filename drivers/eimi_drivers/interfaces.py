@@ -201,11 +201,12 @@ class PowerSupply(Protocol):
 
     without_contact: str
         A text that describes what the output does if the cable is pulled or the computer fails. eimi-lab stores this
-        text in the dataset. Absent: eimi-lab stores that this behaviour is not known.
+        text in the dataset. If this member is absent, eimi-lab stores that the behaviour is not known.
     reads_zero_within_A: float
-        The largest current (A) that `measure` of a healthy supply returns when no current flows. Absent: 0.
+        The largest current (A) that `measure` of a healthy supply returns when no current flows; 0 if this member is
+        absent.
     measures_current: bool
-        True if `measure` returns a measured current, not a set-point. Absent: True.
+        True if `measure` returns a measured current, not a set-point; True if this member is absent.
     """
 
     limits: Limits
@@ -281,15 +282,15 @@ class SupplyDriver(Protocol):
     connect(address) -> Transport
         Opens the line (the serial, USB or network connection) to the supply. The driver is then called with the line
         instead of the address. With `connect`, eimi-lab can record every message (`eimi acquire --transcript`), and a
-        second stop signal (Ctrl-C) takes effect between two messages. Absent: the driver is called with the address,
-        and no call of the supply is interrupted.
+        second stop signal (Ctrl-C) takes effect between two messages. If this member is absent, the driver is called
+        with the address, and no call of the supply is interrupted.
     bipolar: bool
-        True if negative currents can be set. Absent: False.
+        True if negative currents can be set; False if this member is absent.
     without_contact: str
-        A text that describes what the output does if the cable is pulled or the computer fails. Absent: eimi-lab
-        reports that this behaviour is not known.
+        A text that describes what the output does if the cable is pulled or the computer fails. If this member is
+        absent, eimi-lab reports that the behaviour is not known.
     channels: tuple[int, int]
-        The lowest and the highest channel number that an address may have after `#`. Absent: (1, 1).
+        The lowest and the highest channel number that an address may have after `#`; (1, 1) if this member is absent.
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
@@ -306,11 +307,11 @@ class Camera(Protocol):
     Optional members:
 
     settings: CameraSettings
-        The settings that were read back from the camera when it was opened. Absent: the camera has no settings, and the
-        suite refuses to open the camera if a setting is requested.
+        The settings that were read back from the camera when it was opened. If this member is absent, the camera has no
+        settings, and eimi-lab refuses to open the camera if a setting is requested.
     lost_frames: Mapping[str, int]
         For each reason, the number of frames that did not arrive completely since the camera was opened. Frames that
-        `flush` discards do not count. Absent: eimi-lab counts the missing frame numbers instead.
+        `flush` discards do not count. If this member is absent, eimi-lab counts the missing frame numbers instead.
     """
 
     def identify(self) -> Identity:
@@ -408,7 +409,7 @@ class SensorDriver(Protocol):
 
     connect(address) -> Transport
         Opens the line (the serial, USB or network connection) to the sensor. The driver is then called with the line
-        instead of the address. Absent: the driver is called with the address.
+        instead of the address. If this member is absent, the driver is called with the address.
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:

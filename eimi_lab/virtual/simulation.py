@@ -189,8 +189,8 @@ def simulate(
     ------
     InputError
         If an input cannot be used: a bulk modulus that is not positive or is given in plane stress, an angle or a field
-        that is not finite, or a law without stiffness at rest. Also if a state has no equilibrium; the message names
-        the first such state.
+        that is not finite, or a law without stiffness at rest. The error is also raised if the beam has no equilibrium
+        in one of the fields. The message names the first of these fields.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(

@@ -188,12 +188,12 @@ def check_camera(
     settings : CameraSettings, optional
         Settings that the camera accepts and reads back.
     absent : str or int, optional
-        A source at which no camera exists. None: the check of a source without a camera does nothing.
+        A source at which no camera exists. If `absent` is None, the check of a source without a camera does nothing.
     freeze : callable, optional
-        A function after whose call the open camera delivers no new frames. None: the check of a camera without new
-        frames does nothing.
+        A function after whose call the open camera delivers no new frames. If `freeze` is None, the check of a camera
+        without new frames does nothing.
     unplug : callable, optional
-        A function that disconnects the open camera. None: the check of an unplugged camera does nothing.
+        A function that disconnects the open camera. If `unplug` is None, the check of an unplugged camera does nothing.
     checks : iterable of functions, optional
         A selection of `CAMERA_CHECKS`; the default is all checks. The camera is reopened for each check.
 

@@ -184,9 +184,9 @@ def sensor_bench(
     unit : str
         The unit of the values, such as "mT" or "degC".
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields its address. None: a driver with
-        `connect` is connected in this process in simulated time, and a driver without `connect` through a
-        pseudo-terminal.
+        A context manager that makes the emulated instrument reachable and yields the instrument's address. If `serve`
+        is None, a driver with `connect` is connected in this process in simulated time, and a driver without `connect`
+        through a pseudo-terminal.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "sensor")))
     with ExitStack() as stack:
@@ -227,8 +227,8 @@ def check_sensor(
         The unit of the values, such as "mT" or "degC".
     serve : callable, optional
         A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
-        such as `serve_pty` or `serve_tcp`. None: a driver with `connect` is checked in this process in simulated time,
-        and a driver without `connect` is checked on a pseudo-terminal.
+        such as `serve_pty` or `serve_tcp`. If `serve` is None, a driver with `connect` is checked in this process in
+        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
     checks : iterable of functions, optional
         A selection of `SENSOR_CHECKS`; the default is all checks.
 

@@ -91,9 +91,9 @@ def supply_bench(
         Takes a `CoilSupply` and returns the emulated instrument, whose `receive(data: bytes) -> bytes` answers
         messages.
     serve : callable, optional
-        A context manager that makes the emulated instrument reachable and yields its address. None: a driver with
-        `connect` is connected in this process in simulated time, and a driver without `connect` through a
-        pseudo-terminal.
+        A context manager that makes the emulated instrument reachable and yields the instrument's address. If `serve`
+        is None, a driver with `connect` is connected in this process in simulated time, and a driver without `connect`
+        through a pseudo-terminal.
     answer_within_s : float
         The longest permitted duration of a query without an answer, s.
     """

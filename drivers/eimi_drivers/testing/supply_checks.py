@@ -295,8 +295,8 @@ def check_supply(
         instrument's command language. Example: ``lambda coil: emulate("scpi", coil)``.
     serve : callable, optional
         A context manager that makes the emulated instrument reachable and yields the address that the driver opens,
-        such as `serve_pty` or `serve_tcp`. None: a driver with `connect` is checked in this process in simulated time,
-        and a driver without `connect` is checked on a pseudo-terminal.
+        such as `serve_pty` or `serve_tcp`. If `serve` is None, a driver with `connect` is checked in this process in
+        simulated time, and a driver without `connect` is checked on a pseudo-terminal.
     answer_within_s : float
         The longest permitted duration of a query without an answer, s. During a measurement, eimi-lab switches the
         supply off if the run makes no progress for 5 s.
