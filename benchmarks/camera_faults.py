@@ -54,23 +54,23 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
         process.lose_packets(share)
-        came, wrong, times_s, end = 0, 0, [], "goes on"
+        received, wrong, times_s, end = 0, 0, [], "goes on"
         for _ in range(FRAMES):
             began_s = time.monotonic()
             try:
                 frame = camera.grab(GRAB_S)
             except InstrumentError as error:
-                end = f"{type(error).__name__} after {came} frames"
+                end = f"{type(error).__name__} after {received} frames"
                 break
             times_s.append(time.monotonic() - began_s)
-            came += 1
+            received += 1
             wrong += not np.array_equal(frame.image, picture(frame.number - FIRST_NUMBER, size_px))
         camera.close()
     packets = -(-size_px[0] * size_px[1] // PAYLOAD_BYTES) + 2
     lost = ", ".join(f"{count} {reason}" for reason, count in camera.lost_frames.items() if count) or "none"
     spent = f"{1e3 * np.median(times_s):.0f} ms, at most {max(times_s):.2f} s" if times_s else "none"
     size = f"{size_px[0]} x {size_px[1]}, {packets} packets"
-    return f"| {100 * share:g} % of the packets lost | {size} | {came} | {wrong} | {lost} | {spent} | {end} |"
+    return f"| {100 * share:g} % of the packets lost | {size} | {received} | {wrong} | {lost} | {spent} | {end} |"
 
 
 def vanished(what: str, serial_number: str | None) -> str:

@@ -285,21 +285,21 @@ class AravisCamera:
             )
         if self._triggered:
             self._discard_late_frames(began_s + timeout_s / 2)
-        asked = self._trigger() if self._triggered else None
+        pending_answer = self._trigger() if self._triggered else None
         while True:
             left_s = began_s + timeout_s - time.monotonic()
-            if asked is None and left_s < timeout_s / 2:
-                asked = self._control.begin(self._ask_size)  # to check that the camera still answers
+            if pending_answer is None and left_s < timeout_s / 2:
+                pending_answer = self._control.begin(self._ask_size)  # to check that the camera still answers
             buffer = self._popped(min(left_s, LOOK_EVERY_S))
-            if asked is not None and asked.done():
-                asked.result()
+            if pending_answer is not None and pending_answer.done():
+                pending_answer.result()
             if buffer is None:
                 if left_s <= 0:
-                    raise self._no_frame(asked, timeout_s)
+                    raise self._no_frame(pending_answer, timeout_s)
                 continue
             frame = self._taken(buffer)
             if frame is None and self._triggered:
-                asked = self._trigger()
+                pending_answer = self._trigger()
             elif frame is not None and self._to_skip:
                 self._to_skip -= 1
             elif frame is not None:
@@ -312,10 +312,10 @@ class AravisCamera:
     def _ask_size(self) -> None:
         self._aravis.camera_get_payload(self._camera)
 
-    def _no_frame(self, asked: Future[None] | None, timeout_s: float) -> InstrumentError:
+    def _no_frame(self, pending_answer: Future[None] | None, timeout_s: float) -> InstrumentError:
         try:
-            if asked is not None:
-                asked.result(ANSWER_WITHIN_S)  # the command may have been sent only just now
+            if pending_answer is not None:
+                pending_answer.result(ANSWER_WITHIN_S)  # the command may have been sent only just now
         except NotYet:
             return InstrumentDisconnected(
                 f"the camera did not answer within {timeout_s:g} s. Are its cable and its power plugged in?"

@@ -228,13 +228,13 @@ class GenTLCamera:
             self._set("frame_rate_Hz", settings.frame_rate_Hz, settings.frame_rate_Hz, *RATE_FEATURES)
             return None
         sources = source.symbolics if mode and source else ()
-        asked = settings.trigger or SOFTWARE
-        name = "Software" if asked == SOFTWARE else asked
+        requested = settings.trigger or SOFTWARE
+        name = "Software" if requested == SOFTWARE else requested
         if name not in sources:
             if settings.trigger is None:
                 return None  # the camera runs freely
             listed = ", ".join(SOFTWARE if offered == "Software" else offered for offered in sources) or "none"
-            raise SetPointRefused(f"trigger = {asked!r} must be one of the sources of this camera: {listed}")
+            raise SetPointRefused(f"trigger = {requested!r} must be one of the sources of this camera: {listed}")
         if selector := self._node("TriggerSelector"):
             selector.value = "FrameStart"
         mode.value, source.value = "On", name

@@ -129,8 +129,8 @@ def choose_format(pixel_format: str | None, bit_depth: int | None, present: str,
     readable = [name for name in offered if name in PIXEL_FORMAT_NAMES]
     usable = [name for name in wanted if name in readable]
     if not usable:
-        asked = f"bit_depth = {bit_depth}" if pixel_format is None and bit_depth else f"pixel_format = {wanted[0]!r}"
-        raise SetPointRefused(f"{asked}: pixel_format must be one of {', '.join(readable)} on this camera")
+        request = f"bit_depth = {bit_depth}" if pixel_format is None and bit_depth else f"pixel_format = {wanted[0]!r}"
+        raise SetPointRefused(f"{request}: pixel_format must be one of {', '.join(readable)} on this camera")
     return usable[0]
 
 

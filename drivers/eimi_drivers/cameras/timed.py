@@ -110,7 +110,7 @@ class TimedCamera:
         while call := self._calls.get():
             call()
 
-    def _within(self, seconds: float, what: str, call: Callable[[], _Answer]) -> _Answer:
+    def _within(self, seconds: float, call_name: str, call: Callable[[], _Answer]) -> _Answer:
         if self._lost:
             raise InstrumentTimeout(self._lost)
         answers: queue.SimpleQueue[tuple[_Answer | None, BaseException | None]] = queue.SimpleQueue()
@@ -132,13 +132,13 @@ class TimedCamera:
                 if self._meanwhile:
                     self._meanwhile()
                 if self._seconds() >= until:
-                    self._lost = f"{self._name}: its driver did not return from {what} within {seconds:g} s"
+                    self._lost = f"{self._name}: its driver did not return from {call_name} within {seconds:g} s"
                     raise InstrumentTimeout(self._lost) from None
                 continue
             if isinstance(error, InstrumentError) or (error is not None and not isinstance(error, Exception)):
                 raise error
-            if error is not None and what != OPENING:  # a camera's library raises errors of its own
-                raise InstrumentError(f"{self._name}: its driver raised {raised(error)} in {what}") from error
+            if error is not None and call_name != OPENING:  # a camera's library raises errors of its own
+                raise InstrumentError(f"{self._name}: its driver raised {raised(error)} in {call_name}") from error
             if error is not None:
                 raise error
             return answer_of_call  # type: ignore[return-value]

@@ -124,9 +124,9 @@ class GenesysDialect:
         supply = self.supply
         match header, argument:
             case "OUT", "ON" | "OFF" | "1" | "0":
-                taken = supply.switch(argument in {"ON", "1"})
+                accepted = supply.switch(argument in {"ON", "1"})
             case "FLD", "ON" | "OFF" | "1" | "0":
-                taken = supply.arm(argument in {"ON", "1"})
+                accepted = supply.arm(argument in {"ON", "1"})
             case "OVM", "":
                 return self._set("OVP", self.highest_ovp_V)
             case "PV" | "PC" | "OVP" | "UVL", _:
@@ -136,7 +136,7 @@ class GenesysDialect:
                     return ILLEGAL_PARAMETER
             case _:
                 return ILLEGAL_COMMAND
-        return "OK" if taken or supply.locked else OUT_OF_RANGE
+        return "OK" if accepted or supply.locked else OUT_OF_RANGE
 
     def _set(self, header: str, value: float) -> str:
         """Store a set-point, and return ``OK`` or the number of an error.
@@ -159,12 +159,12 @@ class GenesysDialect:
             return "OK"
         match header:
             case "PV":
-                taken = supply.set_voltage(value)
+                accepted = supply.set_voltage(value)
             case "PC":
-                taken = supply.set_current(value)
+                accepted = supply.set_current(value)
             case "OVP":
                 self.ovp_V = value
-                taken = supply.set_trip_levels(voltage_V=value)
+                accepted = supply.set_trip_levels(voltage_V=value)
             case _:
-                self.uvl_V, taken = value, value >= 0
-        return "OK" if taken else OUT_OF_RANGE
+                self.uvl_V, accepted = value, value >= 0
+        return "OK" if accepted else OUT_OF_RANGE

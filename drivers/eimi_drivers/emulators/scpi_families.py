@@ -176,10 +176,10 @@ class KepcoBopDialect(ScpiDialect):
 
     def _set_bound(self, side: str, argument: str) -> bool:
         bounds_V = self._bounds_V | {side: number(argument)}
-        taken = bounds_V[side] >= 0 and self.supply.set_voltage(min(bounds_V.values()))
-        if taken:
+        accepted = bounds_V[side] >= 0 and self.supply.set_voltage(min(bounds_V.values()))
+        if accepted:
             self._bounds_V = bounds_V
-        return taken
+        return accepted
 
 
 class KepcoBit4886Dialect(ScpiDialect):

@@ -44,10 +44,10 @@ class TripLevel:
         """
         if not 0 < level <= self._highest:
             return False
-        taken = self._supply.set_trip_levels(**{self._quantity: level if on else math.inf})
-        if taken:
+        accepted = self._supply.set_trip_levels(**{self._quantity: level if on else math.inf})
+        if accepted:
             self.level, self.on = level, on
-        return taken
+        return accepted
 
     def set_level(self, level: float) -> bool:
         """Set the level (V or A), and return whether the supply accepted the level. The switch stays unchanged."""

@@ -485,14 +485,14 @@ class SupplyBase(ABC):
                 f"but the supply reports that the output is {'off' if on else 'on'}"
             )
 
-    def _read_back(self, ask: Callable[[], _Value], taken: Callable[[_Value], bool]) -> _Value | None:
+    def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
         """Repeat a query until `read_backs` consecutive answers are right, or `READ_BACK_WITHIN_S` has passed.
 
         Parameters
         ----------
         ask : callable
             Sends the query and returns the answer.
-        taken : callable
+        is_right : callable
             Returns whether an answer is right.
 
         Returns
@@ -503,7 +503,7 @@ class SupplyBase(ABC):
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:
-            if taken(answer := ask()):
+            if is_right(answer := ask()):
                 right += 1
                 continue
             if self._clock.now() >= deadline:
