@@ -234,7 +234,7 @@ def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) ->
     seed
         Seed of the draw. The same seed and the same code give the same sample.
     rooms
-        Draw only from the packages with these names (see `room_of`); by default from all packages.
+        Names of packages, such as "acquisition", from which the lines are drawn; by default all packages.
 
     Returns
     -------

@@ -311,9 +311,10 @@ class Place:
 
 
 def placed(fit: Fit, cause: str) -> Place:
-    """Return the rank of the true cause in a fit.
+    """Return the rank of the true cause among the causes that a fit compares.
 
-    `cause` is the name of the true cause, or the names of two true causes joined by ``+``.
+    `cause` is the name of the true cause, the imperfection of the bench, or the names of two true causes joined by
+    ``+``.
     """
     true = set(cause.split("+"))
     names = [entry.name for entry in fit.causes]

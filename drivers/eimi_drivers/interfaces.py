@@ -137,7 +137,7 @@ class Limits:
         The largest permitted voltage, V; positive.
     off_below_A : float, optional
         The largest measured current with which the supply counts as off, A. None selects the value of the supply's
-        family, see `eimi_drivers.supplies.off.off_limit_A`.
+        family, which `eimi_drivers.supplies.off.off_limit_A` returns.
     """
 
     current_A: float

@@ -182,6 +182,8 @@ class _Rod:
     def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
         """Return the kinematics of the p mass points for the coordinates ``z`` (n,) and their rates ``speed`` (n,).
 
+        The rod has n coordinates. Their rates have the unit 1/s.
+
         Returns
         -------
         derivatives : ndarray, shape (2, p, n)
@@ -221,9 +223,12 @@ class _Rod:
         Parameters
         ----------
         z : ndarray, shape (n,)
-            Coordinates of the rod.
-        derivatives, remaining : ndarray
-            The results of `moved` for these coordinates. The accelerations ``remaining`` cause inertia forces.
+            The n coordinates of the rod.
+        derivatives : ndarray, shape (2, p, n)
+            Derivatives of the positions (x and y, m) of the p mass points with respect to the n coordinates.
+        remaining : ndarray, shape (2, p)
+            Accelerations (x and y, m/s²) of the points at constant rates of the coordinates, which cause inertia
+            forces.
         field_T : ndarray, shape (2,)
             The magnetic field, T.
         gravity : ndarray, shape (2,)
@@ -246,7 +251,7 @@ class _Rod:
         Parameters
         ----------
         z : ndarray, shape (n,)
-            Coordinates of the rod.
+            The n coordinates of the rod.
         along : ndarray, shape (m,)
             Arc length of each point at rest, divided by the flexible length. Values above 1 are in the rigid part.
         across_mm : ndarray, shape (m,)
@@ -339,11 +344,15 @@ class MovingBeam:
 
     @property
     def coordinates(self) -> Array:
-        """The present coordinates of the rod, shape (n,)."""
+        """The present n coordinates of the rod, shape (n,).
+
+        The coordinates are amplitudes of bending, the angle of the hinge if there is a magnet, and the amplitude of
+        stretching.
+        """
         return self._state[: self.rod.size]
 
     def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
-        """Return the coordinates (n,) of the rod in equilibrium in a field (mT).
+        """Return the n coordinates of the rod in equilibrium in a field (mT), shape (n,).
 
         The search begins at the coordinates ``start``, by default at the straight rod. Raises ArithmeticError if no
         equilibrium is found.

@@ -81,7 +81,7 @@ class MovingOutlines:
         Parameters
         ----------
         coordinates : ndarray, shape (n,)
-            The n coordinates of the rod, as `MovingBeam.coordinates` returns them.
+            The n coordinates of the rod: amplitudes of bending, hinge angle and stretching (`MovingBeam.coordinates`).
 
         Returns
         -------

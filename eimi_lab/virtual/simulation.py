@@ -124,7 +124,7 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
     law : Law
         The law.
     parameters : ndarray, shape (n,)
-        Values of the parameters, moduli in Pa.
+        Values of the n parameters of the law, moduli in Pa.
 
     Raises
     ------

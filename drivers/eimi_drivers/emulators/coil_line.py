@@ -43,7 +43,7 @@ class RemoteCoil:
     Parameters
     ----------
     address : str
-        The address that `eimi emulate` prints, see `ADDRESS`.
+        The address of the coil that `eimi emulate` prints, such as ``TCPIP::127.0.0.1::5555::SOCKET``.
 
     Raises
     ------

@@ -16,8 +16,9 @@ SHORTED_A, DRIFTS_TO_A, OFFSET_A, HUNTING_A = 0.8, 2.4, 0.015, 0.2
 class Fault(Enum):
     """A fault of an emulated instrument, with its effect and with the behaviour of a correct program.
 
-    The faults in the first group, SILENCE to SWAP, are faults of the line, see `FaultyInstrument`. The other faults are
-    faults of the supply or of its coil, see `eimi_drivers.emulators.spoiling`.
+    The faults in the first group, SILENCE to SWAP, are faults of the line, the connection to the instrument.
+    `FaultyInstrument` causes these faults. The other faults are faults of the supply or of its coil, which
+    `eimi_drivers.emulators.spoiling` causes.
 
     Attributes
     ----------

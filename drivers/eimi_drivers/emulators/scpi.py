@@ -101,7 +101,10 @@ class ScpiDialect:
         self._is_local = False
 
     def connect_serially(self) -> None:
-        """Begin a connection over a serial line, on which messages may be lost, see `serial_line_begins_local`."""
+        """Begin a connection over a serial line.
+
+        If `serial_line_begins_local` is true, all messages on this line are lost until a message selects remote mode.
+        """
         self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:
@@ -115,7 +118,10 @@ class ScpiDialect:
         return ";".join(answer for answer in answers if answer is not None)
 
     def _parse(self, line: str) -> tuple[str, str]:
-        """Return the header and the argument of a message, in the form used in `questions` and `commands`."""
+        """Return the header and the argument of a message.
+
+        The header has the form of the keys of `questions` and `commands`: short words in capitals.
+        """
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 

@@ -284,7 +284,7 @@ class SupplyBase(ABC):
         Returns
         -------
         Off
-            The measured current and the limit that it does not exceed, see `eimi_drivers.supplies.off`.
+            The measured current and the limit, the largest current with which the supply counts as off.
 
         Raises
         ------

@@ -61,7 +61,7 @@ OVP to its highest level. The driver sets the final OVP level before the output 
 """
 
 READ_BACK_OF_RATING = 0.003
-"""Assumed offset of the measured current, divided by the rated current, see `GenesysSupply.reads_zero_within_A`."""
+"""Assumed largest current that the supply measures when no current flows, divided by the rated current."""
 
 _RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
 _REFUSAL = re.compile(rb"[EC]\d\d\s*")

@@ -113,7 +113,8 @@ class Profile:
         The watchdog or the output timer inside the supply.
     reads_zero_within_A : float
         The largest current that a healthy supply measures when no current flows, A. The value has an effect only above
-        20 mA, see `eimi_drivers.supplies.off`. The value 0 means that the current is smaller or not known.
+        20 mA, because a supply with at most 20 mA counts as off by default. The value 0 means that the current is
+        smaller or not known.
     """
 
     driver: str

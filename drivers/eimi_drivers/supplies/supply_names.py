@@ -107,10 +107,10 @@ def open_supply(
     clock : Clock, optional
         The clock of the rig; the default is the wall clock.
     transcript : Path, optional
-        A new file that records every message, see `eimi_drivers.supplies.transcript`.
+        A new text file in which every message is recorded with its time. None for no file.
     between_messages : callable, optional
         A function that is called before each message if the driver has the member `connect`. The function may raise an
-        error in order to interrupt a call of the supply, see `InterruptibleTransport`. If the driver has no `connect`,
+        error in order to interrupt a call of the supply before the next message. If the driver has no `connect`,
         no call is interrupted.
 
     Returns

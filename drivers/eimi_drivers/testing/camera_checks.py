@@ -38,8 +38,20 @@ STORED = 8
 class CameraBench:
     """An open camera of the driver that is checked, and the functions that disturb the camera.
 
-    The fields are the parameters of `check_camera`, except `camera`, which is the open camera, and `open`, which opens
-    the camera again.
+    Attributes
+    ----------
+    open : callable
+        Opens the camera again, by default with the same source and settings, and returns the camera.
+    camera : Camera
+        The open camera.
+    settings : CameraSettings
+        The settings with which the camera was opened.
+    absent : str, int or None
+        A source at which no camera exists; None if no such source is known.
+    freeze : callable or None
+        A function after whose call the camera delivers no new frames; None if there is no such function.
+    unplug : callable or None
+        A function that disconnects the camera; None if there is no such function.
     """
 
     open: Callable[..., Camera]
