@@ -83,7 +83,10 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """Hide one law, simulate its evidence, and discover its terms; return None if the hidden beam has no solution."""
+    """Draw one hidden law, simulate its evidence, and discover its terms.
+
+    Return None if the beam of the hidden law has no equilibrium.
+    """
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
     curve = hidden.curve(case.noise, rng)

@@ -62,7 +62,7 @@ class Curve:
 
 
 class NoEquilibrium(Exception):
-    """The exception for a state that Newton's method cannot solve, even with halved load steps."""
+    """Report that Newton's method cannot solve the beam in a field, even with halved load steps."""
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:

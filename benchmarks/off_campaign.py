@@ -179,7 +179,7 @@ def _row(name: str, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Run the campaign with the options of the command line."""
+    """Run the trials that the command line selects; exit with status 1 if a trial failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=5, help="trials of each fault")
     parser.add_argument("--fault", action="append", help="name of a fault; may be repeated")

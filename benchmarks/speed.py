@@ -58,7 +58,10 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Return the processor time (ms) for each candidate in a batch of `size` candidates."""
+    """Return the processor time (ms) for each of `size` candidates, which are solved together.
+
+    A candidate is one set of parameters of the law.
+    """
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 
@@ -120,7 +123,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Return the processor time (ms) of a batch of `size` Neo-Hookean candidates in `states` states."""
+    """Return the processor time (ms) for solving a beam with `size` Neo-Hookean moduli in `states` fields."""
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

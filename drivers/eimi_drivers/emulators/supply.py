@@ -265,7 +265,10 @@ class CoilSupply:
         )
 
     def output_on(self) -> bool:
-        """Return whether the output is on, after a protection that must trip has tripped."""
+        """Return whether the output is on.
+
+        A protection whose level is exceeded first switches the output off.
+        """
         self._protect()
         return self.state.output
 
