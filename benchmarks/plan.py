@@ -72,7 +72,7 @@ def row(
 
 
 def main() -> None:
-    """Print the table. In each row, the plan may choose more: fields, mounting, a tip weight, and another shape."""
+    """Print the table. From row to row the plan may choose more: fields, mounting, a tip weight, and another shape."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
     parser.add_argument("--states", type=int, default=6, help="states of a plan")

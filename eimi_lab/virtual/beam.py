@@ -67,7 +67,7 @@ class VirtualLoads:
     coil: CoilShape | None = None
 
     def at(self, field_mT: ArrayLike) -> Loads:
-        """Return the loads for one or several values of the coil's field at the magnet, mT; one load for each value."""
+        """Return the loads for K values of the coil's field at the magnet (mT), shape (K,): K states of load."""
         loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
         if not any(self.background_T):
             return loads

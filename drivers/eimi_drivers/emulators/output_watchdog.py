@@ -6,7 +6,7 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class OutputWatchdog:
-    """Timer that switches the output of an emulated supply off if it is not restarted in time.
+    """Timer that switches the output of an emulated supply off if the timer is not restarted in time.
 
     Parameters
     ----------

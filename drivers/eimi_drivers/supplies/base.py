@@ -312,8 +312,8 @@ class SupplyBase(ABC):
     def _reopen_and_compare(self) -> bool:
         """Reopen the line, check that the same supply answers, and return whether its output is off already.
 
-        Without a check, False is returned if the line cannot be reopened or no supply was identified before. The
-        method also raises the errors of `_compare`.
+        Without a check, False is returned if the line cannot be reopened or no supply was identified before. Raises
+        SwitchOffFailed if another supply may answer on the reopened line.
         """
         try:
             if not self._link.reopen() or self._bound is None:
