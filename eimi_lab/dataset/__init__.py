@@ -5,6 +5,8 @@ writing           `DatasetWriter`, which appends one state after another; a stor
 empty_file        the contents of a dataset of frames before its first state is stored
 recordings        frames that a run takes outside the states: settling, creep, ring-downs and conditioning
 frame_chunk       storage of a frame as one compressed chunk of HDF5
+lost_name         copying of an open dataset that another program moved, deleted or replaced
+storage_failure   the error of a dataset that can no longer be written
 frame_stream      compression and writing of frames in threads while the camera takes further frames
 recorded_frames   the frames of a ring-down or of creep, read one at a time
 steps             the set-points of a run, and the steps of the coil current that began its ring-downs

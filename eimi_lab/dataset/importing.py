@@ -21,8 +21,9 @@ from eimi_lab.dataset.listing import ListedFrame, Listing, last_number, list_fra
 from eimi_lab.dataset.measured_columns import store_measured_columns
 from eimi_lab.dataset.points import Load
 from eimi_lab.dataset.state_loads import load_of
+from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.dataset.tip_force_angles import store_tip_force_angles
-from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
+from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.process.outputs import whole_file

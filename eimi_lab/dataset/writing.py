@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -41,6 +39,7 @@ from eimi_lab.dataset.layout import (
     now,
     to_stored,
 )
+from eimi_lab.dataset.lost_name import copy_beside, fate_of
 from eimi_lab.dataset.recordings import (
     BELONGS_TO,
     RING_DOWN,
@@ -58,6 +57,7 @@ from eimi_lab.dataset.steps import (
     append_set_points,
     append_step,
 )
+from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import WriterLock
@@ -66,26 +66,10 @@ from eimi_lab.vision.check import Flag
 NAN = float("nan")
 HEAD_BYTES = 4096
 """Number of bytes at the beginning of the file by which the writer notices that another program wrote into it."""
-COPY_BYTES = 1 << 20
 
 
 def _ignore() -> None:
     """Do nothing. This is the default of the argument `beat`, for a writer whose progress nobody monitors."""
-
-
-class StorageFailed(OSError):
-    """The error that is raised if a dataset can no longer be written.
-
-    The message says whether the stored states are safe.
-    """
-
-    def __init__(self, message: str, reason: str = "") -> None:
-        """Create the error with a message.
-
-        ``reason`` is the error text of the operating system; empty if the operating system reported no error.
-        """
-        super().__init__(message)
-        self.reason = reason
 
 
 def _tell_warning(message: str) -> None:
@@ -219,7 +203,7 @@ class DatasetWriter:
         crash the program at its end. Therefore the remaining data are sent to the null device. A file without a state
         is removed.
         """
-        taken_away = _taken_away(self.path, self._descriptor)
+        taken_away = fate_of(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:
             os.dup2(null_device.fileno(), self._descriptor)
             with suppress(OSError, RuntimeError):
@@ -246,7 +230,7 @@ class DatasetWriter:
         self._refuse_overwritten()
         if self._stored:
             self._keep_the_name()
-        taken_away = _taken_away(self.path, self._descriptor)
+        taken_away = fate_of(self.path, self._descriptor)
         self._close()
         if not self._stored and not taken_away:
             self.path.unlink()
@@ -435,14 +419,14 @@ class DatasetWriter:
 
         Raises StorageFailed if the file cannot be copied or written.
         """
-        if not (fate := _taken_away(self.path, self._descriptor)):
+        if not (fate := fate_of(self.path, self._descriptor)):
             return
         source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open
         taken_from, old_lock = self.path, self._lock
         try:
             self._close()
             self._abandoned = True  # until the copy is open for writing
-            self._attach(*_copy_beside(taken_from, source, fate, self._beat))
+            self._attach(*copy_beside(taken_from, source, fate, self._beat))
         finally:
             os.close(source)
             old_lock.release()
@@ -467,75 +451,6 @@ class DatasetWriter:
             return os.read(self._descriptor, HEAD_BYTES)
         finally:
             os.lseek(self._descriptor, place, os.SEEK_SET)
-
-
-def _taken_away(path: Path, descriptor: int) -> str:
-    """Return in words what another program did to an open file, such as "was moved" or "was deleted".
-
-    ``descriptor`` is the file descriptor of the open file. The text is empty if ``path`` still leads to this file.
-    """
-    try:
-        open_file = os.fstat(descriptor)
-    except OSError:  # the file is closed already
-        return ""
-    try:
-        file_at_path = os.stat(path)
-    except OSError:
-        return "was moved" if open_file.st_nlink else "was deleted"
-    if os.path.samestat(open_file, file_at_path):
-        return ""
-    return "was moved and another file has its name" if open_file.st_nlink else "was replaced"
-
-
-def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -> tuple[Path, WriterLock]:
-    """Copy an open file to the folder of ``path`` or, if this fails, to the folder for temporary files.
-
-    Parameters
-    ----------
-    path
-        The path that the file had.
-    source
-        File descriptor of the open file.
-    fate
-        Text about the loss of the file, such as "was deleted", for a message.
-    beat
-        Function that is called repeatedly while the file is copied.
-
-    Returns
-    -------
-    path, lock
-        The path of the copy, and the lock that keeps other writers from the copy.
-
-    Raises
-    ------
-    StorageFailed
-        If the file can be copied to neither folder.
-    """
-    reasons = []
-    for folder in (path.parent, Path(tempfile.gettempdir())):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)  # the whole folder may have been moved
-            name = next(name for name in _names_beside(folder / path.name) if not name.exists())
-            lock = WriterLock(name)
-        except (OSError, InputError) as error:
-            reasons.append(str(error))
-            continue
-        try:
-            with whole_file(name, force=False) as temporary, temporary.open("wb") as copy:
-                os.lseek(source, 0, os.SEEK_SET)
-                while piece := os.read(source, COPY_BYTES):
-                    copy.write(piece)
-                    beat()
-            return name, lock
-        except (OSError, InputError) as error:
-            reasons.append(str(error))
-            lock.release()
-    raise StorageFailed(f"{path}: {fate} during the run, and no copy can be made: {'; '.join(reasons)}")
-
-
-def _names_beside(path: Path) -> Iterator[Path]:
-    yield path.with_stem(f"{path.stem}-continued")
-    yield from (path.with_stem(f"{path.stem}-continued-{number}") for number in count(2))
 
 
 def _access() -> h5p.PropFAID:

@@ -33,7 +33,8 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.recordings import Moment
-from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
+from eimi_lab.dataset.storage_failure import StorageFailed
+from eimi_lab.dataset.writing import DatasetWriter
 
 folder, size, states, settling = Path(sys.argv[1]), *map(int, sys.argv[2:])
 header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"),

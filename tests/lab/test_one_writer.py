@@ -22,7 +22,8 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.repair import probing
-from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
+from eimi_lab.dataset.storage_failure import StorageFailed
+from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file, whole_folder

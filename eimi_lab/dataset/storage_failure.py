@@ -1,0 +1,18 @@
+"""The error of a dataset that can no longer be written."""
+
+from __future__ import annotations
+
+
+class StorageFailed(OSError):
+    """The error that is raised if a dataset can no longer be written.
+
+    The message says whether the stored states are safe.
+    """
+
+    def __init__(self, message: str, reason: str = "") -> None:
+        """Create the error with a message.
+
+        ``reason`` is the error text of the operating system; empty if the operating system reported no error.
+        """
+        super().__init__(message)
+        self.reason = reason
