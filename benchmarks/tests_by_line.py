@@ -26,7 +26,7 @@ PROJECT = Path(__file__).parents[1]
 MAP = PROJECT / ".tests_by_line"
 SECONDS = MAP.with_suffix(".json")
 PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
-MOST_TESTS, MOST_S = 300, 60.0
+MOST_TESTS, MOST_S = 3000, 60.0
 """Largest number of tests for one mistake, and largest sum of their recorded durations (s)."""
 
 _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(PACKAGES)}\n"
@@ -87,8 +87,8 @@ class TestsByLine:
         The function returns the tests that execute the line. If a fixture executes the line, the other tests of the
         fixture's file follow, because they may use the fixture. A line outside all functions is executed only by the
         first import. For such a line, the tests that import the module or all modules come first, then the tests that
-        execute any line of the module. If no test executes the line, the tests in the files that contain the module's
-        name are returned.
+        execute any line of the module, then the tests that import the package of the module. If no test executes the
+        line, the tests in the files that contain the module's name are returned.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -101,7 +101,8 @@ class TestsByLine:
             every = _files_with("pkgutil.walk_packages")  # these tests import all modules
             importing = self._of_files([*_files_with(module.removesuffix(".__init__")), *every])
             nodes = {context.partition("|")[0] for contexts in by_line.values() for context in contexts if context}
-            chosen = [*self._in_order(importing), *self._in_order(nodes)]
+            package = self._of_files(_files_with(module.rpartition(".")[0]))
+            chosen = [*self._in_order(importing), *self._in_order(nodes), *self._in_order(package)]
         chosen = list(dict.fromkeys(chosen or self._in_order(self._of_files(_files_with(Path(file).stem)))))
         within: list[str] = []
         left_s = MOST_S
