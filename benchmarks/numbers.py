@@ -31,7 +31,7 @@ HIDDEN = {
     "neo-hookean": ("mu_Pa = 46390.0", ("neo-hookean", "mooney-rivlin", "yeoh", "ogden")),
     "yeoh": ("C10_Pa = 19530.0, C20_Pa = 7410.0, C30_Pa = -3117.0", ("yeoh", "ogden")),
 }
-# Keys that describe the run, not the result.
+# Keys of values that describe the run of the program, not the result.
 OF_THE_RUN = {"wall_s", "sha256", "path", "dataset", "versions"}
 
 Json = Any

@@ -49,7 +49,7 @@ def record(tests: Sequence[str], add: bool = False) -> int:
         seconds |= seconds_in(report)
         whole = CoverageData(str(MAP))
         if add:
-            whole.read()  # coverage erases a file that it has not read
+            whole.read()  # without this call, coverage would erase the file
         else:
             whole.erase()
         read = CoverageData(str(new))

@@ -75,7 +75,7 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
     middle = start[index] + side[index] * (0.5 * (begin + end))[:, None]
     rise = side[index, 1] * (end - begin)
     row = np.floor(middle[:, 1]).astype(np.int64)
-    # A piece to the left of the window covers its whole row; a piece to the right of it covers nothing.
+    # A piece to the left of the window covers a whole row of the window; a piece to the right covers nothing.
     x = np.maximum(middle[:, 0], 0.0)
     inside = (row >= 0) & (row < height) & (x < width)
     row, x, rise = row[inside], x[inside], rise[inside]

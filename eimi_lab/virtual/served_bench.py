@@ -69,7 +69,7 @@ def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], N
             image = (image >> bits - 8).astype(np.uint8)
         return np.pad(image, ((top, 0), (left, 0)))
 
-    picture()  # the first picture takes longest
+    picture()  # the first picture takes longest, and is therefore taken before the camera is served
     return picture
 
 

@@ -295,8 +295,9 @@ def _csv(columns: Array, header: str) -> bytes:
     return text.getvalue()
 
 
-# VTK orders the nodes of its biquadratic quadrilateral and its triquadratic hexahedron as corners, sides, centres of
-# faces and the centre. The nodes here are numbered across first, or in depth first.
+# The numbers of an element's nodes in the order of VTK: corners, middles of the sides, centres of the faces, and the
+# centre. In this program the nodes of a planar element are numbered across first, and the nodes of a solid element in
+# depth first.
 _QUADRILATERAL = [0, 6, 8, 2, 3, 7, 5, 1, 4]
 _HEXAHEDRON = [0, 18, 24, 6, 2, 20, 26, 8]
 _HEXAHEDRON += [9, 21, 15, 3, 11, 23, 17, 5, 1, 19, 25, 7]

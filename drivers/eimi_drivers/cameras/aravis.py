@@ -315,7 +315,7 @@ class AravisCamera:
     def _no_frame(self, pending_answer: Future[None] | None, timeout_s: float) -> InstrumentError:
         try:
             if pending_answer is not None:
-                pending_answer.result(ANSWER_WITHIN_S)  # the command may have been sent only just now
+                pending_answer.result(ANSWER_WITHIN_S)  # the command may have been sent only a moment ago
         except NotYet:
             return InstrumentDisconnected(
                 f"the camera did not answer within {timeout_s:g} s. Are its cable and its power plugged in?"

@@ -75,5 +75,5 @@ class KoradDialect:
 
     def _status(self) -> int:
         supply = self.supply
-        output = 0x40 if supply.output_on() else 0  # evaluated first, because it lets a protection act
+        output = 0x40 if supply.output_on() else 0  # evaluated first, because a protection may act in this call
         return output | int(supply.constant_voltage()) | (self._protection_bit if supply.state.tripped else 0)

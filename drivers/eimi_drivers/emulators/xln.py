@@ -67,7 +67,7 @@ class XlnDialect:
         return ""
 
     def _status(self) -> str:
-        output = 0x04 if self.supply.output_on() else 0  # evaluated first, because it lets a protection act
+        output = 0x04 if self.supply.output_on() else 0  # evaluated first: a protection may act in this call
         state = self.supply.state
         armed = (0x80 if self._ovp.on else 0) | (0x40 if self._ocp.on else 0)
         flag = 0x8000 if abs(state.set_voltage_V) > state.trip_voltage_V else 0x4000

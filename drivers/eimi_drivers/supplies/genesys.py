@@ -213,7 +213,7 @@ class GenesysSupply(SupplyBase):
             self._command("OUT ON")
             return
         if self._unanswered:
-            self._send_off_unread()  # before any wait
+            self._send_off_unread()  # sent before any wait for an answer
         try:
             self._command("OUT OFF")
         except InstrumentError:

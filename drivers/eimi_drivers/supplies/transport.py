@@ -219,7 +219,7 @@ class SerialTransport:
             raise InstrumentTimeout(f"{self.address}: the port takes no more bytes; is the instrument on?") from error
         except (OSError, TerminalError) as error:  # SerialException is an OSError; TerminalError is not
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
-        except (TypeError, AttributeError) as error:  # pyserial raises them on a port that it could not reopen
+        except (TypeError, AttributeError) as error:  # pyserial raises these errors if it could not reopen the port
             raise InstrumentDisconnected(f"{self.address}: the port is not open") from error
         except ValueError as error:
             raise InstrumentError(f"{self.address}: {error}") from error
@@ -231,7 +231,7 @@ class SerialTransport:
     def write(self, message: bytes) -> None:
         """Discard the unread bytes of the port, then send the whole message."""
         with self._errors_named():
-            # Not reset_input_buffer(): on a port that no longer exists it raises termios.error, which is no OSError.
+            # reset_input_buffer() is not used, because it raises termios.error, not OSError, if the port has vanished.
             while waiting := self._port.in_waiting:  # at most 1 for a socket:// URL
                 self._port.read(waiting)
             self._port.write(message)
@@ -346,7 +346,7 @@ class VisaTransport:
         # separate messages, and a read without a query is an error for them.
         self._is_stream = name.upper().startswith("ASRL") or name.upper().endswith("::SOCKET")
         try:
-            self._discard_unread()  # a refused TCP connection is reported at the first transfer
+            self._discard_unread()  # a refused TCP connection is reported only at the first transfer of bytes
         except InstrumentError:
             with suppress(InstrumentError):
                 self.close()

@@ -156,7 +156,7 @@ def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
             f"the current set-point should be 0 A {where}, but it is {bench.coil.state.set_current_A:g} A",
         )
         claim(bench.supply.output_on() is False, f"output_on() should be False {where}")
-        if bring_about is not tripped:  # an instrument may still report the trip
+        if bring_about is not tripped:  # after a trip, an instrument may still report the trip
             bench.supply.check()
     bench.clock.sleep(SETTLED_AFTER_S)
     claim(abs(bench.coil.coil_current_A()) < 1e-4, "no current should flow in the coil after safe_off()")
