@@ -139,9 +139,11 @@ def main() -> int:
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")
     parser.add_argument("--first", type=int, default=0, help="number of the first law")
     parser.add_argument("--seed", type=int, default=SEED, help="seed of laws and noise")
-    parser.add_argument("--noise", type=float, default=TENSILE_NOISE, help="of the tensile test, as a share")
-    parser.add_argument("--off", type=float, default=1.0, help="largest factor on Jm, b and alpha")
-    parser.add_argument("--solid", action="store_true", help="use solids")
+    parser.add_argument(
+        "--noise", type=float, default=TENSILE_NOISE, help="noise of the tensile test, as a share of its stress"
+    )
+    parser.add_argument("--off", type=float, default=1.0, help="largest factor by which Jm, b and alpha are wrong")
+    parser.add_argument("--solid", action="store_true", help="use solid models instead of plane stress")
     parser.add_argument("--from", dest="evidence", choices=[BOTH, BENDING, TENSION], action="append", default=[])
     parser.add_argument("--workers", type=int, default=2, help="number of processes")
     parser.add_argument("--each", action="store_true", help="print the result of each law")

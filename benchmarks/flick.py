@@ -168,7 +168,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")
-    parser.add_argument("--difficulties", action="store_true", help="recordings of the first scene that differ")
+    parser.add_argument("--difficulties", action="store_true", help="film the first scene with difficulties")
     parser.add_argument("-o", "--output", type=Path, help="folder that keeps videos and files")
     parser.add_argument("--share", type=float, default=1.0, help="size of the frames, as a share of 1280 x 720 px")
     parser.add_argument("--film", type=Path, help="write the video of the first scene to this file, and stop")

@@ -374,11 +374,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--short", action="store_true", help="one seed")
-    parser.add_argument("--both", action="store_true", help="both polarities, upward and downward")
-    parser.add_argument("--measured", action="store_true", help="with the measured rest shape only")
+    parser.add_argument("--short", action="store_true", help="use only one seed")
+    parser.add_argument("--both", action="store_true", help="use both polarities, and increase and decrease")
+    parser.add_argument("--measured", action="store_true", help="fit only with the measured rest shape")
     parser.add_argument("--rendered", action="store_true", help="find the edges in rendered pictures")
-    parser.add_argument("--planar", action="store_true", help="hidden and stated beams in plane stress")
+    parser.add_argument("--planar", action="store_true", help="simulate and fit beams in plane stress")
     asked = parser.parse_args()
     field_mT, places = BOTH_MT if asked.both else FIELD_MT, []
     for imperfection in (*IMPERFECTIONS, *PAIRS):

@@ -286,7 +286,7 @@ def main() -> int:
     parser.add_argument("--only", type=int, action="append", metavar="N", help="number of a mistake; may be repeated")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, help="JSON file with outcomes, to continue from")
-    parser.add_argument("--sample", type=int, metavar="N", help="generate N mistakes instead of those of the lists")
+    parser.add_argument("--sample", type=int, metavar="N", help="generate N mistakes instead of using the lists")
     parser.add_argument("--seed", type=int, default=1, help="seed of the sample")
     parser.add_argument("--list", action="store_true", help="print the mistakes without running tests")
     options = parser.parse_args()

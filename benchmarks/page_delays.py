@@ -236,7 +236,9 @@ def main() -> None:
     """Print the delays, or the memory during a run whose pictures are shown."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
-    parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, instead of the delays")
+    parser.add_argument(
+        "--stream", type=float, default=0.0, help="minutes of live pictures, instead of measuring the delays"
+    )
     options = parser.parse_args()
     if options.stream:
         stream(options.stream)

@@ -24,7 +24,7 @@ def main() -> None:
     """Print how many frames of each camera were recorded, and how many were lost."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--folder", type=Path, help="folder on the disk to measure; default: a temporary one")
+    parser.add_argument("--folder", type=Path, help="folder on the disk to measure; default: a temporary folder")
     given = parser.parse_args()
     for width, height, rate_Hz in CASES:
         load = os.getloadavg()[0]

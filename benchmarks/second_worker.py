@@ -22,7 +22,7 @@ ROUNDS = 3
 
 def main() -> None:
     """Print the times (s) with one and with two processes in each round, and the ratio of the medians."""
-    parser = argparse.ArgumentParser(description="fits by one process and by two")
+    parser = argparse.ArgumentParser(description="compute fits in one process and in two processes")
     parser.add_argument("dataset")
     parser.add_argument("--fits", type=int, default=48)
     options = parser.parse_args()

@@ -155,7 +155,7 @@ def _files_with(word: str) -> list[str]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--add", action="store_true", help="add the tests to the map; the code has not changed")
+    parser.add_argument("--add", action="store_true", help="add the tests to the map of the unchanged code")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()
     sys.exit(record(given.tests, given.add))

@@ -185,7 +185,7 @@ def main() -> None:
     """Print the table of references and the table of hidden materials."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hidden", type=int, default=2, help="number of hidden materials")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the first one")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first material")
     arguments = parser.parse_args()
     print_references()
     held = [print_hidden(arguments.seed + k) for k in range(arguments.hidden)]
