@@ -142,7 +142,7 @@ def main() -> int:
     parser.add_argument(
         "--noise", type=float, default=TENSILE_NOISE, help="noise of the tensile test, as a share of its stress"
     )
-    parser.add_argument("--off", type=float, default=1.0, help="largest factor by which Jm, b and alpha are wrong")
+    parser.add_argument("--off", type=float, default=1.0, help="largest factor on Jm, b and alpha of the library")
     parser.add_argument("--solid", action="store_true", help="use solid models instead of plane stress")
     parser.add_argument("--from", dest="evidence", choices=[BOTH, BENDING, TENSION], action="append", default=[])
     parser.add_argument("--workers", type=int, default=2, help="number of processes")
