@@ -64,9 +64,9 @@ if TYPE_CHECKING:
     from eimi_lab.face.using import validate as validate
     from eimi_lab.fits.fits_file import Fits as Fits
     from eimi_lab.fits.records import FitRecord as FitRecord
-    from eimi_lab.fits.records import TensileRecord as TensileRecord
     from eimi_lab.fits.residuals import Residuals as Residuals
     from eimi_lab.fits.simulated_fit import Prediction as Prediction
+    from eimi_lab.fits.tensile_record import TensileRecord as TensileRecord
     from eimi_lab.fits.time_records import RingDownRecord as RingDownRecord
     from eimi_lab.fits.validation import Validation as Validation
     from eimi_lab.process.errors import InputError as InputError
@@ -96,7 +96,7 @@ _HOMES = {
     "RingDownRecord": "eimi_lab.fits.time_records",
     "SUPPLIES": "eimi_drivers.supplies.supply_names",
     "Simulation": "eimi_lab.virtual.simulation",
-    "TensileRecord": "eimi_lab.fits.records",
+    "TensileRecord": "eimi_lab.fits.tensile_record",
     "Validation": "eimi_lab.fits.validation",
     "Validations": "eimi_lab.face.results",
     "acquire": "eimi_lab.face.acquiring",

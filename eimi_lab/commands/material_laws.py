@@ -170,8 +170,8 @@ def tensile(
     """Fit laws to a tensile test."""
     from eimi_lab.face.identifying import tensile as fit_tensile_test
     from eimi_lab.fits.fit_summary import tensile_remarks
-    from eimi_lab.fits.records import TensileRecord
     from eimi_lab.fits.tensile_files import WINDOWS
+    from eimi_lab.fits.tensile_record import TensileRecord
 
     fits = fit_tensile_test(curve, model, window=window or WINDOWS, relative=relative, output=output, force=force)
     lines = []

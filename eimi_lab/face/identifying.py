@@ -13,8 +13,9 @@ from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fits_file import Fits, read_fits_file
 from eimi_lab.fits.fitting import check_models, check_section
 from eimi_lab.fits.options import FitOptions
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.simulated_fit import FittedLaw
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import check_distinct, refuse_existing

@@ -36,8 +36,9 @@ from eimi_lab.fits.export import bulk_modulus_Pa, card, check_solver, choose_fit
 from eimi_lab.fits.fits_file import Fits
 from eimi_lab.fits.fitting import check_models, check_section
 from eimi_lab.fits.prediction import predict
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.simulated_fit import FittedLaw, Prediction
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import check_distinct, write_file

@@ -16,6 +16,7 @@ law_record           the part of a result file that all fits have in common
 bootstrap_record     the part of a result file on bootstrap replicates
 residuals            distances of measured edge points from simulated edges, by state, edge and arc length
 records              the fits of a result file
+tensile_record       the fit of a law to a tensile test in a result file
 fits_file            compare the laws of several fits; write and read fits.json
 grades               grade how well a fit is supported
 fit_summary          print a fit and the comparison of laws

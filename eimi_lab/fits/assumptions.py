@@ -19,7 +19,8 @@ from eimi_fitting.inference.planning.compressibility import bulk_ratio, compress
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 
 Array = NDArray[np.float64]

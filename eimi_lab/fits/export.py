@@ -13,7 +13,8 @@ from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
 from eimi_fitting.laws.prony import Prony
 from eimi_lab.fits.law_record import HELD
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 

@@ -21,7 +21,8 @@ from eimi_lab.fits.measured_remarks import (
     measured_field_remark,
     temperature_remark,
 )
-from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
+from eimi_lab.fits.records import DatasetReference, FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 
 _LARGEST = 5  # each of the five largest sources has its own line; all smaller sources share one line
 

@@ -14,7 +14,8 @@ from eimi_fitting.suggestion import suggestion
 from eimi_lab.config.json_text import parse_json
 from eimi_lab.config.toml import is_dataset, read_text
 from eimi_lab.fits.law_record import Record
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import write_file

@@ -23,7 +23,8 @@ from eimi_fitting.inference.interval.considered import Candidate, changes_by, co
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
+from eimi_lab.fits.records import DatasetReference, FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 
 Array = NDArray[np.float64]

@@ -17,8 +17,9 @@ from typing import Any, Literal, NamedTuple
 
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.predicted_error import error_interval_mm
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.simulated_fit import FittedLaw, Law, Prediction, simulate_alone, simulate_each
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.process.errors import InputError

@@ -22,7 +22,8 @@ from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
+from eimi_lab.fits.records import FitRecord, StateError
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.process.errors import InputError

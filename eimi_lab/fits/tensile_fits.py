@@ -13,8 +13,9 @@ from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED
 from eimi_fitting.laws.tensile import CannotFit, TensileFit, fit_tensile
 from eimi_lab.fits.law_record import Stability
-from eimi_lab.fits.records import TensileRecord, TensileSource, package_versions
+from eimi_lab.fits.records import package_versions
 from eimi_lab.fits.tensile_files import TensileTest
+from eimi_lab.fits.tensile_record import TensileRecord, TensileSource
 from eimi_lab.process.errors import InputError
 
 _MISFIT = 0.1  # ratio of the residuals to the stresses (root mean squares) from which the law is doubtful

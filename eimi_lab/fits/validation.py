@@ -12,8 +12,9 @@ from typing import Any, Literal
 
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_lab.fits.law_record import Record
-from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
+from eimi_lab.fits.records import FitRecord, StateError
 from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.showing.tables import data_frame, html_table
 

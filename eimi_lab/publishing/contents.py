@@ -13,7 +13,8 @@ from typing import Literal
 from eimi_lab.config.toml import is_dataset
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.fits_file import read_fits_file
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.paths import followed

@@ -11,7 +11,8 @@ from urllib.parse import quote
 
 from eimi_lab.config.people import People, Person
 from eimi_lab.dataset.layout import PROGRAM, now
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.publishing.contents import PublishedFile

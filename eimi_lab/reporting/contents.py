@@ -10,8 +10,9 @@ from pathlib import Path
 from eimi_fitting.time.result import LawOfTime
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.simulated_fit import Prediction
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting.shown import ShownFit
 

@@ -11,7 +11,8 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import WHOLE_FILES
 from eimi_lab.fits.fit_summary import all_together_percent, entry_words
 from eimi_lab.fits.grades import grade
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.residual_noise import residual_noise

@@ -13,8 +13,9 @@ import numpy as np
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.time.result import LawOfTime
 from eimi_lab.fits.fits_file import read_fits_file
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.simulated_fit import FittedLaw
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 

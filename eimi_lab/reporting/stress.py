@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.law import Law
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.reporting.shown import ShownFit
 

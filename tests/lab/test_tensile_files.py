@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from eimi_fitting.laws.cards import SOLVERS
 from eimi_lab.fits.fits_file import read_fits_file
-from eimi_lab.fits.records import TensileRecord
 from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]

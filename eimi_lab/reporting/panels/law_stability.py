@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Table
 from eimi_lab.reporting.panel import ReportPanel

@@ -9,7 +9,8 @@ from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_lab.fits.fit_summary import points_in_words, too_few_in_words, what_is_fixed, what_was_fitted_beside
 from eimi_lab.fits.law_record import LawRecord
 from eimi_lab.fits.measured_remarks import measured_lines
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation_tables import micrometres
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Cell, Table

@@ -27,9 +27,10 @@ from eimi_lab.config.toml import parse
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.fits.evidence import Evidence, load_evidence
-from eimi_lab.fits.records import CurveRecord, FitRecord, StateError, TensileRecord
+from eimi_lab.fits.records import CurveRecord, FitRecord, StateError
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.reporting.shown import ShownFit
 

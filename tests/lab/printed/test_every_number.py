@@ -25,7 +25,8 @@ from eimi_fitting.laws.sum_of_terms import Term
 from eimi_lab.fits import discovering, validation_tables
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fit_summary import comparison_table, remarks, tensile_remarks
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
 from eimi_lab.reporting.elements import Elements, Table

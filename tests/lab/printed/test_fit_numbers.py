@@ -21,8 +21,9 @@ from eimi_lab.fits.export import bulk_modulus_Pa
 from eimi_lab.fits.fit_figures import drawn_errors as errors_in_a_notebook
 from eimi_lab.fits.fit_figures import drawn_law
 from eimi_lab.fits.fit_summary import comparison_table, remarks
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
+from eimi_lab.fits.tensile_record import TensileRecord
 
 OF_THE_RECORD = ("doubts", "stability", "model", "tensile", "by_state", "datasets")
 """Fields whose type in a fits file differs from their type in the object `Fit`."""

@@ -19,7 +19,8 @@ from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.grades import grade
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
 from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches

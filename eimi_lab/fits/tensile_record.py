@@ -1,0 +1,83 @@
+"""The fit of a law to a tensile test in a result file."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic.dataclasses import dataclass
+
+from eimi_lab.fits.law_record import STRICT, LawRecord, Record
+
+
+class TensileSource(Record):
+    """The file of a tensile test: its path, its hash, and the name of the material in the file."""
+
+    path: str
+    sha256: str
+    material: str | None
+
+
+@dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
+class TensileRecord(LawRecord):
+    """A law fitted to a window of a tensile test.
+
+    Attributes
+    ----------
+    window_percent : float or None
+        Largest engineering strain of the window in per cent; null for the whole curve.
+    residuals : {"absolute", "relative"}
+        The kind of residuals whose squares were minimised.
+    rmse_Pa : float
+        Root mean square of the residuals of the engineering stress.
+    rows, rows_left_out : int
+        Number of used rows, and number of rows left out. Relative residuals leave out rows without a positive stress.
+    correlation_rows : float
+        Number of rows over which residuals are correlated.
+    correlation : tuple or None
+        Correlation matrix of the errors of the parameters; null in files of earlier releases.
+    not_fixed : tuple of str
+        Parameters whose interval contains zero or is the range of the search.
+    source : TensileSource
+    """
+
+    kind: Literal["tensile"] = "tensile"
+    window_percent: float | None
+    residuals: Literal["absolute", "relative"]
+    rmse_Pa: float
+    rows: int
+    rows_left_out: int
+    correlation_rows: float
+    correlation: tuple[tuple[float, ...], ...] | None = None
+    not_fixed: tuple[str, ...]
+    source: TensileSource
+
+    def window(self) -> str:
+        """Return the window of strain in words, such as `50 %`; `full` for the whole curve."""
+        return "full" if self.window_percent is None else f"{self.window_percent:g} %"
+
+    def summary(self) -> str:
+        """Return one line: law, window, initial shear modulus with its interval, RMSE, and limit of stability."""
+        limit = self.stability.stable_up_to_stretch
+        stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
+        if limit == 1.0:
+            stable = ", not stable at any stretch"
+        return (
+            f"{self.model}, window {self.window()}: initial shear modulus {self.modulus_in_words()}, "
+            f"RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows{stable}"
+        )
+
+    def notes(self) -> list[str]:
+        """Return sentences on the window and the residuals of a tensile fit, and on its undetermined parameters."""
+        misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
+        return [misfit, *self.not_fixed_in_words()]
+
+    def held_by_bounds(self) -> tuple[str, ...]:
+        """Return the names of the parameters whose interval contains zero or is the range of the search."""
+        return self.not_fixed
+
+    def not_fixed_in_words(self) -> list[str]:
+        """Return a list with a sentence on the parameters that the tensile curve does not determine.
+
+        The list is empty if the curve determines all parameters.
+        """
+        return [f"The curve does not determine {', '.join(self.not_fixed)}."] if self.not_fixed else []
