@@ -23,12 +23,14 @@ from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.polarity import has_both_polarities
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.interval import draws
-from eimi_fitting.inference.interval.covariance import LinearStates
+from eimi_fitting.inference.interval.considered import steps_of
+from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import draw_parameters, interval_95, normal_draws, rounded, thinned
 from eimi_fitting.inference.interval.identifiability import Direction, directions, held_by_bounds, is_open, statement
 from eimi_fitting.inference.interval.profile_likelihood import moved_to
 from eimi_fitting.inference.searching import modulus_range
+from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestShape
 from eimi_fitting.inference.searching.modulus_range import NothingConverged, Scan, narrowed
 from eimi_fitting.inference.searching.polish import difference_batch
 
@@ -514,3 +516,139 @@ def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -
     assert names(cause("a", 0.7), cause("b", 0.49)) == ["b"]
     assert names(cause("a", 0.4), cause("b", 0.3), cause("c", 0.2), cause("d", 0.1)) == ["b", "c"]
     assert names(cause("a", 0.5, ("c",)), cause("b", 0.4), cause("c", 0.01)) == ["c"]
+
+
+def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
+    """Return linear evidence of two unknowns: two states, two rows of a curve, a freed nuisance and a law prior."""
+    rng = np.random.default_rng(8)
+    states = replace(states_of(rng.normal(size=(2, 5)), rng.normal(size=(2, 2, 5))), weights=np.array([2.0, 3.0]))
+    curve_slopes = rng.normal(size=(2, 2))
+    return Linearisation(
+        unit=np.array(unit),
+        objective_mm=1.0,
+        states=(states,),
+        points=10,
+        independent_points=10.0,
+        likelihood_points=10.0,
+        noise_points=10.0,
+        noise_mm=1.0,
+        residual_mm=1.0,
+        curves=rng.normal(size=2),
+        curve_slopes=curve_slopes,
+        priors=np.array([0.7]),
+        law_priors=np.array([-1.3]),
+        law_prior_slopes=np.array([[1.5], [0.4]]),
+        information=states.information + curve_slopes @ curve_slopes.T,
+        score_variance=np.array([[2.0, 0.3], [0.3, 1.0]]),
+        prior=np.diag([0.5, 4.0]),
+    )
+
+
+def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
+    """Return minus the log-likelihood with priors, up to a constant, after a step of the two unknowns.
+
+    The first unknown has the prior of the bounds, centred on the optimum. The second one is a nuisance whose deviation
+    is 0.7 standard deviations at the optimum.
+    """
+    (states,) = about.states
+    residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
+    curves = about.curves + step @ about.curve_slopes
+    nuisance = 0.7 + 2.0 * step[1]  # the root of its inverse variance is 2
+    prior = about.law_priors + step @ about.law_prior_slopes if law_prior else np.zeros(1)
+    squares = (states.weights * (residuals**2).sum(axis=(1, 2))).sum() + (curves**2).sum() + nuisance**2
+    return 0.5 * float(squares + 0.5 * step[0] ** 2 + (prior**2).sum())
+
+
+def test_score_and_hessian_are_the_derivatives_of_the_log_likelihood() -> None:
+    about, h = evidence(), 1e-3
+    eye = h * np.eye(2)
+    slope = [(minus_log_likelihood(about, e) - minus_log_likelihood(about, -e)) / (2 * h) for e in eye]
+    np.testing.assert_allclose(about.score, slope, rtol=1e-6)
+    curvature = [
+        [
+            (
+                minus_log_likelihood(about, a + b)
+                - minus_log_likelihood(about, a - b)
+                - minus_log_likelihood(about, b - a)
+                + minus_log_likelihood(about, -a - b)
+            )
+            / (4 * h * h)
+            for a in eye
+        ]
+        for b in eye
+    ]
+    np.testing.assert_allclose(about.hessian, curvature, rtol=1e-5)
+
+
+def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
+    about = evidence()
+    (states,) = about.states
+    seen = Misfit(
+        np.stack([states.residuals, 2 * states.residuals]),
+        states.used,
+        np.stack([states.error_mm, 2 * states.error_mm]),
+        np.zeros((2, 2)),
+    )
+    curves, priors = np.tile(about.curves, (2, 1)), np.tile(about.priors, (2, 1))
+    candidates: Any = SimpleNamespace(curves=curves, priors=priors, comparison=SimpleNamespace(misfits=(seen,)))
+    expected = about.score - about.law_prior_slopes @ about.law_priors
+    # Doubled residuals have half the weight, so that the score of the states is the same.
+    np.testing.assert_allclose(about.score_of(candidates), [expected, expected])
+
+
+def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:
+    """The distance is the residual at the optimum of the other evidence, over the standard deviation of the sum."""
+    about = evidence()
+    shift = np.linalg.solve(about.hessian, about.score)
+    at_optimum = replace(about, law_priors=about.law_priors - shift @ about.law_prior_slopes)
+    others = about.hessian - about.law_prior_information
+    score = about.score - about.law_prior_slopes @ about.law_priors
+    without = about.law_priors - np.linalg.solve(others, score) @ about.law_prior_slopes
+    variance = 1 + about.law_prior_slopes[:, 0] @ np.linalg.solve(others, about.law_prior_slopes[:, 0])
+    assert at_optimum.prior_distances() == pytest.approx([float(without[0]) / np.sqrt(variance)])
+
+
+def test_the_covariance_is_that_of_the_sandwich() -> None:
+    about = evidence()
+    inverse = np.linalg.inv(about.hessian)
+    middle = about.score_variance + about.prior + about.law_prior_information
+    np.testing.assert_allclose(about.covariance(), inverse @ middle @ inverse)
+    more = about.covariance(2.0) - about.covariance()
+    np.testing.assert_allclose(more, 3.0 * inverse @ about.score_variance @ inverse)
+
+
+def test_a_source_moves_the_optimum_as_a_refit_with_its_residuals() -> None:
+    about = evidence()
+    (states,) = about.states
+    change = np.random.default_rng(2).normal(size=states.residuals.shape)
+    sources: Any = [SimpleNamespace(changes=(change,)), SimpleNamespace(changes=(None,))]
+    found = steps_of(about, sources, np.eye(2))
+    moved = replace(about, states=(replace(states, residuals=states.residuals + change),))
+    expected = -np.linalg.solve(about.hessian, moved.score) + np.linalg.solve(about.hessian, about.score)
+    np.testing.assert_allclose(found.sizes, [expected, np.zeros(2)], atol=1e-12)
+    np.testing.assert_array_equal(found.held, np.zeros(2))  # no unknown lies on a bound
+
+
+@pytest.mark.parametrize("spread", [10.0, 0.01])
+def test_an_optimum_on_a_bound_is_centred_at_most_two_deviations_beyond(spread: float) -> None:
+    sign = np.sign(evidence().score)
+    unit = tuple(0.0 if s > 0 else 1.0 for s in sign)  # both bounds hold the optimum
+    about = evidence(unit)  # type: ignore[arg-type]
+    nothing: Any = [SimpleNamespace(changes=(None,))]
+    covariance = spread**2 * np.eye(2)
+    free = -np.linalg.solve(about.hessian, about.score)
+    share = min(1.0, 2.0 * spread / np.abs(free).max())
+    np.testing.assert_allclose(steps_of(about, nothing, covariance).held, share * free)
+    assert not steps_of(about, [], covariance).held.any()
+    inward = evidence(tuple(1.0 - u for u in unit))  # type: ignore[arg-type]
+    assert not steps_of(inward, nothing, covariance).held.any()
+
+
+def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> None:
+    def shape(bends: tuple[float, ...], widths: tuple[float, ...]) -> MeasuredRestShape:
+        return MeasuredRestShape(SimpleNamespace(), bends, widths, 0.01, 0.004)  # type: ignore[arg-type]
+
+    assert shape((0.0, 0.0), (0.0, 0.0)).in_words == ""
+    assert shape((0.0,), (-0.02, 0.05)).in_words == "its width varies by up to 0.1 mm"
+    assert shape((0.9, 0.0), (0.0,)).in_words == "bent by up to 0.9 mm"
+    assert shape((-0.9, 0.0), (0.02,)).in_words == "bent by up to 0.9 mm, its width varies by up to 0.04 mm"

@@ -6,8 +6,10 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Callable
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,16 +17,29 @@ import pytest
 
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import Identity, InstrumentError, InstrumentTimeout, Off, SensorReading, SwitchOffFailed
+from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.supplies.supply_names import SUPPLIES
-from eimi_lab.acquisition import switching_off
+from eimi_lab.acquisition import coil_calibration, switching_off
+from eimi_lab.acquisition import open_coil as open_coil_module
 from eimi_lab.acquisition.added_driver import pack, unpack
-from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, OutputSwitched, StopRequested
+from eimi_lab.acquisition.events import (
+    Event,
+    FramesLost,
+    OffConfirmed,
+    OffNotConfirmed,
+    OutputSwitched,
+    StateStored,
+    StopRequested,
+    Warned,
+)
 from eimi_lab.acquisition.events import SuspendRefused as Refused
-from eimi_lab.acquisition.guardian import StoodStill
+from eimi_lab.acquisition.guardian import StoodStill, Ward
+from eimi_lab.acquisition.open_coil import CoilBench, close_or_tell
 from eimi_lab.acquisition.sensing import OpenSensor, Sensing
 from eimi_lab.acquisition.switching_off import _InHaste, _SignalsHeeded, ramp_down_and_switch_off
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
+from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 
 OFF = Off(0.001, 0.02)
@@ -348,3 +363,185 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
         *("guardian allow 30", "supply safe_off", "guardian disarm"),
         *("event output_switched", "event off_confirmed", "event run_ended"),
     ]
+
+
+def test_lost_frames_are_told_with_the_state_in_which_they_were_lost(setup: Any) -> None:
+    """The camera loses a frame before the states, two in state 1, and one in state 2, in which it then fails."""
+    lost = setup.camera.lost_frames = Counter({"late": 1})
+    did: list[Any] = []
+
+    def grabbed(number: int) -> None:
+        set_A = setup.coil.state.set_current_A
+        if set_A == 0.1:
+            lost["no packet"] = 2
+        if set_A == 0.2:
+            lost["late"] = 2
+            raise InstrumentTimeout("no frame came")
+
+    setup.camera.event = grabbed
+    with pytest.raises(InstrumentTimeout):
+        setup.run(remark=lambda words: None, on_event=did.append)
+    found = [(event.state, event.reasons) for event in did if isinstance(event, FramesLost)]
+    assert found == [(None, {"late": 1}), (1, {"no packet": 2}), (2, {"late": 1})]
+    assert [event.flags for event in did if isinstance(event, StateStored)] == [(), ("DROPPED",)]
+
+
+def test_frames_that_are_lost_after_the_last_state_are_told_too(setup: Any) -> None:
+    setup.camera.lost_frames = Counter()
+    did: list[Any] = []
+
+    def heard(event: Event) -> None:
+        did.append(event)
+        if isinstance(event, StateStored) and event.state == 3:
+            setup.camera.lost_frames["late"] = 1
+
+    setup.run(remark=lambda words: None, on_event=heard)
+    (told,) = [event for event in did if isinstance(event, FramesLost)]
+    assert (told.state, told.frames) == (None, 1)
+
+
+def test_a_camera_that_cannot_be_closed_is_a_warning() -> None:
+    said: list[Event] = []
+    recorded: Any = Recorder([], "camera")
+    close_or_tell(recorded, said.append)
+    assert said == []
+    recorded.errors["close"] = InstrumentError("stuck")
+    close_or_tell(recorded, said.append)
+    assert said == [Warned(message="stuck")]
+
+
+def coil_rig(*, is_coil: bool) -> Any:
+    rule = SimpleNamespace(is_coil=is_coil, driver="text-line", address="COM9", at_rest_degC=21.5, at_rest_A=0.25)
+    limits = SimpleNamespace(current_A=1.5, voltage_V=12.0, off_below_A=0.03)
+    supply = SimpleNamespace(driver="korad", address="COM3", opened_with=limits)
+    return SimpleNamespace(sensors=[rule], supply=supply)
+
+
+@pytest.mark.parametrize("is_coil", [False, True])
+def test_the_supply_is_opened_under_its_lock_and_its_guardian_and_closed_before_them(
+    monkeypatch: pytest.MonkeyPatch, is_coil: bool
+) -> None:
+    did: list[Any] = []
+
+    def held(name: str) -> Callable[..., Any]:
+        @contextmanager
+        def hold(*arguments: Any) -> Any:
+            did.append((name, *arguments))
+            yield name
+            did.append(f"no {name}")
+
+        return hold
+
+    class Opened:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def measure(self) -> None: ...
+
+        def close(self) -> None:
+            did.append(f"close {self.name}")
+
+    def open_supply(*arguments: Any) -> Opened:
+        did.append(("supply", *arguments[:2], arguments[4]))
+        assert arguments[2].off_below_A == 0.03
+        return Opened("supply")
+
+    monkeypatch.setattr(open_coil_module, "only_run_on", held("lock"))
+    monkeypatch.setattr(open_coil_module, "kept_awake", held("awake"))
+    monkeypatch.setattr(open_coil_module, "guarding", held("guardian"))
+    monkeypatch.setattr("eimi_drivers.supplies.supply_names.open_supply", open_supply)
+    monkeypatch.setattr("eimi_drivers.sensors.sensor_names.open_sensor", lambda *given: Opened(f"sensor {given[0]}"))
+    rig = coil_rig(is_coil=is_coil)
+    transcript = Path("wire.txt")
+    with open_coil_module.open_coil(rig, transcript, guardian_events=7) as bench:
+        assert bench.guardian == "guardian"
+        (sensor,) = bench.sensors
+        assert sensor.rule is rig.sensors[0]
+        if is_coil:
+            assert isinstance(sensor.sensor, CoilThermometer)
+            assert sensor.sensor.at_rest_A == 0.25
+    assert did == [
+        ("lock", "COM3"),
+        ("awake", "a run with current in a coil"),
+        ("guardian", Ward("korad", "COM3", 1.5, 12.0, "", 0.03), 7),
+        ("supply", "korad", "COM3", transcript),
+        *([] if is_coil else ["close sensor text-line"]),
+        *("close supply", "no guardian", "no awake", "no lock"),
+    ]
+
+
+def test_an_instrument_that_is_not_found_is_told_with_the_attached_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports, cameras = ["COM3", "COM4"], ["0"]
+    monkeypatch.setattr(
+        "eimi_drivers.discovery.list_serial_ports", lambda: [SimpleNamespace(address=port) for port in ports]
+    )
+    monkeypatch.setattr(
+        "eimi_drivers.discovery.list_cameras", lambda: [SimpleNamespace(address=camera) for camera in cameras]
+    )
+    assert open_coil_module.attached().startswith("serial ports of this computer: COM3, COM4; cameras: 0; ")
+    ports.clear()
+    cameras.clear()
+    assert open_coil_module.attached().startswith("serial ports of this computer: none; cameras: none; ")
+
+
+def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
+    setup: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each current is held for 0.5 s, and its five readings are 0.1 s apart. The probe reads 4 mT/A and 0.1 mT."""
+    did: list[str] = []
+    clock, coil = setup.bench.clock, setup.coil
+    coil.current_noise_A = 0.0
+    read: list[tuple[float, float]] = []
+
+    class Probe(Sensor):
+        def read(self) -> SensorReading:
+            read.append((clock.now(), coil.state.set_current_A))
+            return SensorReading(4.0 * coil.state.set_current_A + 0.1, "mT", clock.now(), 0.01)
+
+    rule = SimpleNamespace(
+        name="hall", measures="field", at_magnet=0.5, uncertainty=None, uncertainty_share=None, is_coil=False
+    )
+    quiet = ("measure", "check", "identify")
+    bench = CoilBench(
+        supply=Traced(setup.bench.supply, "supply", did, quiet),
+        clock=clock,
+        guardian=Traced(Recorder([], "guardian"), "guardian", did, ("beat", "check", "refuse_a_gap")),  # type: ignore[arg-type]
+        sensors=(OpenSensor(rule, Probe("mT", 0.0)),),  # type: ignore[arg-type]
+    )
+    monkeypatch.setattr(coil_calibration, "_opened", lambda rig, on_event: nullcontext(bench))
+    rig = setup.rig.model_copy(update={"sensors": (rule,)})
+    events: list[Event] = []
+    found = coil_calibration.calibrate_coil(rig, [0.0, 0.2, 0.0], events.append)
+    assert found.field_mT == pytest.approx([0.1, 0.9, 0.1])
+    assert (found.line.mT_per_A, found.line.offset_mT) == (pytest.approx(2.0), pytest.approx(0.05))
+    assert found.hysteresis_mT == pytest.approx(0.0, abs=1e-12)
+    assert [event.event for event in events] == ["output_switched", "off_confirmed"]
+    assert did == [
+        *("guardian expect", "supply output_on", "supply set_current 0", "supply set_voltage 10"),
+        *("guardian arm", "supply set_output 1"),
+        *("supply set_current 0.05", "supply set_current 0.1", "supply set_current 0.15", "supply set_current 0.2"),
+        *("supply set_current 0.15", "supply set_current 0.1", "supply set_current 0.05", "supply set_current 0"),
+        *("guardian allow 30", "supply safe_off", "guardian disarm"),
+    ]
+    assert [set_A for _, set_A in read[1:]] == [0.0] * 5 + [0.2] * 5 + [0.0] * 5  # the first reading gives the unit
+    times_s = [at_s for at_s, _ in read[1:]]
+    for first in (0, 5, 10):
+        gaps_s = [later - earlier for earlier, later in pairwise(times_s[first : first + 5])]
+        assert gaps_s == pytest.approx([0.1] * 4)
+    assert setup.is_off()
+
+
+def test_a_calibration_needs_a_value_of_the_gaussmeter(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    rule = SimpleNamespace(
+        name="hall", measures="field", at_magnet=1.0, uncertainty=None, uncertainty_share=None, is_coil=False
+    )
+    bench = CoilBench(setup.bench.supply, setup.bench.clock, sensors=(OpenSensor(rule, Sensor("mT", 1.0, None)),))  # type: ignore[arg-type]
+    monkeypatch.setattr(coil_calibration, "_opened", lambda rig, on_event: nullcontext(bench))
+    rig = setup.rig.model_copy(update={"sensors": (rule,)})
+    events: list[Event] = []
+    with pytest.raises(InstrumentError, match="the sensor hall gives no value; the warning above"):
+        coil_calibration.calibrate_coil(rig, [0.0, 0.2], events.append)
+    assert events[0] == Warned(message="the sensor hall gives no value: nothing came")
+    assert setup.is_off()
+    with pytest.raises(InputError, match='has no sensor with measures = "field"'):
+        coil_calibration.calibrate_coil(setup.rig, [0.0, 0.2], events.append)
