@@ -13,7 +13,7 @@ BEFORE = {"case": {"edges": [{"left": [[0.0, 1.0]]}], "fits": {"yeoh": FIT}}}
 
 
 @pytest.mark.parametrize(
-    ("change", "same", "told"),
+    ("change", "same", "expected"),
     [
         ({"wall_s": 3.0}, True, "0.0e+00  fits.modulus.value"),
         ({"modulus": {"value": 46e3 * (1 + 1e-12), "interval_95": [45e3, 47e3]}}, True, "e-12  fits.modulus.value"),
@@ -23,11 +23,13 @@ BEFORE = {"case": {"edges": [{"left": [[0.0, 1.0]]}], "fits": {"yeoh": FIT}}}
         ({"restarts": 2}, True, "new  fits.restarts"),
     ],
 )
-def test_a_changed_number_is_reported(capsys: pytest.CaptureFixture[str], change: dict, same: bool, told: str) -> None:
+def test_a_changed_number_is_reported(
+    capsys: pytest.CaptureFixture[str], change: dict, same: bool, expected: str
+) -> None:
     after = copy.deepcopy(BEFORE)
     after["case"]["fits"]["yeoh"].update(change)
     assert compare(BEFORE, after, 1e-9) is same
-    assert told in capsys.readouterr().out
+    assert expected in capsys.readouterr().out
 
 
 def test_a_missing_number_is_reported(capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,15 +41,15 @@ def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_added_tests_are_added_to_the_map(code: Path) -> None:
     assert record(["test_2.py"]) == 0
     assert record(["test_2_3.py"], add=True) == 0
-    found = TestsByLine()
-    assert set(found.of("eimi_lab/code.py", 2)) == {"test_2.py::test_it", "test_2_3.py::test_it"}
-    assert set(found.of("eimi_lab/code.py", 3)) == {"test_2_3.py::test_it"}
-    assert found.seconds(["test_2.py::test_it", "test_2_3.py::test_it", "another"]) == 0.5 + 0.5 + 1.0
+    line_map = TestsByLine()
+    assert set(line_map.of("eimi_lab/code.py", 2)) == {"test_2.py::test_it", "test_2_3.py::test_it"}
+    assert set(line_map.of("eimi_lab/code.py", 3)) == {"test_2_3.py::test_it"}
+    assert line_map.seconds(["test_2.py::test_it", "test_2_3.py::test_it", "another"]) == 0.5 + 0.5 + 1.0
 
 
 def test_a_new_map_replaces_the_old_one(code: Path) -> None:
     record(["test_2.py"])
     record(["test_3.py"])
-    found = TestsByLine()
-    assert set(found.of("eimi_lab/code.py", 3)) == {"test_3.py::test_it"}
-    assert found.of("eimi_lab/code.py", 2) == ()
+    line_map = TestsByLine()
+    assert set(line_map.of("eimi_lab/code.py", 3)) == {"test_3.py::test_it"}
+    assert line_map.of("eimi_lab/code.py", 2) == ()

@@ -146,10 +146,10 @@ def test_a_driver_that_cannot_be_imported_is_named_with_the_reason(monkeypatch, 
 
 
 def test_a_driver_of_another_package_cannot_replace_one_of_this_package(monkeypatch, tmp_path):
-    own = SUPPLIES["korad"]
+    driver = SUPPLIES["korad"]
     install(tmp_path, "eimi_drivers.supplies", {"korad": "no_such_module:Supply"})
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert SUPPLIES["korad"] is own
+    assert SUPPLIES["korad"] is driver
     assert list(SUPPLIES).count("korad") == 1
 
 

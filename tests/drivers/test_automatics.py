@@ -50,7 +50,7 @@ class Calls:
 
 @pytest.mark.parametrize("automatic", [(), ("exposure",), ("gain",), ("exposure", "gain")])
 @pytest.mark.parametrize(
-    ("settings", "asked"),
+    ("settings", "requested"),
     [
         (CameraSettings(), ()),
         (CameraSettings(exposure_s=0.002), ("exposure",)),
@@ -59,7 +59,7 @@ class Calls:
     ],
 )
 def test_aravis_switches_automatic_controls_off(
-    settings: CameraSettings, asked: tuple[str, ...], automatic: tuple[str, ...]
+    settings: CameraSettings, requested: tuple[str, ...], automatic: tuple[str, ...]
 ) -> None:
     aravis = Calls(*automatic)
     aravis_settings.set_up(cast(Aravis, aravis), 1, settings)
@@ -68,7 +68,7 @@ def test_aravis_switches_automatic_controls_off(
         ("exposure", ("set_exposure_time_auto", 0), ("set_exposure_time", 2000.0)),
         ("gain", ("set_gain_auto", 0), ("set_gain", 3.0)),
     ):
-        if quantity in asked:
+        if quantity in requested:
             expected += [*([off] if quantity in automatic else []), value]
     assert [call for call in aravis.made if "exposure" in call[0] or "gain" in call[0]] == expected
 

@@ -213,9 +213,9 @@ def test_a_frame_of_an_earlier_trigger_is_not_returned(device: Device) -> None:
 
 @pytest.mark.parametrize(("ratio", "taken"), [(1.01, True), (0.99, True), (1.05, False), (0.95, False)])
 def test_a_setting_may_differ_by_at_most_one_step(ratio: float, taken: bool) -> None:
-    asked, answer = CameraSettings(exposure_s=0.01), CameraSettings(exposure_s=0.01 * ratio)
+    requested, answer = CameraSettings(exposure_s=0.01), CameraSettings(exposure_s=0.01 * ratio)
     if taken:
-        asked.verify("camera", answer)
+        requested.verify("camera", answer)
         return
     with pytest.raises(SetPointNotTaken, match="exposure_s was set to"):
-        asked.verify("camera", answer)
+        requested.verify("camera", answer)

@@ -152,7 +152,7 @@ class Careless(Sloppy):
 
 
 @pytest.mark.parametrize(
-    ("driver", "told"),
+    ("driver", "expected"),
     [
         (Sloppy, "keeps_frames_apart: a frame changed when the next frame was grabbed; its image should be a copy"),
         (Restarting, "goes_on_after_a_flush: the frame after flush() should have a number above 1, but it is frame 1"),
@@ -162,11 +162,11 @@ class Careless(Sloppy):
         (lambda source, settings: Sloppy(source, settings), "the camera driver <lambda>: keeps_frames_apart: a frame"),
     ],
 )
-def test_each_fault_of_a_camera_is_reported_in_words(monkeypatch, driver, told):
+def test_each_fault_of_a_camera_is_reported_in_words(monkeypatch, driver, expected):
     monkeypatch.setattr(camera_checks, "ENDS_WITHIN_S", 0.5)
     with pytest.raises(AssertionError) as caught:
         check_camera(driver, 0)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

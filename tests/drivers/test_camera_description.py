@@ -16,12 +16,12 @@ def nodes(rows_step: int = 1, shutter: str = "Global") -> dict[str, ElementTree.
 
 
 def test_every_node_that_the_description_of_the_camera_names_exists() -> None:
-    found = nodes()
-    for name, element in found.items():
+    described = nodes()
+    for name, element in described.items():
         for reference in ("pFeature", "pValue", "pMax", "pPort", "pVariable"):
             for named in element.iter(f"{NAME}{reference}"):
-                assert named.text in found, (name, named.text)
-    assert len(found) == len(list(ElementTree.fromstring(describe())))
+                assert named.text in described, (name, named.text)
+    assert len(described) == len(list(ElementTree.fromstring(describe())))
 
 
 # The registers of the fake camera of Aravis 0.8 (arvfakecamera.h), which the features of the description use.
@@ -48,20 +48,22 @@ def inner(element: ElementTree.Element, name: str) -> str:
 
 
 def test_features_of_the_emulated_camera_use_the_registers_of_aravis() -> None:
-    found = nodes()
-    registers = {name.removesuffix("Register"): node for name, node in found.items() if node.tag == f"{NAME}IntReg"}
+    described = nodes()
+    registers = {name.removesuffix("Register"): node for name, node in described.items() if node.tag == f"{NAME}IntReg"}
     assert {name: int(inner(node, "Address"), 0) for name, node in registers.items()} == REGISTERS
     assert {inner(node, "Length") for node in registers.values()} == {"4"}
     read_only = {name for name, node in registers.items() if inner(node, "AccessMode") == "RO"}
     assert read_only == {"SensorWidth", "SensorHeight"}
-    assert {name: (int(inner(found[name], "Address"), 0), int(inner(found[name], "Length"))) for name in TEXTS} == TEXTS
+    assert {
+        name: (int(inner(described[name], "Address"), 0), int(inner(described[name], "Length"))) for name in TEXTS
+    } == TEXTS
 
 
 def test_choices_and_commands_of_the_emulated_camera_have_the_values_of_the_standard() -> None:
-    found = nodes(shutter="Rolling")
+    described = nodes(shutter="Rolling")
     choices = {
         name: {entry.attrib["Name"]: int(inner(entry, "Value")) for entry in node.iter(f"{NAME}EnumEntry")}
-        for name, node in found.items()
+        for name, node in described.items()
         if node.tag == f"{NAME}Enumeration"
     }
     formats = {pixel_format.name: code for code, pixel_format in PIXEL_FORMATS.items()}
@@ -77,7 +79,7 @@ def test_choices_and_commands_of_the_emulated_camera_have_the_values_of_the_stan
     }
     commands = {
         name: (inner(node, "pValue"), inner(node, "CommandValue"))
-        for name, node in found.items()
+        for name, node in described.items()
         if node.tag == f"{NAME}Command"
     }
     assert commands == {
@@ -87,9 +89,9 @@ def test_choices_and_commands_of_the_emulated_camera_have_the_values_of_the_stan
     }
     bounds = {
         name.removesuffix("Bounded"): (int(inner(node, "Min")), int(inner(node, "Max")))
-        for name, node in found.items()
+        for name, node in described.items()
         if name.endswith("Bounded")
     }
     assert bounds == {"AcquisitionFrameRate": (1000, 10**7), "ExposureTime": (10, 10**7), "Gain": (0, 2400)}
-    assert inner(found["ReadoutFormula"], "Formula") == f"ROWS * {ROW_READOUT_US}" == "ROWS * 10"
+    assert inner(described["ReadoutFormula"], "Formula") == f"ROWS * {ROW_READOUT_US}" == "ROWS * 10"
     assert inner(nodes(rows_step=4)["HeightRounded"], "FormulaTo") == "FROM - FROM % 4"

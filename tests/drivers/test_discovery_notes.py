@@ -31,9 +31,9 @@ def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
     An exception instead of instruments is raised by this part of the search.
     """
 
-    def run(**found: Any) -> Discovery:
+    def run(**instruments: Any) -> Discovery:
         for name in ("serial_ports", "network", "cameras", "basler_cameras", "genicam_cameras", "gentl_cameras"):
-            answer = found.get(name, ())
+            answer = instruments.get(name, ())
 
             def listed(answer: Any = answer) -> Any:
                 if isinstance(answer, Exception):
@@ -41,8 +41,10 @@ def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
                 return answer
 
             monkeypatch.setattr(discovery, f"list_{name}", listed)
-        monkeypatch.setattr(discovery, "list_visa_resources", lambda: (found.get("visa", ()), ()))
-        monkeypatch.setattr(discovery, "VIDEO_DEVICES", tmp_path if found.get("lists_cameras") else tmp_path / "none")
+        monkeypatch.setattr(discovery, "list_visa_resources", lambda: (instruments.get("visa", ()), ()))
+        monkeypatch.setattr(
+            discovery, "VIDEO_DEVICES", tmp_path if instruments.get("lists_cameras") else tmp_path / "none"
+        )
         return discovery.discover()
 
     yield run
@@ -90,10 +92,12 @@ def test_the_note_about_a_missing_camera_depends_on_the_operating_system(search:
 
 @pytest.mark.parametrize("kind", ["serial_ports", "network", "cameras", "basler_cameras", "genicam_cameras"])
 def test_a_search_that_fails_is_a_note_and_the_others_go_on(search: Any, kind: str) -> None:
-    found = {"serial_ports": (PORT,), "network": (LAN,), "cameras": (CAMERA,)} | {kind: RuntimeError("no\nservice")}
-    result = search(**found)
+    instruments = {"serial_ports": (PORT,), "network": (LAN,), "cameras": (CAMERA,)} | {
+        kind: RuntimeError("no\nservice")
+    }
+    result = search(**instruments)
     assert [note for note in result.notes if "RuntimeError: no service" in note]
-    assert len(result.found) == 2 + (kind not in found or kind in ("basler_cameras", "genicam_cameras"))
+    assert len(result.found) == 2 + (kind not in instruments or kind in ("basler_cameras", "genicam_cameras"))
 
 
 def test_drivers_that_a_program_adds_are_noted(search: Any) -> None:

@@ -116,11 +116,11 @@ def test_a_channel_that_the_family_does_not_have_is_refused(driver: str) -> None
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
     """The driver reads back every level and every on-off switch of a protection that it has set."""
     for profile in PROFILES:
-        asked = {question for question, _ in profile.armed}
+        queries = {question for question, _ in profile.armed}
         for message in profile.protect:
             command, _, value = message.partition(" ")
             if value in ("{voltage}", "{current}", "ON", "1") and not command.startswith("OUTP "):
-                assert f"{command}?" in asked, (profile.driver, message)
+                assert f"{command}?" in queries, (profile.driver, message)
         expected = {question: answer for question, answer in profile.armed}
         for message in profile.protect:
             command, _, value = message.partition(" ")

@@ -97,7 +97,7 @@ class FuzzedLine:
         return self.handed_out[-1]
 
 
-def said(reply: bytes, driver: str) -> float:
+def number_in_reply(reply: bytes, driver: str) -> float:
     """Return the number in a complete reply. The function is independent of the code of the drivers."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
@@ -156,21 +156,21 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
         assert clock.now() - began_s <= patience_s + 0.1 * (len(link.sent) - sent_before), "hung"
         return returned
 
-    def program(act: Callable[[], None], asked: float, step: float, in_force: Callable[[], float]) -> None:
+    def program(act: Callable[[], None], requested: float, step: float, in_force: Callable[[], float]) -> None:
         before = in_force()
         taken = attempt(lambda: act() or True)
-        assert in_force() in (before, asked, *reset), "a set-point that was not requested"
-        if taken and in_force() != asked:
+        assert in_force() in (before, requested, *reset), "a set-point that was not requested"
+        if taken and in_force() != requested:
             # The instrument did not accept the set-point, but the damaged reply is equal to the requested set-point.
-            assert abs(said(line.handed_out[-1], driver) - asked) <= 1.001 * step
+            assert abs(number_in_reply(line.handed_out[-1], driver) - requested) <= 1.001 * step
             figures["false confirmations on the wire"] += 1
 
     if identity := attempt(supply.identify):
         assert identity.text.isprintable()
     if reading := attempt(supply.measure):
         current, voltage = line.handed_out[-2:]
-        assert reading.current_A == pytest.approx(said(current, driver))
-        assert reading.voltage_V == pytest.approx(said(voltage, driver))
+        assert reading.current_A == pytest.approx(number_in_reply(current, driver))
+        assert reading.voltage_V == pytest.approx(number_in_reply(voltage, driver))
     assert attempt(supply.output_on) in (True, False, None)
     attempt(supply.check, 3)
     program(lambda: supply.set_voltage(11.0), 11.0, 0.01, lambda: coil.state.set_voltage_V)

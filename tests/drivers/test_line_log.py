@@ -66,13 +66,13 @@ def test_a_logged_line_passes_everything_on_and_counts_it(caplog: pytest.LogCapt
     assert logged.reopen()
     logged.close()
     assert (line.written, line.opened, line.closed) == ([b"CURR?\n", b"VOLT?\n"], 1, 1)
-    said = [record.getMessage() for record in caplog.records]
-    assert "/dev/ttyX > b'CURR?\\n'" in said
-    assert "/dev/ttyX < b'1.0\\n'" in said
-    assert "/dev/ttyX: InstrumentTimeout: /dev/ttyX: no complete answer" in said
-    assert "/dev/ttyX: InstrumentDisconnected: /dev/ttyX: unplugged" in said
-    assert said[-1].startswith("/dev/ttyX: 3 messages, 1 answers, the slowest answer after 0.250 s; 2 faults")
-    assert said[-1].endswith(" 1 times")
+    messages = [record.getMessage() for record in caplog.records]
+    assert "/dev/ttyX > b'CURR?\\n'" in messages
+    assert "/dev/ttyX < b'1.0\\n'" in messages
+    assert "/dev/ttyX: InstrumentTimeout: /dev/ttyX: no complete answer" in messages
+    assert "/dev/ttyX: InstrumentDisconnected: /dev/ttyX: unplugged" in messages
+    assert messages[-1].startswith("/dev/ttyX: 3 messages, 1 answers, the slowest answer after 0.250 s; 2 faults")
+    assert messages[-1].endswith(" 1 times")
 
 
 def test_an_answer_that_is_cut_off_is_in_the_message() -> None:

@@ -88,8 +88,8 @@ def test_a_serial_line_has_the_settings_of_the_family(opened: list[dict[str, Any
     kind.connect("/dev/ttyUSB7#1" if driver in SUPPLIES else "/dev/ttyUSB7")
     (call,) = opened
     assert call["url"] == "/dev/ttyUSB7"
-    found = (call["baudrate"], call["bytesize"], call["parity"], call["stopbits"])
-    assert found == SERIAL_LINES.get(driver, (9600, 8, "N", 1))
+    settings = (call["baudrate"], call["bytesize"], call["parity"], call["stopbits"])
+    assert settings == SERIAL_LINES.get(driver, (9600, 8, "N", 1))
     assert call["exclusive"] is True
     assert call["timeout"] == 0
     assert call["write_timeout"] == 2.0

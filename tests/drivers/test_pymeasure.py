@@ -46,7 +46,7 @@ def open_client(driver: str, address: str) -> Any:
     return client
 
 
-def asked(client: Any) -> dict[str, object]:
+def property_values(client: Any) -> dict[str, object]:
     """Return the values of all readable properties of a PyMeasure instrument, by the names of the properties."""
     answers = {}
     for name in dir(type(client)):
@@ -94,10 +94,10 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
                 channel = client.ch_1
                 channel.voltage_setpoint, channel.current_limit = 5.0, 0.5
                 channel.enable_output(True)
-        answers = asked(client)
+        answers = property_values(client)
         for channel in getattr(client, "channels", {}).values():
             if not driver.startswith("keysight") or channel.id == 1:
-                answers |= asked(channel)
+                answers |= property_values(channel)
         assert len(answers) > 5
         assert not [name for name, answer in answers.items() if str(answer).startswith("C0")]
         if driver != "genesys":

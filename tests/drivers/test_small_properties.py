@@ -203,9 +203,14 @@ def test_a_sensor_that_cannot_be_closed_twice_in_a_row_fails_the_check() -> None
 def test_a_supply_that_disappears_returns_at_another_address_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
-    seen: list[tuple[float, str, str]] = []
+    served_at: list[tuple[float, str, str]] = []
     served = EmulatedSession(
-        "scpi", None, Fault.REENUMERATE, 0.0, lambda words: None, announce=lambda a, b: seen.append((clock.now(), a, b))
+        "scpi",
+        None,
+        Fault.REENUMERATE,
+        0.0,
+        lambda words: None,
+        announce=lambda a, b: served_at.append((clock.now(), a, b)),
     )
     line = served._line
 
@@ -215,7 +220,7 @@ def test_a_supply_that_disappears_returns_at_another_address_after_a_second(monk
 
     def leaves() -> None:
         assert not line.lost
-        if len(seen) == 3:
+        if len(served_at) == 3:
             raise KeyboardInterrupt
         line.inject(Fault.REENUMERATE)
         with pytest.raises(ConnectionResetError):
@@ -225,21 +230,21 @@ def test_a_supply_that_disappears_returns_at_another_address_after_a_second(monk
     monkeypatch.setattr(served, "_watch", leaves)
     with pytest.raises(KeyboardInterrupt):
         served.serve()
-    assert [(at_s, address) for at_s, address, _ in seen] == [(0.0, "port 0"), (1.0, "port 1"), (2.0, "port 2")]
-    assert len({coil for _, _, coil in seen}) == 1
-    assert all(coil_line.ADDRESS.fullmatch(coil) for _, _, coil in seen)
+    assert [(at_s, address) for at_s, address, _ in served_at] == [(0.0, "port 0"), (1.0, "port 1"), (2.0, "port 2")]
+    assert len({coil for _, _, coil in served_at}) == 1
+    assert all(coil_line.ADDRESS.fullmatch(coil) for _, _, coil in served_at)
 
 
 def test_a_session_serves_first_at_the_requested_port_and_then_at_a_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr(supply_session, "serve_tcp", lambda line, port: asked.append(("tcp", port)))
-    monkeypatch.setattr(supply_session, "serve_pty", lambda line: asked.append(("pty",)))
-    monkeypatch.setattr(supply_session, "serve_port", lambda line, name: asked.append(("port", name)))
+    ports_served: list[Any] = []
+    monkeypatch.setattr(supply_session, "serve_tcp", lambda line, port: ports_served.append(("tcp", port)))
+    monkeypatch.setattr(supply_session, "serve_pty", lambda line: ports_served.append(("pty",)))
+    monkeypatch.setattr(supply_session, "serve_port", lambda line, name: ports_served.append(("port", name)))
     for tcp, fault in ((5025, None), (None, None), (None, Fault.DROP)):
         served = EmulatedSession("scpi", tcp, fault, 0.0, lambda words: None)
         for ports in (0, 1):
             served._serve(ports)
-    assert asked == [
+    assert ports_served == [
         *[("tcp", 5025), ("tcp", 0)],
         *[("pty",), ("pty",)],
         *[("port", "ttyEMULATED0"), ("port", "ttyEMULATED1")],

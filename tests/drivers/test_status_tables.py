@@ -378,18 +378,18 @@ def test_a_read_back_of_a_korad_must_be_right_twice_in_a_row(
 ) -> None:
     bench = bench_of("korad in process")
     usual = bench.line.receive
-    asked: list[bytes] = []
+    sent: list[bytes] = []
 
     def in_turn(data: bytes) -> bytes:
         if data != b"ISET1?":
             return usual(data)
-        asked.append(data)
-        return answers[(len(asked) - 1) % len(answers)].encode()
+        sent.append(data)
+        return answers[(len(sent) - 1) % len(answers)].encode()
 
     bench.line.receive = in_turn
     if taken:
         bench.supply.set_current(0.5)
-        assert len(asked) == 3
+        assert len(sent) == 3
         return
     with pytest.raises(SetPointNotTaken, match=r"reads back 0\.4 A"):
         bench.supply.set_current(0.5)

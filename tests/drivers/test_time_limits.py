@@ -152,14 +152,14 @@ def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSuppl
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
     coil = CoilSupply(clock)
-    said: list[str] = []
-    return EmulatedSession("scpi", None, Fault.OFFSET, 3.0, said.append, coil=coil), coil, said
+    messages: list[str] = []
+    return EmulatedSession("scpi", None, Fault.OFFSET, 3.0, messages.append, coil=coil), coil, messages
 
 
 def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
     session: tuple[EmulatedSession, CoilSupply, list[str]],
 ) -> None:
-    served, coil, said = session
+    served, coil, message = session
 
     def after(seconds: float) -> bool:
         coil.clock.sleep(seconds)
@@ -177,20 +177,20 @@ def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
     assert not after(0.0)
     assert not after(2.9)
     assert after(0.2)
-    assert said == [f"# 33.10 s: the fault offset begins: {Fault.OFFSET.effect}"]
+    assert message == [f"# 33.10 s: the fault offset begins: {Fault.OFFSET.effect}"]
     coil.offset_A = 0.0
     assert not after(10.0)
-    assert len(said) == 1
+    assert len(message) == 1
 
 
 def test_the_true_current_is_reported_when_it_changes(
     session: tuple[EmulatedSession, CoilSupply, list[str]],
 ) -> None:
-    served, coil, said = session
+    served, coil, message = session
     coil.set_voltage(12.0)
     served._report()
     served._report()
-    assert said == ["# 0.00 s: output off, 0.000 A set, 0.000 A in the coil"]
+    assert message == ["# 0.00 s: output off, 0.000 A set, 0.000 A in the coil"]
     coil.clock.sleep(1.5)
     coil.set_current(0.5)
     served._report()
@@ -199,17 +199,17 @@ def test_the_true_current_is_reported_when_it_changes(
     coil.clock.sleep(5.0)
     served._report()
     served._report()
-    assert said[1:] == [
+    assert message[1:] == [
         "# 1.50 s: output off, 0.500 A set, 0.000 A in the coil",
         "# 1.50 s: output on, 0.500 A set, 0.000 A in the coil",
         "# 6.50 s: output on, 0.500 A set, 0.500 A in the coil",
     ]
     coil.shorted_A = 0.5 + supply_session.LEAST_CHANGE_A / 2
     served._report()
-    assert len(said) == 4
+    assert len(message) == 4
     coil.shorted_A = 0.5 + 2 * supply_session.LEAST_CHANGE_A
     served._report()
-    assert len(said) == 5
+    assert len(message) == 5
 
 
 class Producer:

@@ -120,11 +120,11 @@ def test_an_error_of_the_cameras_library_is_one_line_that_names_the_camera() -> 
 
 def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
     inner = StubbornCamera("grab")
-    asked = []
+    calls = []
 
     def leave() -> None:
-        asked.append(True)
-        if len(asked) == 2:
+        calls.append(True)
+        if len(calls) == 2:
             raise KeyboardInterrupt
 
     camera = TimedCamera("cam 3", lambda: inner, meanwhile=leave)

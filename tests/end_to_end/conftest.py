@@ -33,11 +33,11 @@ Done = Callable[..., list[str]]
 
 
 class Ended(NamedTuple):
-    """The exit status of a command, its output on stdout (`said`) and its output on stderr (`told`)."""
+    """The exit status of a command, and its outputs on stdout and stderr."""
 
     status: int
-    said: str
-    told: str
+    stdout: str
+    stderr: str
 
 
 @pytest.fixture(scope="session")
@@ -63,8 +63,8 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
     def done(*arguments: str | Path, folder: Path) -> list[str]:
         ended = eimi(*arguments, folder=folder)
-        assert ended.status == 0, ended.told
-        return ended.said.splitlines()
+        assert ended.status == 0, ended.stderr
+        return ended.stdout.splitlines()
 
     return done
 

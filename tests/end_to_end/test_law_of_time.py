@@ -80,5 +80,5 @@ def test_one_fit_identifies_the_hidden_viscoelastic_law(
         assert low < value.real < high
         terms = np.array([[term["g"], term["tau_s"]] for term in time["prony"]])
         times_s = np.geomspace(0.03, 30.0, 13)
-        found = time["instantaneous_shear_modulus"]["value"] * Prony(terms[:, 0], terms[:, 1]).ratio(times_s)
-        assert found == pytest.approx(INSTANTANEOUS_PA * HIDDEN.ratio(times_s), rel=of_law)
+        fitted_Pa = time["instantaneous_shear_modulus"]["value"] * Prony(terms[:, 0], terms[:, 1]).ratio(times_s)
+        assert fitted_Pa == pytest.approx(INSTANTANEOUS_PA * HIDDEN.ratio(times_s), rel=of_law)

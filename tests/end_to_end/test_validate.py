@@ -176,7 +176,7 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (("train.h5", "--fit", "none.json", "-o", "v.json"), "none.json: cannot be read (No such file or directory)"),
         (("none.h5", "--fit", "fits.json", "-o", "v.json"), "none.h5: no such file"),
@@ -200,13 +200,13 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
     ],
 )
 def test_wrong_input_to_validate_is_refused_in_one_line(
-    eimi: Eimi, folder: Path, arguments: tuple[str, ...], told: str
+    eimi: Eimi, folder: Path, arguments: tuple[str, ...], expected: str
 ) -> None:
     content = json.loads((folder / "fits.json").read_text())
     del content["fits"][0]["mesh"]
     (folder / "earlier.json").write_text(json.dumps(content))
     (folder / "empty.json").write_text('{"fits": []}')
-    status, _, said = eimi("validate", *arguments, folder=folder)
-    assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    status, _, message = eimi("validate", *arguments, folder=folder)
+    assert (status, message.count("\n")) == (2, 1)
+    assert expected in message
     assert not (folder / "v.json").exists()

@@ -174,11 +174,11 @@ def test_collinear_causes_share_their_probability_and_others_do_not():
     one, other = 20 * rng.normal(size=(2, 60))
     explained = np.stack([0 * one, one, one + 0.1 * rng.normal(size=60), other, one])
     evidence = np.array([3.0, 0.0, 2.0, 1.0])
-    found = classes(-explained, [1, 1, 1, 1], evidence, np.array([False, False, False, True]))
-    assert sorted(found) == [(0, 1), (2,), (3,)]
+    groups = classes(-explained, [1, 1, 1, 1], evidence, np.array([False, False, False, True]))
+    assert sorted(groups) == [(0, 1), (2,), (3,)]
     hypotheses = [(), (0,), (1,), (2,), (3,), (0, 2), (1, 2), (0, 1)]
     score = rng.normal(size=8)
-    shared = shared_equally(score, hypotheses, found)
+    shared = shared_equally(score, hypotheses, groups)
     assert np.logaddexp.reduce(shared) == pytest.approx(np.logaddexp.reduce(score))
     assert shared[1] == shared[2]
     assert shared[5] == shared[6]

@@ -182,7 +182,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
         FieldTable.of_loops(20.0, 0.0, (28.0, 0.0), ACROSS, 34.0)
 
 
-def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
+def modulus_of(assumed: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
     """Return the estimate of a fit that assumes the loads `told`, for edges of a beam under the true loads `hidden`."""
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
@@ -191,8 +191,8 @@ def modulus_of(told: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
     space = search_space(LAW)
     unit = np.full(1, np.log(1.1 * MODULUS_PA[0, 0] / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))
-    seen = Experiment(BeamModel(BEAM), told, observed, stated=stated)
-    return refine(Problem(LAW, Unknowns(space), (seen,)), unit, 1).estimate
+    measured = Experiment(BeamModel(BEAM), assumed, observed, stated=stated)
+    return refine(Problem(LAW, Unknowns(space), (measured,)), unit, 1).estimate
 
 
 def test_an_ignored_coil_changes_the_modulus_as_an_independent_program_computes():
@@ -229,5 +229,5 @@ def test_a_background_field_acts_equally_in_all_states_and_is_estimated_if_both_
     assert background == pytest.approx(np.tile([1e-4, 3e-4], (5, 1)))
     stated = (StatedSource("background-field", 0.2, "calibration"),)
     observed = EdgeObservation(np.zeros((5, 2, 1, 2)), np.full((5, 2, 1), 0.01))
-    seen = Experiment(BeamModel(BEAM), both, observed, stated=stated)
-    assert freed_by_polarities([seen], ()) == (NuisancePrior("background-field"),)
+    measured = Experiment(BeamModel(BEAM), both, observed, stated=stated)
+    assert freed_by_polarities([measured], ()) == (NuisancePrior("background-field"),)

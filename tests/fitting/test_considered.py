@@ -30,7 +30,7 @@ BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 LOADS = Loads.along((2.0, 4.5, 7.0))
 
 
-def seen(
+def noisy_edges(
     beam: Specimen = BEAM,
     loads: Loads = LOADS,
     scale: float = 1.0,
@@ -78,13 +78,13 @@ THICKER = replace(BEAM, width_mm=3.03)
 @pytest.fixture(scope="module")
 def thicker() -> Fit:
     """The fit of a beam whose width differs from the width in its file by 1.5 standard uncertainties."""
-    return fitted(experiment(seen(THICKER), width=0.02))
+    return fitted(experiment(noisy_edges(THICKER), width=0.02))
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Fit:
     """The fit of a beam whose file is exact, with a magnet whose moment has an uncertainty of 2 per cent."""
-    return fitted(experiment(seen(), remanence=0.02))
+    return fitted(experiment(noisy_edges(), remanence=0.02))
 
 
 def test_the_interval_contains_the_truth_with_a_wrong_width_and_the_noise_interval_does_not(thicker):
@@ -94,8 +94,8 @@ def test_the_interval_contains_the_truth_with_a_wrong_width_and_the_noise_interv
     (entry,) = fit.budget
     assert (entry.source, entry.standard_uncertainty, entry.unit) == ("width", 0.02, "mm")
     # A fit with the true width gives the true modulus; the difference comes from 0.03 mm of the width.
-    knows = fitted(experiment(seen(THICKER), beam=THICKER))
-    error_percent = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
+    informed = fitted(experiment(noisy_edges(THICKER), beam=THICKER))
+    error_percent = 100 * (modulus.value / informed.initial_shear_modulus.value - 1)
     assert entry.effect_percent == pytest.approx(abs(error_percent) * 2 / 3, rel=0.1)
     assert half_width(fit) == pytest.approx(1.96 * modulus.value * entry.effect_percent / 100, rel=0.15)
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
@@ -111,7 +111,7 @@ def test_the_interval_contains_the_truth_with_a_wrong_width_and_the_noise_interv
     ],
 )
 def test_the_interval_contains_the_truth_with_a_wrong_scale_and_moment(source, size, hidden):
-    modulus = fitted(experiment(seen(**hidden), **{source: size})).initial_shear_modulus
+    modulus = fitted(experiment(noisy_edges(**hidden), **{source: size})).initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
 
@@ -125,14 +125,14 @@ SHORT = ("scale", "depth")
         *SHORT,
         *(
             pytest.param(key, marks=pytest.mark.slow)
-            for key, own in SOURCES.items()
-            if own.stated_in and key not in (*SHORT, "stand-off", "tilt", "magnet-offset")
+            for key, source_entry in SOURCES.items()
+            if source_entry.stated_in and key not in (*SHORT, "stand-off", "tilt", "magnet-offset")
         ),
     ],
 )
 def test_the_effect_of_a_source_on_the_modulus_agrees_with_a_refit(source):
     size = SOURCES[source].usual
-    observed = seen()
+    observed = noisy_edges()
     fit = fitted(experiment(observed, **{source.replace("-", "_"): size}))
     parts = len(SOURCES[source].parts)
     moved = []
@@ -152,7 +152,7 @@ def test_the_effect_of_a_source_on_the_modulus_agrees_with_a_refit(source):
 
 
 def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magnetic):
-    first, second = seen(seed=1), seen(seed=2)
+    first, second = noisy_edges(seed=1), noisy_edges(seed=2)
     both = fitted(experiment(first, remanence=0.02), experiment(second, remanence=0.02))
     other = replace(experiment(second), stated=(StatedSource("remanence", 0.02, "specimen 2"),))
     apart = fitted(experiment(first, remanence=0.02), other)
@@ -163,18 +163,18 @@ def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magne
 
 
 def test_an_estimated_width_has_its_given_uncertainty_as_the_prior():
-    fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(NuisancePrior("width"),))
+    fit = fitted(experiment(noisy_edges(THICKER), width=0.02, remanence=0.02), free=(NuisancePrior("width"),))
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
     assert freed.deviation.value == pytest.approx(0.03, abs=2e-3)
     assert fit.initial_shear_modulus.value == pytest.approx(TRUTH_PA, rel=0.005)
     assert [entry.source for entry in fit.budget] == ["remanence"]
     with pytest.raises(ValueError, match="depth: dataset 0 states no standard uncertainty"):
-        fitted(experiment(seen()), free=(NuisancePrior("depth"),))
+        fitted(experiment(noisy_edges()), free=(NuisancePrior("depth"),))
 
 
 def test_without_uncertain_inputs_the_interval_is_that_of_the_noise(thicker):
-    fit = fitted(experiment(seen(), width=0.0))
+    fit = fitted(experiment(noisy_edges(), width=0.0))
     modulus = fit.initial_shear_modulus
     assert fit.budget == ()
     assert modulus.interval_95 == modulus.interval_95_fit
@@ -209,17 +209,17 @@ def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_
     The length is wrong by two standard uncertainties; the parameter is the ratio of the Mooney-Rivlin law.
     """
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
-    edges = seen(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
+    edges = noisy_edges(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
     stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
     estimate = estimated("mooney-rivlin", experiment(edges, **stated))
-    knows = estimated("mooney-rivlin", experiment(edges, longer, **stated))
+    informed = estimated("mooney-rivlin", experiment(edges, longer, **stated))
     assert len(estimate.identifiability.at_bound) == 1
-    assert knows.identifiability.at_bound == ()
+    assert informed.identifiability.at_bound == ()
     # Draws with the hidden error of the length have the modulus of a fit that knows this error.
     modulus = np.log(2 * (estimate.draws.column("C10") + estimate.draws.column("C01")))
     drawn = [estimate.draws.column(name) for name in ("length", "width", "remanence", "magnet's length", "scale")]
     level, slope, *_ = np.linalg.lstsq(np.column_stack([np.ones_like(modulus), *drawn]), modulus, rcond=None)[0]
-    before, after = estimate.initial_shear_modulus.value, knows.initial_shear_modulus.value
+    before, after = estimate.initial_shear_modulus.value, informed.initial_shear_modulus.value
     assert level + slope * off_mm - np.log(before) == pytest.approx(np.log(after / before), rel=0.12)
     assert holds(estimate.initial_shear_modulus.interval_95, after)
 
@@ -229,7 +229,7 @@ def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
 
     A Yeoh material drives the ratio of the Mooney-Rivlin law to a bound.
     """
-    edges = seen(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
+    edges = noisy_edges(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
     estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))
     assert len(estimate.identifiability.at_bound) == 1
     modulus = estimate.initial_shear_modulus
@@ -251,7 +251,7 @@ def test_a_wrong_width_favours_no_law(law, parameters):
     They cause residuals ten times as large as the noise, and larger than the differences between the laws.
     """
     wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
-    edges = experiment(seen(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
+    edges = experiment(noisy_edges(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
     estimates = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
     identifiability = estimates[law].identifiability
     assert identifiability.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
@@ -282,7 +282,7 @@ def test_datasets_of_one_specimen_are_compared_with_one_error_of_its_width():
     One beam is wider and one is narrower than its file says, which only two specimens can explain.
     """
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
-    one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
+    one, other = (experiment(noisy_edges(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
     apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))
     shared, told_apart = (estimated("neo-hookean", one, second).identifiability for second in (other, apart))
     assert told_apart.noise_mm == pytest.approx(NOISE_MM, rel=0.15)

@@ -165,8 +165,8 @@ def test_a_mirrored_deformation_has_mirrored_forces_that_are_in_balance(name, se
     swap = np.arange(9).reshape(3, 3)[:, ::-1].ravel()  # the nodes of the lower and the upper row are exchanged
     mirrored = nodal[..., swap] * np.array([[1.0], [-1.0]])
     mirrored_pressure = pressure * np.array([1.0, 1.0, -1.0])  # the pressure modes: constant, along and across
-    got = element.evaluate(ops, batch, mirrored, mirrored_pressure).force[0, 0]
-    assert got == pytest.approx(forces[:, swap] * np.array([[1.0], [-1.0]]), abs=1e-10)
+    mirrored_force = element.evaluate(ops, batch, mirrored, mirrored_pressure).force[0, 0]
+    assert mirrored_force == pytest.approx(forces[:, swap] * np.array([[1.0], [-1.0]]), abs=1e-10)
     places = mesh.nodes[mesh.elements[0]].T + nodal[0, 0]
     assert forces.sum(axis=1) == pytest.approx([0, 0], abs=1e-10)
     assert np.sum(places[0] * forces[1] - places[1] * forces[0]) == pytest.approx(0, abs=1e-10)

@@ -308,16 +308,20 @@ def test_an_error_of_zero_current_adds_a_constant_to_every_field() -> None:
 
 
 def test_a_dimension_deviates_by_its_stated_uncertainty() -> None:
-    for source, own in (
+    for source, attribute in (
         ("width", "width_mm"),
         ("depth", "depth_mm"),
         ("length", "length_mm"),
         ("density", "density_kg_m3"),
     ):
-        assert getattr(specimen_under(BEAM, {source: np.array([0.3])}), own) == getattr(BEAM, own) + 0.3
-    for source, own in (("remanence", "remanence_T"), ("magnet-width", "width_mm"), ("magnet-offset", "tip_offset_mm")):
+        assert getattr(specimen_under(BEAM, {source: np.array([0.3])}), attribute) == getattr(BEAM, attribute) + 0.3
+    for source, attribute in (
+        ("remanence", "remanence_T"),
+        ("magnet-width", "width_mm"),
+        ("magnet-offset", "tip_offset_mm"),
+    ):
         magnet = specimen_under(BEAM, {source: np.array([0.3])}).magnet
-        assert getattr(magnet, own) == getattr(BEAM.magnet, own) + 0.3
+        assert getattr(magnet, attribute) == getattr(BEAM.magnet, attribute) + 0.3
 
 
 def test_a_tip_force_stays_at_the_tip_of_a_beam_whose_dimensions_deviate() -> None:

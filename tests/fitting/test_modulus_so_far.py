@@ -19,7 +19,7 @@ MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=3.0, remanence_T=1.2, dens
 BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0, section="plane-stress", magnet=MAGNET)
 
 
-def seen(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
+def experiment_in(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
     """Return an experiment with the noisy edges of a beam in these fields (mT)."""
     is_solid = specimen.section == "solid"
     model = SolidBeside(specimen, 24, 2) if is_solid else BeamModel(specimen)
@@ -32,7 +32,7 @@ def seen(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NO
 
 
 def test_the_modulus_from_few_states_is_right_and_its_interval_narrows_with_more_states() -> None:
-    experiment = seen([0.0, 1.0, 2.0, 3.0, 4.0])
+    experiment = experiment_in([0.0, 1.0, 2.0, 3.0, 4.0])
     first = modulus_so_far(experiment.of_states(np.arange(2)))
     last = modulus_so_far(experiment, before=first)
     cold = modulus_so_far(experiment)
@@ -47,7 +47,7 @@ def test_the_modulus_from_few_states_is_right_and_its_interval_narrows_with_more
 
 
 def test_the_modulus_of_a_solid_is_that_of_the_whole_fit_and_its_interval_does_not_grow() -> None:
-    experiment = seen([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], replace(BEAM, section="solid"), noise_mm=0.002)
+    experiment = experiment_in([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], replace(BEAM, section="solid"), noise_mm=0.002)
     estimates = [modulus_so_far(experiment.of_states(np.arange(2)))]
     for count in range(3, 7):
         estimates.append(modulus_so_far(experiment.of_states(np.arange(count)), estimates[-1]))
@@ -64,14 +64,14 @@ def test_the_modulus_of_a_solid_is_that_of_the_whole_fit_and_its_interval_does_n
 def test_the_depth_effect_is_computed_again_only_in_a_state_with_larger_bending(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    experiment = seen([0.0, 2.0, 4.0, 3.0, 1.0], replace(BEAM, section="solid"), noise_mm=0.002)
+    experiment = experiment_in([0.0, 2.0, 4.0, 3.0, 1.0], replace(BEAM, section="solid"), noise_mm=0.002)
     first = modulus_so_far(experiment.of_states(np.arange(3)))
     monkeypatch.setattr(SolidBeside, "_difference", lambda *_: pytest.fail("the solid was solved"))
     assert modulus_so_far(experiment, first).value_Pa == pytest.approx(TRUE_PA, rel=0.005)
 
 
 def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_noise() -> None:
-    experiment = seen([0.0, 1.0, 2.0])
+    experiment = experiment_in([0.0, 1.0, 2.0])
     tilt = StatedSource(
         "magnetisation-angle", 3.0, "specimen"
     )  # the effect of the tilt is larger in the third state than in the second
@@ -89,6 +89,6 @@ def test_the_remaining_error_of_the_solid_is_in_the_interval_however_exact_the_e
 
     This is the remaining error of the mesh of the solid model.
     """
-    experiment = seen([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
+    experiment = experiment_in([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
     half_width = 0.5 * float(np.ptp(modulus_so_far(experiment).interval_95_Pa))
     assert 0.0014 * TRUE_PA < half_width < 0.006 * TRUE_PA

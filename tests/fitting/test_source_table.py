@@ -206,9 +206,11 @@ POINTS = np.array([[10.0, 0.0], [20.0, 5.0]])
         ("clamp", [0.5, -0.2], POINTS + np.array([0.5, -0.2])),
     ],
 )
-def test_the_picture_of_a_point_moves_as_the_source_says(source: str, deviation: list[float], seen: np.ndarray) -> None:
+def test_the_picture_of_a_point_moves_as_the_source_says(
+    source: str, deviation: list[float], imaged: np.ndarray
+) -> None:
     image = SOURCES[source].image
     assert image is not None
     maps, shifts = image(np.array([deviation, np.zeros(len(deviation))]))
-    assert POINTS @ maps[0].T + shifts[0] == pytest.approx(seen)
+    assert POINTS @ maps[0].T + shifts[0] == pytest.approx(imaged)
     assert POINTS @ maps[1].T + shifts[1] == pytest.approx(POINTS)

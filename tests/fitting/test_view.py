@@ -22,8 +22,8 @@ def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]
-    seen = (places - [*CENTRE_MM, 0.0]) @ turn.T + [0.0, 0.0, STAND_OFF_MM]
-    return np.asarray(STAND_OFF_MM * seen[:, :2] / seen[:, 2:])
+    in_camera = (places - [*CENTRE_MM, 0.0]) @ turn.T + [0.0, 0.0, STAND_OFF_MM]
+    return np.asarray(STAND_OFF_MM * in_camera[:, :2] / in_camera[:, 2:])
 
 
 @pytest.mark.parametrize("tilt_deg", [(3.0, 0.0), (0.0, -5.0), (-2.0, 6.0), (0.0, 0.0)])

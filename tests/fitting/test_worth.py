@@ -79,7 +79,7 @@ def test_directions_name_a_determined_sum_or_ratio():
 
 
 @pytest.mark.parametrize(
-    ("interval", "remaining", "not_fixed", "said"),
+    ("interval", "remaining", "not_fixed", "expected"),
     [
         ((49.8e3, 50.2e3), (0.001, 0.05), (), "fix every parameter of this law, the initial shear modulus to ±0.4 %."),
         ((40e3, 65e3), (0.1, 0.05), (), "the initial shear modulus to -20 % to +30 %."),
@@ -93,11 +93,11 @@ def test_directions_name_a_determined_sum_or_ratio():
         ((1856.0, 158872.0), (0.4, 0.05), ("mu",), "which may lie anywhere from 1856 to 1.589e+05 Pa."),
     ],
 )
-def test_the_statement_on_a_parameter_follows_its_interval(interval, remaining, not_fixed, said):
+def test_the_statement_on_a_parameter_follows_its_interval(interval, remaining, not_fixed, expected):
     modulus = Quantity(50e3, "Pa", interval)
     assert is_open(modulus) == ("mu" in not_fixed)
     words = statement(("mu", "ratio"), 2, not_fixed, np.eye(2), (), (), remaining, modulus)
-    assert said in words
+    assert expected in words
     assert ("fix every" in words) == (max(remaining) < 0.25)
 
 

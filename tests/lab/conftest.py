@@ -199,15 +199,15 @@ class Setup:
 
         `remark` receives all other lines, and `on_event` the events of the run.
         """
-        said: list[str] = []
-        terminal = on_terminal(said.append, remark)
+        messages: list[str] = []
+        terminal = on_terminal(messages.append, remark)
 
         def heard(event: Event) -> None:
             on_event(event)
             terminal(event)
 
         acquire(self.protocol, self.specimen, self.rig, self.bench, self.path, heard, **options)
-        return said
+        return messages
 
     def is_off(self) -> bool:
         return not self.coil.state.output and self.coil.state.set_current_A == 0.0

@@ -35,8 +35,8 @@ from eimi_lab.process.stopping import Stopped
 
 
 def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None:
-    said = setup.run()
-    assert [line.split(",")[0] for line in said] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
+    messages = setup.run()
+    assert [line.split(",")[0] for line in messages] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
     with open_dataset(setup.path) as dataset:
@@ -125,12 +125,12 @@ def test_the_ramp_down_ends_within_its_time_on_a_slow_supply(setup: Any, rate_A_
 
 def test_a_beam_that_never_comes_to_rest_is_flagged_and_stored(setup: Any) -> None:
     setup.camera.sway_px = 0.5
-    said = setup.run()
+    messages = setup.run()
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     with open_dataset(setup.path) as dataset:
         assert [tuple(flag.name for flag in state.flags) for state in dataset.states] == [(), *[("NOT_SETTLED",)] * 3]
         assert dataset.states[1].flags[0].value > dataset.states[1].flags[0].limit == 1.5
-    assert said[1].endswith("NOT_SETTLED")
+    assert messages[1].endswith("NOT_SETTLED")
 
 
 def test_a_camera_that_repeats_one_frame_is_never_settled(setup: Any) -> None:
@@ -168,10 +168,10 @@ def test_a_supply_that_is_on_can_be_taken_over(setup: Any) -> None:
     setup.coil.set_current(0.35)
     setup.coil.switch(True)
     setup.bench.clock.sleep(1.0)
-    seen: list[float] = []
-    setup.camera.event = lambda number: seen.append(setup.coil.coil_current_A())
+    currents_A: list[float] = []
+    setup.camera.event = lambda number: currents_A.append(setup.coil.coil_current_A())
     setup.run(take_over=True)
-    assert max(seen[:8]) < 0.001  # the beam is first recorded without a current
+    assert max(currents_A[:8]) < 0.001  # the beam is first recorded without a current
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
 
@@ -230,8 +230,8 @@ def test_a_signal_leaves_the_coil_off_and_restores_the_signal_handlers(
 ) -> None:
     # Under nohup SIGHUP is ignored, and a run keeps ignoring it.
     before = signal.SIG_DFL if number == signal.SIGHUP else signal.getsignal(number)
-    found = signal.signal(number, before)
-    request.addfinalizer(lambda: signal.signal(number, found))
+    handler = signal.signal(number, before)
+    request.addfinalizer(lambda: signal.signal(number, handler))
 
     def ask(at: int) -> None:
         if at == frame_number:
@@ -313,12 +313,12 @@ def test_the_dataset_states_its_files_and_instruments(setup: Any) -> None:
 
 
 def test_a_protocol_that_would_overheat_the_coil_is_refused(setup: Any) -> None:
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
-    assert any(line.startswith("coil: at most ") for line in told)
+    messages: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)
+    assert any(line.startswith("coil: at most ") for line in messages)
     hot = CoilRating(continuous_current_A=0.1, thermal_time_constant_s=30.0)
     setup.rig = setup.rig.model_copy(update={"coil": hot})
-    for attempt in (setup.run, lambda: dry_run(setup.protocol, setup.specimen, setup.rig, told.append)):
+    for attempt in (setup.run, lambda: dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)):
         with pytest.raises(InputError, match=r"could overheat the coil at state 3 \(0\.3 A\): 3\d\d %"):
             attempt()
     assert setup.camera.number == 0
@@ -333,17 +333,17 @@ def test_inputs_that_contradict_each_other_are_refused_before_an_instrument_is_t
 
 
 @pytest.mark.parametrize(
-    ("currents", "told"),
+    ("currents", "expected"),
     [
         ("values_A = [0.0, 0.2, -0.2, -0.3]", r"current\.values_A goes to -0\.3 A at state 3"),
         ("start_A = -0.3\nstop_A = 0.3\nstep_A = 0.1", r"current\.start_A goes to -0\.3 A at state 0"),
         ("start_A = 0.0\nstop_A = -0.2\nstep_A = 0.1", r"current\.stop_A goes to -0\.2 A at state 2"),
     ],
 )
-def test_negative_currents_need_a_supply_that_reverses_its_current(setup: Any, currents: str, told: str) -> None:
+def test_negative_currents_need_a_supply_that_reverses_its_current(setup: Any, currents: str, expected: str) -> None:
     text = setup.protocol.text.replace("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", currents)
     setup.protocol = parse(Protocol, text, "p")
-    with pytest.raises(InputError, match=rf"protocol short: {told}, but supply\.driver = 'korad' of rig bench"):
+    with pytest.raises(InputError, match=rf"protocol short: {expected}, but supply\.driver = 'korad' of rig bench"):
         setup.run()
     with pytest.raises(InputError, match="'virtual' of rig virtual cannot reverse"):
         check_request(setup.protocol, setup.specimen, load_rig("virtual"))

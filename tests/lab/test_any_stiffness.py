@@ -53,8 +53,8 @@ def test_the_modulus_of_a_steel_rod_is_identified_without_its_weight(rod: Path, 
     loads = load_evidence(rod / "rod.h5").experiment.loads
     assert not loads.gravity.any()
     assert loads.tip_force_N.round(12).tolist() == [[0.0, force] for force in FORCES_N]
-    status, told = run("fit", rod / "rod.h5", "--model", "neo-hookean", "-o", rod / "fits.json")
-    assert status == 0, told
+    status, message = run("fit", rod / "rod.h5", "--model", "neo-hookean", "-o", rod / "fits.json")
+    assert status == 0, message
     (fit,) = json.loads((rod / "fits.json").read_text())["fits"]
     assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=5e-3)  # incompressible
 
@@ -68,9 +68,9 @@ def test_gravity_and_a_tip_force_may_have_different_directions(rod: Path, run) -
 
 def test_a_tip_force_without_a_direction_is_refused_in_one_line(rod: Path, run) -> None:
     (rod / "states.csv").write_text("state,field_mT,tip_force_N\n0,0,1\n1,0,2\n2,0,4\n")
-    status, told = import_rod(rod, run, "--no-gravity")
-    assert (status, told.count("\n")) == (2, 1)
-    assert "states.csv: tip_force_N = 1 has no direction" in told
+    status, message = import_rod(rod, run, "--no-gravity")
+    assert (status, message.count("\n")) == (2, 1)
+    assert "states.csv: tip_force_N = 1 has no direction" in message
 
 
 @pytest.mark.parametrize(

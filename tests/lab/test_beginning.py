@@ -42,15 +42,15 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
     (tmp_path / "states.csv").write_text("frame,current_A\nshot_9.png,0\nshot_10.png,0.1\n")
     arguments = ["--states", tmp_path / "states.csv", "--specimen", tmp_path / "specimen.toml"]
     arguments += ["--calibration", tmp_path / "calibration.toml", "-o", tmp_path / "run.h5"]
-    status, said = run("import", tmp_path, *arguments)
-    assert (status, "clamp_midpoint_px and axis_angle_deg are missing" in said) == (2, True)
+    status, message = run("import", tmp_path, *arguments)
+    assert (status, "clamp_midpoint_px and axis_angle_deg are missing" in message) == (2, True)
     (tmp_path / "run_where.png").unlink()
     assert run("import", tmp_path, *arguments, "--clamp", "64,8", "--axis", "90") == (0, "")
     with open_dataset(tmp_path / "run.h5") as dataset:
         assert len(dataset.states) == 2
     before = (tmp_path / "specimen.toml").read_text()
-    status, said = run("init", tmp_path)
-    assert (status, "exists already" in said) == (2, True)
+    status, message = run("init", tmp_path)
+    assert (status, "exists already" in message) == (2, True)
     assert (tmp_path / "specimen.toml").read_text() == before
 
 
@@ -80,22 +80,22 @@ def test_a_board_is_printed_without_further_options(run: Run, tmp_path: Path, mo
 
 
 def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) -> None:
-    def told(specimen: str, calibration: str) -> str:
+    def refusal(specimen: str, calibration: str) -> str:
         arguments = ["--states", pictures / "states.csv", "--specimen", pictures / specimen]
         arguments += ["--calibration", pictures / calibration, "-o", pictures / "out.h5"]
-        status, said = run("import", pictures / "frames", *arguments)
-        assert (status, said.count("\n")) == (2, 1)
-        return said
+        status, message = run("import", pictures / "frames", *arguments)
+        assert (status, message.count("\n")) == (2, 1)
+        return message
 
-    assert "calibration.toml: is a calibration, but a different kind of file is needed here" in told(
+    assert "calibration.toml: is a calibration, but a different kind of file is needed here" in refusal(
         "calibration.toml", "calibration.toml"
     )
-    assert "specimen.toml: is a specimen, but a different kind" in told("specimen.toml", "specimen.toml")
-    assert "protocol.toml: is a protocol, but a different kind" in told("protocol.toml", "calibration.toml")
+    assert "specimen.toml: is a specimen, but a different kind" in refusal("specimen.toml", "specimen.toml")
+    assert "protocol.toml: is a protocol, but a different kind" in refusal("protocol.toml", "calibration.toml")
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "expected"),
     [
         ("shot.png", b"\x89PNG", "is a picture; `eimi import` makes a dataset from pictures"),
         ("run.mp4", b"mp4", "is a video; `eimi import` makes a dataset from a video"),
@@ -109,8 +109,8 @@ def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures
     ],
 )
 def test_the_error_for_a_file_that_is_no_dataset_names_its_kind(
-    run: Run, tmp_path: Path, name: str, content: bytes, told: str
+    run: Run, tmp_path: Path, name: str, content: bytes, expected: str
 ) -> None:
     (tmp_path / name).write_bytes(content)
-    status, said = run("fit", tmp_path / name, "--model", "yeoh", "-o", tmp_path / "out.json")
-    assert (status, said.count("\n"), told in said) == (2, 1, True), said
+    status, message = run("fit", tmp_path / name, "--model", "yeoh", "-o", tmp_path / "out.json")
+    assert (status, message.count("\n"), expected in message) == (2, 1, True), message

@@ -212,8 +212,8 @@ def test_clamp_and_gravity_may_come_from_separate_pictures(run, tmp_path):
     assert calibration.gravity_angle_deg == pytest.approx(91.3, abs=0.002)
     assert calibration.uncertainty["gravity_angle_deg"] < 0.002
     assert calibration.axis_angle_deg == 90.0
-    status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
-    assert (status, "--beam: also needs --specimen" in said) == (2, True)
+    status, message = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
+    assert (status, "--beam: also needs --specimen" in message) == (2, True)
 
 
 def test_a_ruler_gives_the_scale_and_its_uncertainty(run, tmp_path):
@@ -258,16 +258,16 @@ BAD = {
 def test_a_mistake_gives_one_line_and_no_file(run, tmp_path, case):
     cv2.imwrite(str(tmp_path / "blank.png"), np.full((100, 400), 200, np.uint8))
     arguments, message = BAD[case]
-    status, said = run("calibrate", tmp_path / "blank.png", *COMMON, *arguments, "-o", tmp_path / "c.toml")
-    assert (status, said.count("\n")) == (2, 1)
-    assert message in said
+    status, printed = run("calibrate", tmp_path / "blank.png", *COMMON, *arguments, "-o", tmp_path / "c.toml")
+    assert (status, printed.count("\n")) == (2, 1)
+    assert message in printed
     assert not (tmp_path / "c.toml").exists()
 
 
 def test_a_tilted_mid_plane_is_refused(run, charuco_views, tmp_path):
     tilted = charuco_views / "view_1.png"
-    status, said = run("calibrate", tilted, *BOARD, *COMMON, "-o", tmp_path / "c.toml")
-    assert (status, "the board is tilted by" in said) == (2, True)
+    status, message = run("calibrate", tilted, *BOARD, *COMMON, "-o", tmp_path / "c.toml")
+    assert (status, "the board is tilted by" in message) == (2, True)
 
 
 @pytest.mark.parametrize("kind", ["charuco", "checkerboard", "circles"])

@@ -26,20 +26,23 @@ SPOILT: dict[str, Callable[[Frame], Any]] = {
 
 
 @pytest.mark.parametrize(
-    ("said", "after"),
-    [*((said, 30) for said in SPOILT), *((said, 0) for said in SPOILT if said.startswith("returned"))],
+    ("expected", "after"),
+    [
+        *((expected, 30) for expected in SPOILT),
+        *((expected, 0) for expected in SPOILT if expected.startswith("returned")),
+    ],
 )
 def test_a_camera_that_returns_no_frame_ends_the_run_in_one_line_with_the_coil_off(
-    setup: Any, said: str, after: int
+    setup: Any, expected: str, after: int
 ) -> None:
     grab = setup.camera.grab
 
     def spoilt(timeout_s: float) -> Any:
         frame = grab(timeout_s)
-        return SPOILT[said](frame) if frame.number > after else frame
+        return SPOILT[expected](frame) if frame.number > after else frame
 
     setup.camera.grab = spoilt
-    with pytest.raises(ReplyNotUnderstood, match=said) as fault:
+    with pytest.raises(ReplyNotUnderstood, match=expected) as fault:
         setup.run()
     assert "\n" not in str(fault.value)
     assert setup.is_off()

@@ -50,7 +50,7 @@ def test_settings_are_read_from_the_rig(files: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "expected"),
     [
         ("exposure_s = 0", "camera.exposure_s = 0 should be greater than 0"),
         ("exposure_ms = 8.0", "camera.exposure_ms is not a known key; did you mean exposure_s?"),
@@ -68,10 +68,10 @@ def test_settings_are_read_from_the_rig(files: Path) -> None:
         ("bit_depth = 12.0", "camera.bit_depth = 12.0 should be a valid integer"),
     ],
 )
-def test_a_wrong_setting_is_refused_in_one_line(files: Path, line: str, told: str) -> None:
+def test_a_wrong_setting_is_refused_in_one_line(files: Path, line: str, expected: str) -> None:
     with pytest.raises(InputError) as caught:
         rig_with(files, f'driver = "opencv"\nsource = 0\n{line}')
-    assert str(caught.value).removeprefix(f"{files / 'rig.toml'}: ").startswith(told)
+    assert str(caught.value).removeprefix(f"{files / 'rig.toml'}: ").startswith(expected)
 
 
 def test_the_virtual_camera_has_no_settings(files: Path) -> None:

@@ -90,9 +90,9 @@ def test_a_mistake_gives_one_line_and_status_2(
     point = TrackedPoints(("a",), np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
     write_points(Path("points.h5"), Header(load_specimen("specimen.toml")), 0.0, [Load(None, 1.0, 0.0)], [point])
     before = sorted(Path().iterdir())
-    status, said = run(*arguments)
-    assert (status, said.count("\n")) == (2, 1)
-    assert message in said
+    status, printed = run(*arguments)
+    assert (status, printed.count("\n")) == (2, 1)
+    assert message in printed
     assert sorted(Path().iterdir()) == before
     assert Path("precious.h5").read_text() == "precious"
     assert Path("pipe").is_fifo()
@@ -211,11 +211,11 @@ def test_the_versions_of_the_project_and_of_the_packages_behind_results_are_prin
 def test_a_number_out_of_range_is_reported_with_its_option_value_and_range(
     run: Run, arguments: tuple[str, ...], option: str, value: str, right: str
 ) -> None:
-    status, said = run(*arguments)
-    assert (status, said.count("\n")) == (2, 1)
-    assert f"'{option}'" in said
-    assert re.search(rf"(^|\W){value}\b", said.replace(option, ""))
-    assert re.search(rf"\b{right}\b", said)
+    status, message = run(*arguments)
+    assert (status, message.count("\n")) == (2, 1)
+    assert f"'{option}'" in message
+    assert re.search(rf"(^|\W){value}\b", message.replace(option, ""))
+    assert re.search(rf"\b{right}\b", message)
 
 
 def test_instruments_prints_a_line_also_if_nothing_is_attached(tmp_path: Path) -> None:
@@ -227,8 +227,8 @@ def test_instruments_prints_a_line_also_if_nothing_is_attached(tmp_path: Path) -
 def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Path) -> None:
     folder = dataset.parent
     arguments = ("segment", dataset, "--csv", folder / "csv", "--overlay", folder / "overlay")
-    status, said = run(*arguments)
-    assert (status, said.count("\n")) == (0, 2)  # one line for each state
+    status, message = run(*arguments)
+    assert (status, message.count("\n")) == (0, 2)  # one line for each state
     table = np.loadtxt(folder / "csv" / "step_00_left.csv", delimiter=",", skiprows=1)
     assert (folder / "csv" / "step_01_right.csv").read_text().startswith("x_mm,y_mm,sigma_mm\n")
     assert np.all(np.diff(table[:, 0]) > 0)
@@ -243,6 +243,6 @@ def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Pa
         assert edges is not None
         assert edges[0].left.points_mm == pytest.approx(table[:, :2], abs=1e-6)
         assert edges[1].flags[0].name == "NOT_SETTLED"
-    status, said = run(*arguments)
-    assert (status, "csv: is not empty" in said) == (2, True)
+    status, message = run(*arguments)
+    assert (status, "csv: is not empty" in message) == (2, True)
     assert run(*arguments, "--force")[0] == 0

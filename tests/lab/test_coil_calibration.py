@@ -26,8 +26,10 @@ Run = Callable[..., tuple[int, str]]
 
 def test_a_coil_is_calibrated_and_its_calibration_is_read_again(tmp_path: Path, run: Run) -> None:
     write_bench(tmp_path, SENSORS)
-    status, said = run("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", "--largest", 1.0)
-    assert status == 0, said
+    status, message = run(
+        "calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", "--largest", 1.0
+    )
+    assert status == 0, message
     before, after = load_calibration(tmp_path / "virtual_calibration.toml"), load_calibration(tmp_path / "new.toml")
     uncertainty = after.uncertainty or {}
     sigma = uncertainty["coil_constant_mT_per_A"]
@@ -44,9 +46,9 @@ def test_an_existing_calibration_is_kept(tmp_path: Path, run: Run) -> None:
     write_bench(tmp_path, SENSORS)
     file = tmp_path / "virtual_calibration.toml"
     before = file.read_text()
-    status, said = run("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", file)
+    status, message = run("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", file)
     assert status == 2
-    assert "--force" in said
+    assert "--force" in message
     assert file.read_text() == before
 
 
@@ -61,9 +63,9 @@ def test_a_coil_that_cannot_be_calibrated_is_refused(
     tmp_path: Path, run: Run, sensors: str, options: tuple[object, ...], words: str
 ) -> None:
     write_bench(tmp_path, sensors)
-    status, said = run("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", *options)
+    status, message = run("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", *options)
     assert status == 2
-    assert words in said
+    assert words in message
     assert not (tmp_path / "new.toml").exists()
 
 

@@ -22,7 +22,7 @@ THREE_CYCLES = "conditioning = { cycles = 3, current_A = 0.3 }"
 TIP_PX = 84.5
 
 
-def asked(setup: Any, line: str) -> None:
+def add_to_protocol(setup: Any, line: str) -> None:
     setup.protocol = parse(Protocol, f"{line}\n{setup.protocol.text}", "p")
 
 
@@ -56,7 +56,7 @@ def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable
 
 
 def test_cycles_come_before_the_states_and_their_last_frames_are_stored(setup: Any) -> None:
-    asked(setup, THREE_CYCLES)
+    add_to_protocol(setup, THREE_CYCLES)
     history, remarks = reached(setup), []
     setup.run(remark=remarks.append)
     cycle = [0.1, 0.2, 0.3, 0.2, 0.1, 0.0]
@@ -72,7 +72,7 @@ def test_cycles_come_before_the_states_and_their_last_frames_are_stored(setup: A
 
 
 def test_a_beam_that_softens_is_detected_by_its_tip(setup: Any) -> None:
-    asked(setup, THREE_CYCLES)
+    add_to_protocol(setup, THREE_CYCLES)
     setup.camera.draw = softening(setup.camera.draw, reached(setup))
     remarks: list[str] = []
     setup.run(remark=remarks.append)
@@ -83,20 +83,20 @@ def test_a_beam_that_softens_is_detected_by_its_tip(setup: Any) -> None:
 
 
 def test_a_picture_without_a_beam_is_compared_as_an_image(setup: Any) -> None:
-    asked(setup, THREE_CYCLES)
+    add_to_protocol(setup, THREE_CYCLES)
     setup.camera.draw = lambda seed, shift: np.random.default_rng(seed).normal(120, 3, (96, 128)).astype(np.uint8)
     remarks: list[str] = []
     setup.run(remark=remarks.append)
-    found = re.search(
+    printed_motion = re.search(
         r"at 0\.3 A no tip is visible; the image differs from the image in cycle 1 by ([\d.]+) times", remarks[0]
     )
-    assert found
-    assert float(found[1]) == pytest.approx(1.0, abs=0.05)
+    assert printed_motion
+    assert float(printed_motion[1]) == pytest.approx(1.0, abs=0.05)
     assert setup.is_off()
 
 
 def test_a_resumed_run_is_not_conditioned_again(setup: Any) -> None:
-    asked(setup, THREE_CYCLES)
+    add_to_protocol(setup, THREE_CYCLES)
     setup.run()
     with open_dataset(setup.path) as dataset:
         before = dataset.conditioning()
@@ -121,7 +121,7 @@ def test_a_resumed_run_is_not_conditioned_again(setup: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "expected"),
     [
         (
             "conditioning = { cycles = 3, current_A = 1.5 }",
@@ -131,13 +131,13 @@ def test_a_resumed_run_is_not_conditioned_again(setup: Any) -> None:
         ("conditioning = { cycles = 0, current_A = 0.3 }", "conditioning.cycles = 0 should be"),
     ],
 )
-def test_a_conditioning_that_is_impossible_is_refused(setup: Any, line: str, told: str) -> None:
-    with pytest.raises(InputError, match=told):
-        asked(setup, line)
+def test_a_conditioning_that_is_impossible_is_refused(setup: Any, line: str, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        add_to_protocol(setup, line)
 
 
 def test_limits_and_poles_of_the_rig_hold_for_the_conditioning(setup: Any) -> None:
-    asked(setup, "conditioning = { cycles = 2, current_A = 0.9 }")
+    add_to_protocol(setup, "conditioning = { cycles = 2, current_A = 0.9 }")
     tight = setup.rig.supply.model_copy(
         update={"limits": setup.rig.supply.limits.model_copy(update={"current_A": 0.8})}
     )
@@ -151,15 +151,15 @@ def test_limits_and_poles_of_the_rig_hold_for_the_conditioning(setup: Any) -> No
 
 def test_heat_and_time_count_the_cycles(setup: Any) -> None:
     rating = CoilRating(continuous_current_A=0.3, thermal_time_constant_s=30.0)
-    told: dict[bool, list[str]] = {False: [], True: []}
+    messages: dict[bool, list[str]] = {False: [], True: []}
     shares = []
     for conditioned in (False, True):
         if conditioned:
-            asked(setup, "conditioning = { cycles = 20, current_A = 0.9 }")
+            add_to_protocol(setup, "conditioning = { cycles = 20, current_A = 0.9 }")
         shares.append(hottest(setup.protocol, rating))
-        dry_run(setup.protocol, setup.specimen, setup.rig, told[conditioned].append)
+        dry_run(setup.protocol, setup.specimen, setup.rig, messages[conditioned].append)
     assert shares[1].share > 2 * shares[0].share
     assert shares[1].stage.startswith("conditioning cycle ")
-    assert "conditioning: 20 cycles to 0.9 A and back to 0" in told[True]
-    seconds = [int(told[conditioned][-1].split()[1]) for conditioned in (False, True)]
+    assert "conditioning: 20 cycles to 0.9 A and back to 0" in messages[True]
+    seconds = [int(messages[conditioned][-1].split()[1]) for conditioned in (False, True)]
     assert seconds[1] > seconds[0] + 20

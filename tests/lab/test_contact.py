@@ -68,9 +68,9 @@ def test_a_pulled_cable_is_noticed_while_the_beam_settles(setup: Any) -> None:
 @pytest.mark.parametrize(("driver", "words"), [("korad", STAYS), ("scpi", STAYS), ("keysight-n6700", WATCHDOG)])
 def test_the_dry_run_says_what_a_pulled_cable_does(setup: Any, driver: str, words: str) -> None:
     supply = setup.rig.supply.model_copy(update={"driver": driver})
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), told.append)
-    assert protection_in_words(words) in told
+    messages: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), messages.append)
+    assert protection_in_words(words) in messages
 
 
 def test_the_dataset_says_what_a_pulled_cable_would_have_done(setup: Any) -> None:

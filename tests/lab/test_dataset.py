@@ -176,10 +176,10 @@ def test_a_damaged_frame_is_reported_and_recovery_leaves_it_out(files: Path, fra
         dataset.images(0)
         with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 frames of state 1 .* is damaged"):
             dataset.images(1)
-    said: list[str] = []
-    assert recover(path, files / "whole.h5", say=said.append) == 2
-    assert len(said) == 1
-    assert "run.h5: damaged frames left out: 1, of state 1 " in said[0]
+    messages: list[str] = []
+    assert recover(path, files / "whole.h5", say=messages.append) == 2
+    assert len(messages) == 1
+    assert "run.h5: damaged frames left out: 1, of state 1 " in messages[0]
     with open_dataset(path) as dataset, open_dataset(files / "whole.h5") as whole:
         np.testing.assert_array_equal(whole.images(0), dataset.images(0))
         np.testing.assert_array_equal(whole.images(1), [frame(10)])
@@ -202,9 +202,9 @@ def test_damaged_tables_are_refused_in_one_line_and_rebuilt_by_recovery(
         open_dataset(path),
     ):
         pass
-    said: list[str] = []
-    assert recover(path, files / "whole.h5", say=said.append) == 2
-    assert "entry/states/field (rebuilt from the frames)" in said[0]
+    messages: list[str] = []
+    assert recover(path, files / "whole.h5", say=messages.append) == 2
+    assert "entry/states/field (rebuilt from the frames)" in messages[0]
     with open_dataset(files / "whole.h5") as whole:
         assert [state.field_mT for state in whole.states] == [0.0, 0.47]
 

@@ -74,11 +74,11 @@ def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0
     ],
 )
 def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int) -> None:
-    acknowledged, said = write_until_full(files, size, settling=settling)
+    acknowledged, message = write_until_full(files, size, settling=settling)
     assert acknowledged < 8
     left = f"the {acknowledged} states stored so far are safe" if acknowledged else "no state was stored yet"
-    assert f"cannot be written any more: File too large; {left}" in said
-    assert said.count("\n") == 1
+    assert f"cannot be written any more: File too large; {left}" in message
+    assert message.count("\n") == 1
     path = files / "run.h5"
     if not acknowledged:
         assert not path.exists()
@@ -191,9 +191,9 @@ supply = { driver = "korad", address = "/dev/not-there", limits = { current_A = 
 camera = { driver = "opencv", source = 0 }
 """)
     arguments = ("acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", files / "rig.toml")
-    status, said = run(*arguments, "-o", files / "share" / "run.h5")
+    status, message = run(*arguments, "-o", files / "share" / "run.h5")
     assert status == 1  # there is no such supply
-    assert said.splitlines()[0] == (
+    assert message.splitlines()[0] == (
         f"eimi: warning: {files / 'share' / 'run.h5'} is on a network drive (nfs4): after a crash, stored states may "
         "be lost; a local disk is safer"
     )

@@ -48,13 +48,13 @@ def strip(tmp_path: Path, run) -> Path:
 def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run) -> None:
     both, alone = strip / "both.json", strip / "alone.json"
     assert run("discover", strip / "strip.h5", "--tensile", strip / "curve.csv", "-o", both)[0] == 0
-    found = json.loads(both.read_text())
-    assert found["statement"] == "identified among the terms of this library: i1"
-    (law,) = found["alternatives"]
+    result = json.loads(both.read_text())
+    assert result["statement"] == "identified among the terms of this library: i1"
+    (law,) = result["alternatives"]
     low, high = law["intervals_95_Pa"]["mu of i1"]
     assert low < 46e3 < high
-    assert len(found["datasets"][0]["sha256"]) == 64
-    assert found["tensile"][0]["noise_Pa"] > 0
+    assert len(result["datasets"][0]["sha256"]) == 64
+    assert result["tensile"][0]["noise_Pa"] > 0
     assert run("discover", strip / "strip.h5", "-o", alone)[0] == 0
     content = json.loads(alone.read_text())
     assert content["identified"] is False
@@ -62,7 +62,7 @@ def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected"),
     [
         (["--term", "gent"], "--term gent: should be one of i1, i2"),
         (["--term", "i1^2"], "--term: the library holds no term with stiffness at rest"),
@@ -71,9 +71,9 @@ def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run
         (["--tensile-window", "-1"], "--tensile-window -1: should be a strain in percent"),
     ],
 )
-def test_wrong_options_are_refused_in_one_line(strip: Path, run, arguments: list[str], said: str) -> None:
+def test_wrong_options_are_refused_in_one_line(strip: Path, run, arguments: list[str], expected: str) -> None:
     curve = ("--tensile", strip / "curve.csv")
-    status, told = run("discover", strip / "strip.h5", *curve, *arguments, "-o", strip / "d.json")
-    assert (status, told.count("\n")) == (2, 1), told
-    assert said in told
+    status, message = run("discover", strip / "strip.h5", *curve, *arguments, "-o", strip / "d.json")
+    assert (status, message.count("\n")) == (2, 1), message
+    assert expected in message
     assert not (strip / "d.json").exists()

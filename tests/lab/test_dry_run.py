@@ -21,17 +21,17 @@ from eimi_lab.config.toml import parse
 
 def tell(setup: Any, driver: str, address: str) -> list[str]:
     supply = setup.rig.supply.model_copy(update={"driver": driver, "address": address})
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), told.append)
-    return told
+    messages: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), messages.append)
+    return messages
 
 
-def messages(told: list[str]) -> list[str]:
-    return [line.split("> ")[1] for line in told if " > " in line]
+def messages(printed: list[str]) -> list[str]:
+    return [line.split("> ")[1] for line in printed if " > " in line]
 
 
 def test_a_dry_run_prints_exactly_the_messages_of_a_run(setup: Any) -> None:
-    told = tell(setup, "korad", "/dev/ttyACM0")
+    printed = tell(setup, "korad", "/dev/ttyACM0")
     setup.camera.swing_s = 1e-9
     setup.run()
     sent = [message.decode() for message in setup.bench.supply._link.sent]
@@ -41,12 +41,12 @@ def test_a_dry_run_prints_exactly_the_messages_of_a_run(setup: Any) -> None:
         "OCP",
         "OVP",
     )  # VSET1 is left out: its value depends on the stricter limits of the rig, which `open_bench` applies
-    assert [message for message in messages(told) if message.startswith(commands)] == [
+    assert [message for message in messages(printed) if message.startswith(commands)] == [
         message for message in sent if message.startswith(commands)
     ]
-    assert told[0] == "short on small with rig bench: 4 states"
-    assert "state 3: 0.3 A, 1.41 mT, 2 frames" in told
-    assert told[-1].startswith("duration: ")
+    assert printed[0] == "short on small with rig bench: 4 states"
+    assert "state 3: 0.3 A, 1.41 mT, 2 frames" in printed
+    assert printed[-1].startswith("duration: ")
 
 
 @pytest.mark.parametrize(
@@ -68,11 +68,11 @@ def test_the_messages_name_the_channel_of_the_rig(setup: Any, address: str, driv
 
 @pytest.mark.parametrize("driver", DIALECTS)
 def test_a_dry_run_works_with_every_driver(setup: Any, driver: str) -> None:
-    told = tell(setup, driver, "somewhere")
-    assert [line.split(": ")[0].split("  ")[-1] for line in told if " stored: " in line] == [
+    lines = tell(setup, driver, "somewhere")
+    assert [line.split(": ")[0].split("  ")[-1] for line in lines if " stored: " in line] == [
         f"state {index} stored" for index in range(4)
     ]
-    assert messages(told)
+    assert messages(lines)
 
 
 def test_a_channel_that_the_supply_does_not_have_is_reported(setup: Any) -> None:
@@ -105,20 +105,20 @@ class Ours(KoradSupply):
     assert "ours" in SUPPLIES
     if bipolar:
         setup.protocol = parse(Protocol, setup.protocol.text.replace("start_A = 0.0", "start_A = -0.3"), "p")
-    told = tell(setup, "ours", "USB0::1::2::3::INSTR#7")
-    assert messages(told) == []
+    lines = tell(setup, "ours", "USB0::1::2::3::INSTR#7")
+    assert messages(lines) == []
     stand_in = "kepco-bop" if bipolar else "korad"
     assert (
         "messages to the supply: not shown, because the driver ours comes from another package and has no emulator "
         f"here; the times are those of {stand_in}"
-    ) in told
-    assert sum(" stored: " in line for line in told) == len(setup.protocol.currents_A)
-    assert told[-1].startswith("duration: ")
+    ) in lines
+    assert sum(" stored: " in line for line in lines) == len(setup.protocol.currents_A)
+    assert lines[-1].startswith("duration: ")
     sys.modules.pop("some_lab_supply", None)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "expected"),
     [
         ("frames_per_state = 2", "frames_per_state = 1000000000", "frames_per_state = 1000000000 should be less than"),
         ("step_A = 0.1\ntol", "step_A = 1e-9\ntol", "ramp.step_A = 1e-09 should be greater than"),
@@ -127,16 +127,16 @@ class Ours(KoradSupply):
     ],
 )
 def test_a_protocol_that_no_run_could_finish_is_refused_in_one_short_line(
-    files: Path, run: Any, old: str, new: str, said: str
+    files: Path, run: Any, old: str, new: str, expected: str
 ) -> None:
     path = files / "protocol.toml"
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
-    status, told = run("acquire", path, "--specimen", files / "specimen.toml", "--rig", "virtual", "--dry-run")
-    assert (status, told.count("\n")) == (2, 1)
-    assert said in told
-    assert len(told) < 400
+    status, message = run("acquire", path, "--specimen", files / "specimen.toml", "--rig", "virtual", "--dry-run")
+    assert (status, message.count("\n")) == (2, 1)
+    assert expected in message
+    assert len(message) < 400
 
 
 LONG = """
@@ -176,19 +176,19 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
     between = [f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in (6, 7)]
     assert [line for line in details if line in between] == between
     assert details[2] == "messages to the supply, in the language of korad:"
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
-    assert not any("states between" in line for line in told)
-    assert sorted(told) == sorted([*(line for line in steps if "between" not in line), *details])
+    printed: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, printed.append)
+    assert not any("states between" in line for line in printed)
+    assert sorted(printed) == sorted([*(line for line in steps if "between" not in line), *details])
 
 
 def test_the_durations_of_a_run_are_those_of_a_beam_at_rest_and_of_one_that_never_rests(setup: Any) -> None:
     """A state that never rests takes 5 s instead of 0.02 s, and so do four shapes of the conditioning."""
     steps, _ = long_run(setup)
-    found = re.fullmatch(
+    durations = re.fullmatch(
         r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", steps[-1]
     )
-    assert found is not None
-    shortest_s, longest_s = map(int, found.groups())
+    assert durations is not None
+    shortest_s, longest_s = map(int, durations.groups())
     assert shortest_s > 3 * 2.0  # of the ring-downs
     assert longest_s - shortest_s == pytest.approx((10 + 4) * (5.0 - 0.02), abs=1.0)

@@ -147,8 +147,8 @@ def test_the_text_about_a_coil_that_is_off_says_how_this_was_determined() -> Non
 
 def test_an_event_or_a_key_of_a_later_release_is_tolerated() -> None:
     assert from_line('{"event": "field_reversed", "time_s": 1.0}') is None
-    known = json.loads(to_line(Resumed(state=3))) | {"why": "new"}
-    assert from_line(json.dumps(known)) == Resumed(state=3)
+    later = json.loads(to_line(Resumed(state=3))) | {"why": "new"}
+    assert from_line(json.dumps(later)) == Resumed(state=3)
 
 
 @pytest.mark.parametrize("line", ["", "acquire 1/4: 0 A", "[]", "{}", '{"event": "resumed"}', '{"event": "resum'])
@@ -398,5 +398,5 @@ def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: 
 
 
 def test_an_unknown_log_level_is_refused_in_one_line(run: Callable[..., tuple[int, str]]) -> None:
-    status, said = run("--log", "loud", "instruments")
-    assert (status, said) == (2, "eimi: --log loud (or EIMI_LOG): should be one of info, debug\n")
+    status, message = run("--log", "loud", "instruments")
+    assert (status, message) == (2, "eimi: --log loud (or EIMI_LOG): should be one of info, debug\n")

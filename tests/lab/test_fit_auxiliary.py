@@ -63,8 +63,8 @@ def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
     """Write the files of `write_points`, and import them as the dataset `name`."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
-    status, told = run("import", folder / "points.csv", *tables, "-o", folder / name)
-    assert status == 0, told
+    status, message = run("import", folder / "points.csv", *tables, "-o", folder / name)
+    assert status == 0, message
 
 
 def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Path, run) -> None:
@@ -76,8 +76,8 @@ def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Pat
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_Pa", *rows]) + "\n")
     beside = ("--tensile", tmp_path / "curve.csv", "--tensile-weight", "0.5", "--free", "roll=0.1")
     models = ("--model", "neo-hookean", "--model", "mooney-rivlin")
-    status, told = run("fit", tmp_path / "strip.h5", *models, *beside, "-o", tmp_path / "fits.json")
-    assert status == 0, told
+    status, message = run("fit", tmp_path / "strip.h5", *models, *beside, "-o", tmp_path / "fits.json")
+    assert status == 0, message
     content = json.loads((tmp_path / "fits.json").read_text())
     plain, law = content["fits"]
     for fit in (plain, law):
@@ -113,11 +113,11 @@ def test_a_curve_that_contradicts_the_edges_raises_a_doubt(tmp_path: Path, run) 
     for unit, doubted in (("kPa", False), ("MPa", True)):
         (tmp_path / "curve.csv").write_text(curve_of_46_kPa(unit))
         tensile = ("--tensile", tmp_path / "curve.csv", "-o", tmp_path / f"{unit}.json")
-        status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", *tensile)
-        assert status == 0, told
+        status, message = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", *tensile)
+        assert status == 0, message
         (fit,) = read_fits_file(tmp_path / f"{unit}.json").fits
-        said = [line for line in remarks(fit) if "contradict each other" in line]
-        assert [str(tmp_path / "curve.csv") in line for line in said] == [True] * doubted
+        messages = [line for line in remarks(fit) if "contradict each other" in line]
+        assert [str(tmp_path / "curve.csv") in line for line in messages] == [True] * doubted
         (written,) = json.loads((tmp_path / f"{unit}.json").read_text())["fits"]
         assert [doubt["curve"] for doubt in written["doubts"] if "contradict" in doubt["words"]] == [0] * doubted
     validated = ("--fit", tmp_path / "kPa.json", "-o", tmp_path / "validation.json")
@@ -132,9 +132,10 @@ def test_a_curve_from_a_notebook_is_recorded_and_used_in_the_fit(tmp_path: Path,
     strain = np.linspace(0.02, 0.5, 30)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([[16e3, 7e3]]), strain)[0]
     curve = TensileCurve(strain, stress + np.random.default_rng(1).normal(0, 150, 30))
-    seen = [evidence.experiment]
+    evidences = [evidence.experiment]
     fits = [
-        FitRecord.of(identify(model, seen, tensile=[curve]), [evidence]) for model in ("neo-hookean", "mooney-rivlin")
+        FitRecord.of(identify(model, evidences, tensile=[curve]), [evidence])
+        for model in ("neo-hookean", "mooney-rivlin")
     ]
     content = Fits.of(fits)
     content.write(tmp_path / "fits.json")
@@ -147,7 +148,7 @@ def test_a_curve_from_a_notebook_is_recorded_and_used_in_the_fit(tmp_path: Path,
     assert (law.model, law.aicc) == ("mooney-rivlin", 0.0)
     assert plain.aicc > 10
     shorter = TensileCurve(strain[:-1], curve.stress_Pa[:-1])
-    other = FitRecord.of(identify("neo-hookean", seen, tensile=[shorter]), [evidence])
+    other = FitRecord.of(identify("neo-hookean", evidences, tensile=[shorter]), [evidence])
     assert Fits.of([other, fits[1]]).comparison == ()  # fitted with another curve: the fits have no common data
     write_report(tmp_path / "report.html", [tmp_path / "strip.h5"], [tmp_path / "fits.json"])
     assert "(from no file)" in (tmp_path / "report.html").read_text()
@@ -177,9 +178,9 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
     for solver in SOLVERS:
         card = tmp_path / f"{solver}.txt"
         given = ("--model", "mooney-rivlin", "--to", solver, "--bulk-ratio", "2000")
-        status, told = run("export", fits, *given, "-o", card)
+        status, message = run("export", fits, *given, "-o", card)
         assert status == 0
-        for text in (card.read_text(), told):
+        for text in (card.read_text(), message):
             assert "not measured" in text
             assert "C10, C01" in text
             assert "times the stated uncertainty of the measured places" in text
@@ -195,7 +196,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (("--free", "moment"), "--free moment: should be a standard deviation such as moment=0.02"),
         (("--free", "section=0.1"), "--free section=0.1: should be a standard deviation such as moment=0.02"),
@@ -230,7 +231,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
     ],
 )
 def test_wrong_nuisances_and_curves_are_refused_in_one_line(
-    tmp_path: Path, run, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], told: str
+    tmp_path: Path, run, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], expected: str
 ) -> None:
     import_points(tmp_path, run)
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n0.9,30\n")
@@ -238,9 +239,9 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
         (tmp_path / name).write_text(curve_of_46_kPa(unit))
     shutil.copy(tmp_path / "strip.h5", tmp_path / "again.h5")
     monkeypatch.chdir(tmp_path)
-    status, said = run("fit", "strip.h5", "--model", "neo-hookean", *arguments, "-o", "fits.json")
+    status, message = run("fit", "strip.h5", "--model", "neo-hookean", *arguments, "-o", "fits.json")
     assert status == 2
-    assert told in said.splitlines()[-1]
+    assert expected in message.splitlines()[-1]
     assert not (tmp_path / "fits.json").exists()
     assert (tmp_path / "strip.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
 
@@ -262,9 +263,9 @@ def garbled_state(places):
 )
 def test_a_fit_to_wrong_data_is_refused(tmp_path: Path, run, change, state: str) -> None:
     import_points(tmp_path, run, change=change)
-    status, said = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
+    status, message = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
     assert status == 2
-    line = said.splitlines()[-1]
+    line = message.splitlines()[-1]
     assert f"strip.h5: {state}" in line
     assert "no material explains this" in line
     assert not (tmp_path / "fits.json").exists()
@@ -272,8 +273,8 @@ def test_a_fit_to_wrong_data_is_refused(tmp_path: Path, run, change, state: str)
 
 def test_a_doubt_is_written_into_the_result(tmp_path: Path, run) -> None:
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
-    status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
-    assert status == 0, told
+    status, message = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
+    assert status == 0, message
     (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
     for doubt in fit["doubts"]:
         assert (doubt["dataset"], doubt["state"]) == (0, None)

@@ -89,11 +89,11 @@ def plain(fits: list[FitRecord]) -> Any:
 def test_a_grid_is_the_same_with_one_and_with_two_workers(beams: Path, tmp_path: Path, run: Run) -> None:
     data = [beams / "first.h5", beams / "second.h5"]
     fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "2", "--bootstrap", "1"]
-    status, said = run(*fit, "-o", tmp_path / "one.json")
-    assert status == 0, said
-    status, said = run(*fit, "--workers", "2", "-o", tmp_path / "two.json")
-    assert status == 0, said
-    assert "fit 4/4: " in said
+    status, message = run(*fit, "-o", tmp_path / "one.json")
+    assert status == 0, message
+    status, message = run(*fit, "--workers", "2", "-o", tmp_path / "two.json")
+    assert status == 0, message
+    assert "fit 4/4: " in message
     assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
     fits = read_fits_file(tmp_path / "two.json").fits
     assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, 2) for d in data]
@@ -154,10 +154,10 @@ def test_a_refusal_is_the_same_with_workers_and_without(beams: Path, tmp_path: P
     with h5py.File(tmp_path / "odd.h5", "r+", libver="latest") as file:
         file["entry/data/y"][...] = -file["entry/data/y"][()]  # the beam bends to the wrong side
     fit = ["fit", tmp_path / "odd.h5", "--model", "neo-hookean", "--model", "yeoh", "-o", tmp_path / "fits.json"]
-    said = [run(*fit, "--workers", workers) for workers in (1, 2)]
-    assert said[0][0] == said[1][0] == 2
-    assert "no material explains this" in said[0][1]
-    assert said[0][1].split("\n")[-2] == said[1][1].split("\n")[-2]
+    messages = [run(*fit, "--workers", workers) for workers in (1, 2)]
+    assert messages[0][0] == messages[1][0] == 2
+    assert "no material explains this" in messages[0][1]
+    assert messages[0][1].split("\n")[-2] == messages[1][1].split("\n")[-2]
     assert not (tmp_path / "fits.json").exists()
 
 
@@ -204,10 +204,10 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
         if len(reported) == 2:
             workers[0].kill()
 
-    found = fit_grid(tasks, {}, executor=partial(cluster, address), report=kill_one)
+    fits = fit_grid(tasks, {}, executor=partial(cluster, address), report=kill_one)
     assert len(reported) == len(tasks) == 6
     assert workers[0].wait(PATIENCE_S) == -signal.SIGKILL
-    assert plain(found) == plain(fit_grid(tasks, {}, executor=partial(processes, 2)))
+    assert plain(fits) == plain(fit_grid(tasks, {}, executor=partial(processes, 2)))
 
 
 def eimi(*arguments: object, cwd: Path) -> subprocess.Popen[bytes]:
@@ -238,15 +238,15 @@ def test_a_stopped_fit_prints_one_line_and_ends_its_workers(
     while process.poll() is None and generations(tmp_path / "log.jsonl") < 1:
         time.sleep(0.002)
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=PATIENCE_S)[1]  # reads until the last process of the fit has ended
+    message = process.communicate(timeout=PATIENCE_S)[1]  # reads until the last process of the fit has ended
     go_on = "log.jsonl contains all generations so far; the same command with --resume continues the fit"
-    assert (process.returncode, said.decode()) == (128 + number, f"eimi: stopped by {number.name}: {go_on}\n")
+    assert (process.returncode, message.decode()) == (128 + number, f"eimi: stopped by {number.name}: {go_on}\n")
     assert not (tmp_path / "fits.json").exists()
 
 
-@pytest.mark.parametrize(("checkpoint", "told"), [([], "fits.json"), (["--checkpoint", "log.jsonl"], "log.jsonl")])
+@pytest.mark.parametrize(("checkpoint", "expected"), [([], "fits.json"), (["--checkpoint", "log.jsonl"], "log.jsonl")])
 def test_a_full_disk_is_reported_in_one_line_with_the_file(
-    beams: Path, tmp_path: Path, checkpoint: list[str], told: str
+    beams: Path, tmp_path: Path, checkpoint: list[str], expected: str
 ) -> None:
     fit = ["fit", str(beams / "first.h5"), "--model", "neo-hookean", "--restarts", "1", *checkpoint, "-o", "fits.json"]
     done = subprocess.run(
@@ -258,7 +258,7 @@ def test_a_full_disk_is_reported_in_one_line_with_the_file(
             resource.RLIMIT_FSIZE, (1024, 1024)
         ),  # largest size of every file, to imitate a full disk
     )
-    assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"eimi: [Errno 27] File too large: '{told}'")
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"eimi: [Errno 27] File too large: '{expected}'")
     assert "Traceback" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == checkpoint[1:]
 
@@ -307,10 +307,10 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     written = log.read_text()
 
     def refused(*more: object) -> str:
-        status, said = run(*fit, *more)
-        assert (status, said.count("\n")) == (2, 1), said
+        status, message = run(*fit, *more)
+        assert (status, message.count("\n")) == (2, 1), message
         assert not output.exists()
-        return said
+        return message
 
     assert "log.jsonl: exists already; give --resume to continue it" in refused()
     assert "to resume, restarts should be the same: 1 in the checkpoint, 2 here" in refused("--resume", "--restarts", 2)
@@ -331,8 +331,8 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     log.unlink()
     log.write_text("something else")
     assert "log.jsonl: is not a checkpoint of `eimi fit`" in refused("--resume")
-    status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
-    assert (status, said) == (2, "eimi: --resume: give the file to resume from with --checkpoint\n")
+    status, message = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
+    assert (status, message) == (2, "eimi: --resume: give the file to resume from with --checkpoint\n")
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
@@ -352,11 +352,11 @@ def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Pat
 
 def test_a_bootstrap_of_too_few_states_is_refused(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
     monkeypatch.setattr("eimi_lab.fits.fit_grid.FEWEST_STATES", 6)
-    status, said = run(
+    status, message = run(
         "fit", beams / "first.h5", "--model", "neo-hookean", "--bootstrap", 3, "-o", tmp_path / "fits.json"
     )
     assert status == 2
-    assert "first.h5: 5 states are too few; --bootstrap needs at least 6 states" in said
+    assert "first.h5: 5 states are too few; --bootstrap needs at least 6 states" in message
 
 
 def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:
@@ -390,7 +390,7 @@ def test_a_missing_scheduler_is_reported_in_one_line(beams: Path, tmp_path: Path
     monkeypatch.setattr("eimi_lab.process.workers._ANSWER_S", 1)
     arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]
     arguments += ["--checkpoint", tmp_path / "log.jsonl"]
-    status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)
+    status, message = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)
     assert status == 2
-    assert "eimi: --scheduler tcp://127.0.0.1:1: no dask scheduler answers there" in said
+    assert "eimi: --scheduler tcp://127.0.0.1:1: no dask scheduler answers there" in message
     assert list(tmp_path.iterdir()) == []

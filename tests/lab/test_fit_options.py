@@ -43,18 +43,18 @@ def test_options_of_the_command_line_set_the_fields_and_wrong_values_are_refused
     received.clear()
     app = typer.Typer()
     app.command()(command)
-    told = CliRunner().invoke(app, ["-o", "fits.json", "--population", "12", "--bipop"])
-    assert told.exit_code == 0, told.output
+    result = CliRunner().invoke(app, ["-o", "fits.json", "--population", "12", "--bipop"])
+    assert result.exit_code == 0, result.output
     assert received == [MoreOptions(population=12, bipop=True)]
     assert received[0].head()["population"] == 12
     assert CliRunner().invoke(app, ["-o", "fits.json", "--population", "1"]).exit_code == 2
 
 
 def test_an_unknown_nuisance_is_refused_with_a_list_of_all() -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as raised:
         FitOptions(free=["widht=0.1"]).for_identify()
     for words in ("moment=0.02 (relative)", "coil=0.01 (relative)", "roll=0.1 (degrees)", "clamp=0.05 (mm)", "bulk"):
-        assert words in str(told.value)
+        assert words in str(raised.value)
 
 
 def test_curves_are_checked_before_the_fit(tmp_path: Path) -> None:

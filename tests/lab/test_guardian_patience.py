@@ -160,8 +160,8 @@ def test_an_allowed_time_ends(run: Run) -> None:
 
 
 def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> None:
-    told = line(SUPPLY + json.dumps(["KORAD KA3005P", "7"]).encode())
-    _, ward, _ = run.decided((1.0, told + line(ARM)), (2.0, line(RECOGNISED)), (3.0, b""))
+    message = line(SUPPLY + json.dumps(["KORAD KA3005P", "7"]).encode())
+    _, ward, _ = run.decided((1.0, message + line(ARM)), (2.0, line(RECOGNISED)), (3.0, b""))
     assert ward.identity == ("KORAD KA3005P", "7")
     assert ward.recognised
     assert (ward.driver, ward.address) == (WARD.driver, WARD.address)
@@ -327,19 +327,19 @@ class Recorder:
     """A replacement for the guardian, which records the calls of the run."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.calls: list[str] = []
 
     def allow(self, seconds: float) -> None:
-        self.told.append("allow")
+        self.calls.append("allow")
 
     def arm(self) -> None:
-        self.told.append("arm")
+        self.calls.append("arm")
 
     def recognise(self) -> None:
-        self.told.append("recognise")
+        self.calls.append("recognise")
 
     def disarm(self) -> None:
-        self.told.append("disarm")
+        self.calls.append("disarm")
 
 
 class CannotStop:
@@ -358,7 +358,7 @@ class CannotStop:
 
 
 @pytest.mark.parametrize(
-    ("error", "current_A", "limit_A", "told"),
+    ("error", "current_A", "limit_A", "expected"),
     [
         (SwitchOffFailed("0.8 A measured", 0.8, 0.02), 0.8, 0.02, ["allow", "arm", "recognise"]),
         (SwitchOffFailed("no answer"), None, None, ["allow", "arm"]),
@@ -366,10 +366,10 @@ class CannotStop:
     ],
 )
 def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian(
-    error: Exception, current_A: float | None, limit_A: float | None, told: list[str]
+    error: Exception, current_A: float | None, limit_A: float | None, expected: list[str]
 ) -> None:
     guardian, events = Recorder(), list[Event]()
     with pytest.raises(type(error)):
         ramp_down_and_switch_off(cast(Coil, CannotStop(error)), cast(Guardian, guardian), on_event=events.append)
-    assert guardian.told == told
+    assert guardian.calls == expected
     assert events == [OffNotConfirmed(by="run", reason=str(error), current_A=current_A, limit_A=limit_A)]

@@ -32,9 +32,9 @@ def test_a_constant_current_warms_the_coil_exponentially() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=100.0)
     held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S
     assert held_s == pytest.approx(30.0 + 3.0 + 2 * 0.5 + 12 * 0.1)  # of the state, its current, frames and transient
-    found = hottest(protocol([0.0, 2.0]), rating)
-    assert found.stage == "state 1 (2 A)"
-    assert found.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
+    hottest_part = hottest(protocol([0.0, 2.0]), rating)
+    assert hottest_part.stage == "state 1 (2 A)"
+    assert hottest_part.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
 
 
 @pytest.mark.parametrize("cycles", [1, 2, 4])
@@ -42,10 +42,10 @@ def test_the_heat_includes_the_frames_in_the_first_and_in_the_last_conditioning_
     # With a time constant much longer than the run, the heat is the integral of the squared current.
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=1e7)
     rule = Conditioning(cycles=cycles, current_A=2.0)
-    found = hottest(protocol([0.0, 0.0], timeout_s=30.0).model_copy(update={"conditioning": rule}), rating)
+    hottest_part = hottest(protocol([0.0, 0.0], timeout_s=30.0).model_copy(update={"conditioning": rule}), rating)
     recorded_s, other_s = 30.0 + REACHED_WITHIN_S + FRAME_WITHIN_S, REACHED_WITHIN_S
     held_s = min(cycles, 2) * recorded_s + max(0, cycles - 2) * other_s
-    assert found.share == pytest.approx(4.0 * held_s / 1e7, rel=1e-3)
+    assert hottest_part.share == pytest.approx(4.0 * held_s / 1e7, rel=1e-3)
 
 
 def test_the_current_before_each_ring_down_warms_the_coil() -> None:
@@ -88,8 +88,8 @@ def test_a_current_within_the_continuous_rating_is_never_refused() -> None:
 
 
 def test_a_protocol_without_current_is_hottest_at_the_beginning() -> None:
-    found = hottest(protocol([0.0, 0.0]), CoilRating(continuous_current_A=1.0, thermal_time_constant_s=10.0))
-    assert (found.stage, found.share) == ("the beginning", 0.0)
+    hottest_part = hottest(protocol([0.0, 0.0]), CoilRating(continuous_current_A=1.0, thermal_time_constant_s=10.0))
+    assert (hottest_part.stage, hottest_part.share) == ("the beginning", 0.0)
 
 
 def test_the_heat_of_a_run_follows_the_current_that_flows() -> None:

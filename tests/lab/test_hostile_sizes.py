@@ -50,10 +50,10 @@ def dataset(files: Path) -> Path:
 )
 def test_toml_of_any_depth_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "specimen.toml").write_text(text)
-    with pytest.raises(InputError, match=r"specimen\.toml: ") as told:
+    with pytest.raises(InputError, match=r"specimen\.toml: ") as raised:
         load_specimen(tmp_path / "specimen.toml")
-    assert "\n" not in str(told.value)
-    assert len(str(told.value)) < 1000
+    assert "\n" not in str(raised.value)
+    assert len(str(raised.value)) < 1000
 
 
 @pytest.mark.parametrize(
@@ -69,10 +69,10 @@ def test_toml_of_any_depth_is_refused_in_one_line(tmp_path: Path, text: str) -> 
 )
 def test_json_of_any_depth_and_length_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "fits.json").write_text(text)
-    with pytest.raises(InputError, match=r"fits\.json: ") as told:
+    with pytest.raises(InputError, match=r"fits\.json: ") as raised:
         read_fits_file(tmp_path / "fits.json")
-    assert "\n" not in str(told.value)
-    assert len(str(told.value)) < 1000
+    assert "\n" not in str(raised.value)
+    assert len(str(raised.value)) < 1000
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,9 @@ def test_json_of_any_depth_and_length_is_refused_in_one_line(tmp_path: Path, tex
 def test_absurd_tensile_rows_are_refused_in_one_line(run: Run, tmp_path: Path, row: str, words: str) -> None:
     rows = [f"{0.05 * k},{0.01 * k}" for k in range(8)]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows, row]) + "\n")
-    status, said = run("tensile", tmp_path / "curve.csv", "--model", "neo-hookean", "-o", tmp_path / "out.json")
-    assert (status, said.count("\n")) == (2, 1), said
-    assert words in said
+    status, message = run("tensile", tmp_path / "curve.csv", "--model", "neo-hookean", "-o", tmp_path / "out.json")
+    assert (status, message.count("\n")) == (2, 1), message
+    assert words in message
 
 
 def test_frames_that_unpack_to_more_than_a_quarter_of_the_free_memory_are_not_unpacked(dataset: Path) -> None:
@@ -134,9 +134,9 @@ def test_a_slow_recovery_does_not_report_the_file_as_damaged(
     (tmp_path / "site" / "sitecustomize.py").write_text(endless)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
     monkeypatch.setattr(recovery, "READ_WITHIN_S", 5.0)
-    with pytest.raises(InputError, match="took longer than 5 s of processor time") as told:
+    with pytest.raises(InputError, match="took longer than 5 s of processor time") as raised:
         recovery.recover(dataset, tmp_path / "out.h5")
-    assert "damaged" not in str(told.value)
+    assert "damaged" not in str(raised.value)
 
 
 def test_a_sound_file_is_recovered_where_memory_is_limited_already(dataset: Path, tmp_path: Path) -> None:
@@ -167,6 +167,6 @@ def test_a_c3d_file_that_crashes_its_reader_is_refused_in_one_line(
     (files / "capture.c3d").write_bytes(b"\2\x50" + bytes(1022))
     (files / "states.csv").write_text("frame,field_mT\n1,0\n2,1\n")
     options = ("--format", "c3d", "--states", files / "states.csv", "--specimen", files / "specimen.toml")
-    status, said = run("import", files / "capture.c3d", *options, "-o", files / "out.h5")
-    assert (status, said.count("\n")) == (2, 1), said
-    assert "capture.c3d: is damaged: the process that read it crashed (SIGSEGV)" in said
+    status, message = run("import", files / "capture.c3d", *options, "-o", files / "out.h5")
+    assert (status, message.count("\n")) == (2, 1), message
+    assert "capture.c3d: is damaged: the process that read it crashed (SIGSEGV)" in message

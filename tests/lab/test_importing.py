@@ -76,9 +76,9 @@ def test_consecutive_images_with_one_load_are_frames_of_one_state(run: Run, pict
 def test_images_that_no_row_lists_are_left_out_with_a_note(run: Run, pictures: Path) -> None:
     for k in range(9):
         shutil.copy(pictures / "frames" / "frame_1.png", pictures / "frames" / f"x{k}.png")
-    status, said = import_frames(run, pictures)
-    assert (status, said.count("\n")) == (0, 1)
-    assert "states.csv does not list them: x0.png, x1.png, x2.png, x3.png, x4.png and 4 more" in said
+    status, message = import_frames(run, pictures)
+    assert (status, message.count("\n")) == (0, 1)
+    assert "states.csv does not list them: x0.png, x1.png, x2.png, x3.png, x4.png and 4 more" in message
     with open_dataset(pictures / "out.h5") as dataset:
         assert len(dataset.states) == 4
 
@@ -92,8 +92,8 @@ def test_paths_are_relative_to_the_table(run: Run, pictures: Path, frame: Callab
     cv2.imwrite(str(pictures / "elsewhere" / "other.png"), frame(7))
     cv2.imwrite(str(pictures / "frame_1.png"), frame(8))
     (pictures / "states.csv").write_text("frame,current_A\nframe_1.png,0\nelsewhere\\other.png,1\n")
-    status, said = import_frames(run, pictures)
-    assert (status, "left out" in said) == (0, True)
+    status, message = import_frames(run, pictures)
+    assert (status, "left out" in message) == (0, True)
     with open_dataset(pictures / "out.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 1.0]
         assert np.array_equal(dataset.images(0)[0], frame(1))
@@ -105,8 +105,8 @@ def test_a_dataset_can_be_made_from_one_picture(run: Run, pictures: Path) -> Non
     arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml"]
     arguments += ["--calibration", pictures / "calibration.toml", "-o", pictures / "out.h5"]
     assert run("import", pictures / "frames" / "frame_2.png", *arguments) == (0, "")
-    status, said = run("segment", pictures / "out.h5")
-    assert (status, said.count("segment 1/1")) == (0, 1)
+    status, message = run("segment", pictures / "out.h5")
+    assert (status, message.count("segment 1/1")) == (0, 1)
     with open_dataset(pictures / "out.h5") as dataset:
         assert ([state.current_A for state in dataset.states], len(dataset.edges() or ())) == ([0.5], 1)
 
@@ -124,9 +124,9 @@ def test_a_table_written_by_a_spreadsheet_is_read(run: Run, pictures: Path) -> N
 
 def test_a_straight_beam_that_leaves_the_picture_gives_a_warning(run: Run, pictures: Path) -> None:
     rewrite("specimen.toml", "length_mm = 10.0", "length_mm = 30.0")(pictures)
-    status, said = import_frames(run, pictures)
-    assert (status, said.count("\n")) == (0, 1)
-    assert "the straight beam, 240 px long, would leave the picture of 128 x 96 px" in said
+    status, message = import_frames(run, pictures)
+    assert (status, message.count("\n")) == (0, 1)
+    assert "the straight beam, 240 px long, would leave the picture of 128 x 96 px" in message
     assert (pictures / "out.h5").exists()
 
 
@@ -134,9 +134,9 @@ def test_a_file_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) 
     def message(source: Path) -> str:
         arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml"]
         arguments += ["--calibration", pictures / "calibration.toml", "-o", pictures / "other.h5"]
-        status, said = run("import", source, *arguments)
-        assert (status, said.count("\n")) == (2, 1)
-        return said
+        status, printed = run("import", source, *arguments)
+        assert (status, printed.count("\n")) == (2, 1)
+        return printed
 
     assert import_frames(run, pictures)[0] == 0
     assert "out.h5: is a dataset already; continue with `eimi segment` or `eimi fit`" in message(pictures / "out.h5")
@@ -296,18 +296,18 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
 def test_bad_frames_are_refused_in_one_line_without_a_file(run: Run, pictures: Path, case: str) -> None:
     spoil, expected = BAD_FRAMES[case]
     spoil(pictures)
-    status, said = import_frames(run, pictures)
+    status, message = import_frames(run, pictures)
     assert status == 2
-    assert said.count("\n") == 1
-    assert expected in said
+    assert message.count("\n") == 1
+    assert expected in message
     assert not list(pictures.glob("*.h5"))
     assert not list(pictures.glob(".out*"))
 
 
 def test_an_existing_file_is_kept_without_force(run: Run, pictures: Path) -> None:
     (pictures / "out.h5").write_text("precious")
-    status, said = import_frames(run, pictures)
-    assert (status, "out.h5: exists already" in said) == (2, True)
+    status, message = import_frames(run, pictures)
+    assert (status, "out.h5: exists already" in message) == (2, True)
     assert (pictures / "out.h5").read_text() == "precious"
 
 
@@ -373,21 +373,21 @@ def test_bad_points_are_refused_in_one_line_without_a_file(
     run: Run, tracked: Path, spoil: Callable[[Path], None], expected: str
 ) -> None:
     spoil(tracked)
-    status, said = import_points(run, tracked)
-    assert (status, said.count("\n")) == (2, 1)
-    assert expected in said
+    status, message = import_points(run, tracked)
+    assert (status, message.count("\n")) == (2, 1)
+    assert expected in message
     assert not list(tracked.glob("*.h5"))
 
 
 def test_options_of_the_other_kind_of_data_are_refused(run: Run, pictures: Path) -> None:
     common = ("--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml", "-o", pictures / "o.h5")
-    status, said = run("import", pictures / "frames", *common)
-    assert (status, "images need --calibration" in said) == (2, True)
+    status, message = run("import", pictures / "frames", *common)
+    assert (status, "images need --calibration" in message) == (2, True)
     shutil.copy(pictures / "states.csv", pictures / "points.csv")
-    status, said = run("import", pictures / "points.csv", *common)
-    assert (status, "tracked points needs --gravity-angle" in said) == (2, True)
-    status, said = run("import", pictures / "nowhere", *common)
-    assert (status, "nowhere: no such file or folder" in said) == (2, True)
+    status, message = run("import", pictures / "points.csv", *common)
+    assert (status, "tracked points needs --gravity-angle" in message) == (2, True)
+    status, message = run("import", pictures / "nowhere", *common)
+    assert (status, "nowhere: no such file or folder" in message) == (2, True)
 
 
 def test_the_installed_module_imports_pictures(pictures: Path) -> None:
@@ -424,13 +424,13 @@ def test_images_with_weights_need_neither_a_current_nor_a_coil(run: Run, picture
 
 def test_a_current_without_a_coil_constant_is_refused(run: Run, pictures: Path) -> None:
     without_coil(pictures)
-    status, said = import_frames(run, pictures)
+    status, message = import_frames(run, pictures)
     assert status == 2
-    assert "current_A = '0.1' should be 0, because the calibration has no coil_constant_mT_per_A" in said
+    assert "current_A = '0.1' should be 0, because the calibration has no coil_constant_mT_per_A" in message
 
 
 def test_a_coil_constant_needs_the_direction_of_the_field(run: Run, pictures: Path) -> None:
     text = (pictures / "calibration.toml").read_text()
     (pictures / "calibration.toml").write_text(text.replace("field_angle_deg", "# field_angle_deg"))
-    status, said = import_frames(run, pictures)
-    assert (status, "field_angle_deg is missing" in said) == (2, True)
+    status, message = import_frames(run, pictures)
+    assert (status, "field_angle_deg is missing" in message) == (2, True)

@@ -66,12 +66,12 @@ def test_frames_of_a_video_are_imported_by_number(run: Run, files: Path, frame: 
         ("a,0\n1,1", "whole number"),
     ):
         (files / "states.csv").write_text(f"frame,current_A\n{rows}\n")
-        status, said = imported(run, files, "run.avi", "--force")
-        assert (status, said.count("\n"), expected in said) == (2, 1, True)
+        status, message = imported(run, files, "run.avi", "--force")
+        assert (status, message.count("\n"), expected in message) == (2, 1, True)
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     (files / "run.avi").write_bytes(b"no video")
-    status, said = imported(run, files, "run.avi", "--force")
-    assert (status, "run.avi: is not a video" in said) == (2, True)
+    status, message = imported(run, files, "run.avi", "--force")
+    assert (status, "run.avi: is not a video" in message) == (2, True)
 
 
 def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Draw) -> None:
@@ -91,8 +91,8 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
         ("time_s,frame,current_A\n0,0,0\n", "needs one of the columns frame and time_s"),
     ):
         (files / "states.csv").write_text(table)
-        status, said = imported(run, files, "run.avi", "--force")
-        assert (status, expected in said) == (2, True)
+        status, message = imported(run, files, "run.avi", "--force")
+        assert (status, expected in message) == (2, True)
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
@@ -120,11 +120,11 @@ def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files
         ("time_s,current_A\n0,0\n", "0", "--every"),
     ):
         (files / "states.csv").write_text(table)
-        status, said = imported(run, files, "run.avi", "--every", every, "--force")
-        assert (status, expected in said) == (2, True)
+        status, message = imported(run, files, "run.avi", "--every", every, "--force")
+        assert (status, expected in message) == (2, True)
     fill(files, {"f_0.png": frame(0)}, [0])
-    status, said = imported(run, files, "frames", "--every", "2", "--force")
-    assert (status, "--every 2: is for a video" in said) == (2, True)
+    status, message = imported(run, files, "frames", "--every", "2", "--force")
+    assert (status, "--every 2: is for a video" in message) == (2, True)
 
 
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
@@ -191,8 +191,8 @@ def test_a_fit_uses_doubtful_states_with_larger_uncertainties_and_leaves_out_unu
 def test_colours_for_grey_frames_are_refused(run: Run, files: Path, frame: Draw) -> None:
     fill(files, {"f_0.png": frame(0), "f_1.png": frame(1)}, [0, 1])
     cv2.imwrite(str(files / "flat.png"), np.dstack([frame(0), frame(1), frame(2) // 2]))
-    status, said = imported(run, files, "frames", "--flat", str(files / "flat.png"))
-    assert (status, "--flat: is 128 x 96 px of 8 bits in colour; the frames are 128 x 96 px" in said) == (2, True)
+    status, message = imported(run, files, "frames", "--flat", str(files / "flat.png"))
+    assert (status, "--flat: is 128 x 96 px of 8 bits in colour; the frames are 128 x 96 px" in message) == (2, True)
 
 
 def test_frames_of_a_state_are_averaged_on_request(run: Run, files: Path, frame: Draw) -> None:
@@ -219,9 +219,9 @@ def test_imported_frames_get_flags(run: Run, files: Path, frame: Draw) -> None:
 
 def test_progress_is_shown_for_many_frames(run: Run, files: Path, frame: Draw) -> None:
     fill(files, {f"f_{k}.png": frame(k) for k in range(50)}, [k // 25 for k in range(50)])
-    status, said = imported(run, files)
+    status, message = imported(run, files)
     assert status == 0
-    assert [line.split(":")[0] for line in said.splitlines()] == ["import 1/2", "import 2/2"]
+    assert [line.split(":")[0] for line in message.splitlines()] == ["import 1/2", "import 2/2"]
 
 
 def test_edges_are_stored_with_the_age_and_the_digest_of_the_calibration(run: Run, files: Path, frame: Draw) -> None:
@@ -247,11 +247,11 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, ((files / "out.h5").stat().st_size + (1 << 14) + 44600, hard))
     try:  # the overlay of one frame is smaller than the dataset, and the sheet with all overlays is larger
-        said = [run("segment", files / "out.h5", "--overlay", files / name, "--force") for name in ("there", "a/b")]
+        messages = [run("segment", files / "out.h5", "--overlay", files / name, "--force") for name in ("there", "a/b")]
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert [status for status, _ in said] == [1, 1]
-    for name, (_, message) in zip(("there", "a/b"), said, strict=True):
+    assert [status for status, _ in messages] == [1, 1]
+    for name, (_, message) in zip(("there", "a/b"), messages, strict=True):
         assert f"'{files / name}/" in message
         assert ".unfinished" not in message
     assert {file.name: file.read_bytes() for file in (files / "there").iterdir()} == before
@@ -333,8 +333,8 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
         (("--dark", files / "none.png"), "none.png: cannot be read"),
         (("--dark", files / "flat.png"), "--dark: has 200 counts (median) where the frames' back-light has "),
     ):
-        status, said = run("segment", out, *arguments)
-        assert (status, expected in said) == (2, True)
+        status, message = run("segment", out, *arguments)
+        assert (status, expected in message) == (2, True)
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
@@ -414,9 +414,9 @@ def test_a_tiff_of_floating_point_numbers_is_refused(tmp_path: Path) -> None:
 
 def test_an_image_of_one_pixel_is_refused(run: Run, files: Path) -> None:
     fill(files, {f"f_{k}.png": np.zeros((1, 1), np.uint8) for k in range(2)}, [0, 1])
-    status, said = imported(run, files)
-    assert (status, said.count("\n")) == (2, 1)
-    assert "f_0.png: is 1 x 1 px; clamp_midpoint_px = [64.0, 8.0] is outside this picture" in said
+    status, message = imported(run, files)
+    assert (status, message.count("\n")) == (2, 1)
+    assert "f_0.png: is 1 x 1 px; clamp_midpoint_px = [64.0, 8.0] is outside this picture" in message
 
 
 def two_beams(image: np.ndarray) -> np.ndarray:
@@ -453,5 +453,5 @@ def test_a_hostile_picture_gives_flags(run: Run, files: Path, frame: Draw, name:
                 assert len(edges.left.points_mm) == 0
             if name == "leaving":  # the beam is followed to the border and flagged
                 assert "TOUCHES_FRAME" in {flag.name for flag in edges.flags}
-    status, said = run("fit", files / "out.h5", "--model", "neo-hookean", "-o", files / "fit.json")
-    assert (status, said.splitlines()[-1].startswith("eimi: ")) == (2, True)
+    status, message = run("fit", files / "out.h5", "--model", "neo-hookean", "-o", files / "fit.json")
+    assert (status, message.splitlines()[-1].startswith("eimi: ")) == (2, True)

@@ -36,11 +36,11 @@ class RunEnd:
     """
 
     status: int
-    said: list[str]
+    lines: list[str]
 
     @property
     def acknowledged(self) -> int:
-        return sum(line.startswith("acquire ") for line in self.said)
+        return sum(line.startswith("acquire ") for line in self.lines)
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def test_a_run_to_its_end_on_a_serial_port(bench: Path) -> None:
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("korad", coil)) as port:
         ended = run(bench, "korad", port, 99, lambda process: None)
-    assert (ended.status, ended.acknowledged) == (0, 4), ended.said
+    assert (ended.status, ended.acknowledged) == (0, 4), ended.lines
     assert_off(coil)
     assert states(bench / "run.h5") == FOUR_STATES
 
@@ -131,7 +131,7 @@ def test_a_run_that_a_signal_ends_leaves_the_coil_off_and_every_acknowledged_sta
     # The second signal may arrive while the interpreter ends and the default handlers of the system are active again.
     assert ended.status in (128 + number, -number)
     stored = f"{ended.acknowledged} of" if ended.acknowledged < 4 else "all"
-    assert ended.said[-1].startswith(
+    assert ended.lines[-1].startswith(
         f"eimi: stopped by {number.name}: the coil is off, the measured current is below 0.02 A; {stored} 4 states are "
         "in run.h5"
     )
@@ -150,7 +150,7 @@ def test_a_run_whose_camera_has_no_more_images_ends_with_the_coil_off(bench: Pat
     assert states(bench / "run.h5") == FOUR_STATES[: ended.acknowledged]
     assert 1 <= ended.acknowledged < 4
     assert ended.status == 1
-    assert "cannot be read as an image" in ended.said[-1]
+    assert "cannot be read as an image" in ended.lines[-1]
 
 
 @pytest.mark.parametrize("after", [2, *(pytest.param(after, marks=pytest.mark.slow) for after in (1, 3, 4))])
@@ -161,11 +161,11 @@ def test_a_kill_loses_no_acknowledged_state(bench: Path, after: int) -> None:
     assert ended.status == -signal.SIGKILL
     assert_off(coil)
     how = "the coil was switched off, the measured current is below 0.02 A"
-    assert ended.said[-1] == f"eimi guardian: the run died; {address}: {how}"
-    found = states(bench / "run.h5")
-    assert len(found) >= ended.acknowledged >= after
-    assert found == FOUR_STATES[: len(found)]
+    assert ended.lines[-1] == f"eimi guardian: the run died; {address}: {how}"
+    stored = states(bench / "run.h5")
+    assert len(stored) >= ended.acknowledged >= after
+    assert stored == FOUR_STATES[: len(stored)]
     command = [sys.executable, "-m", "eimi_lab", "recover", "run.h5", "-o", "whole.h5"]
     done = subprocess.run(command, cwd=bench, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
-    assert done.stdout == f"whole.h5: {len(found)} states\n"
-    assert states(bench / "whole.h5") == found
+    assert done.stdout == f"whole.h5: {len(stored)} states\n"
+    assert states(bench / "whole.h5") == stored

@@ -23,12 +23,12 @@ FITTING_NEEDS = {"numpy", "scipy", "cma"}
 
 def modules() -> dict[str, Path]:
     """Return the file of every module of the three packages, by module name; a package has the name of its folder."""
-    found = {}
+    files = {}
     for package, folder in PACKAGES.items():
         for path in folder.rglob("*.py"):
             parts = (package, *path.relative_to(folder).with_suffix("").parts)
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+            files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return files
 
 
 MODULES = modules()

@@ -29,7 +29,7 @@ def sides() -> np.ndarray:
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
 
 
-def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
+def edges_through_lens(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
     """Return noisy edges that a lens shows of a beam with depth: at each point, the outer one of near and far face.
 
     sides: edges of the middle plane as in the fixture `sides`. stand_off_mm: distance of the lens; None for a
@@ -47,21 +47,21 @@ def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> Edge
 
 @pytest.mark.parametrize("stand_off_mm", [150.0, 300.0])
 def test_the_stand_off_of_an_ordinary_lens_is_measured(sides: np.ndarray, stand_off_mm: float) -> None:
-    depth = seen_depth(seen(sides, stand_off_mm, 0.003), CENTRE_MM, DEPTH_MM)
+    depth = seen_depth(edges_through_lens(sides, stand_off_mm, 0.003), CENTRE_MM, DEPTH_MM)
     assert depth is not None
     assert stand_off_mm < depth.stand_off_mm < 1.4 * stand_off_mm
 
 
 @pytest.mark.parametrize("noise_mm", [0.001, 0.003, 0.02])
 def test_a_telecentric_lens_is_not_mistaken_for_an_ordinary_one(sides: np.ndarray, noise_mm: float) -> None:
-    assert seen_depth(seen(sides, None, noise_mm), CENTRE_MM, DEPTH_MM) is None
+    assert seen_depth(edges_through_lens(sides, None, noise_mm), CENTRE_MM, DEPTH_MM) is None
 
 
 def test_a_beam_that_is_wider_at_its_tip_is_not_mistaken_for_a_lens(sides: np.ndarray) -> None:
     tapered = sides.copy()
     middle = tapered.mean(axis=1, keepdims=True)
     tapered = middle + (tapered - middle) * np.linspace(1.0, 1.1, tapered.shape[2])[:, None]
-    assert seen_depth(seen(tapered, None, 0.003), CENTRE_MM, DEPTH_MM) is None
+    assert seen_depth(edges_through_lens(tapered, None, 0.003), CENTRE_MM, DEPTH_MM) is None
 
 
 @pytest.mark.parametrize("stand_off_mm", [None, 200.0])
@@ -70,7 +70,7 @@ def test_a_solid_that_bows_across_its_depth_is_not_mistaken_for_a_lens(stand_off
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 7, 16)))
     view = View(CENTRE_MM, stand_off_mm) if stand_off_mm else None
     depth = seen_depth(
-        seen(points_on(outline(model, shapes, view)[0], 8)[:, :, 1:-1], None, 0.001), CENTRE_MM, DEPTH_MM
+        edges_through_lens(points_on(outline(model, shapes, view)[0], 8)[:, :, 1:-1], None, 0.001), CENTRE_MM, DEPTH_MM
     )
     if stand_off_mm is None:
         assert depth is None

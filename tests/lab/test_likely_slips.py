@@ -23,10 +23,10 @@ Run = Callable[..., tuple[int, str]]
 def test_exchanged_arguments_for_a_dataset_and_a_fit_are_named(dataset: Path, tmp_path: Path, run: Run) -> None:
     fits = tmp_path / "fits.json"
     fits.write_text('{"fits": []}')
-    status, told = run("report", fits, "--fit", dataset, "-o", tmp_path / "report.html")
+    status, message = run("report", fits, "--fit", dataset, "-o", tmp_path / "report.html")
     assert status == 2
-    assert f"{dataset}: is a dataset" in told or f"{fits}: is a JSON file, not a dataset" in told
-    assert "--fit" in told
+    assert f"{dataset}: is a dataset" in message or f"{fits}: is a JSON file, not a dataset" in message
+    assert "--fit" in message
     with pytest.raises(InputError, match=r"is a dataset \(HDF5\), but a text file is needed here"):
         load_specimen(dataset)
 
@@ -85,10 +85,10 @@ def test_ctrl_c_in_a_fit_prints_how_the_fit_can_be_continued(
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("eimi_lab.fits.fit_grid.fit_grid", interrupted)
-    status, told = run("fit", dataset, "--model", "neo-hookean", "-o", "fits.json", *options)
+    status, message = run("fit", dataset, "--model", "neo-hookean", "-o", "fits.json", *options)
     assert status == 130
-    assert "stopped by SIGINT: " in told
-    assert ("--resume continues the fit" if options else "a fit with --checkpoint FILE can be continued") in told
+    assert "stopped by SIGINT: " in message
+    assert ("--resume continues the fit" if options else "a fit with --checkpoint FILE can be continued") in message
 
 
 def test_the_output_of_a_dry_run_fits_on_a_screen_and_ends_with_the_duration(files: Path) -> None:

@@ -53,11 +53,11 @@ def test_measured_fields_and_temperatures_of_imported_points_reach_the_fit(
         "1,b,9,0,9,0.8,0.01\n"
     )
     (files / "loads.csv").write_text("state,field_mT,field_sigma_mT,temperature_degC\n0,1.0,0.01,22.5\n1,4.0,0.02,\n")
-    status, said = run(
+    status, message = run(
         *("import", files / "points.csv", "--states", files / "loads.csv", "--specimen", files / "specimen.toml"),
         *("--gravity-angle", 0, "-o", files / "points.h5"),
     )
-    assert status == 0, said
+    assert status == 0, message
     with open_dataset(files / "points.h5") as dataset:
         assert [state.field_sigma_mT for state in dataset.states] == [0.01, 0.02]
         assert [state.temperature_degC for state in dataset.states] == [22.5, None]
@@ -79,10 +79,10 @@ def test_a_wrong_measured_value_is_refused_in_one_line(
 ) -> None:
     (files / "points.csv").write_text("state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm\n0,a,5,0,5,0.1,0.01\n")
     (files / "loads.csv").write_text(row + "\n")
-    status, said = run(
+    status, message = run(
         *("import", files / "points.csv", "--states", files / "loads.csv", "--specimen", files / "specimen.toml"),
         *("--gravity-angle", 0, "-o", files / "points.h5"),
     )
     assert status == 2
-    assert words in said
-    assert said.count("\n") == 1
+    assert words in message
+    assert message.count("\n") == 1

@@ -56,10 +56,10 @@ def ring_down(files: Path) -> Motion:
 
 
 def test_an_imported_ring_down_begins_at_the_release_of_the_beam(run: Run, files: Path) -> None:
-    code, said = imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--hanging", "0.5")
-    assert code == 0, said
+    code, message = imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--hanging", "0.5")
+    assert code == 0, message
     motion = ring_down(files)
-    assert "the release is assumed at 0.2" in said
+    assert "the release is assumed at 0.2" in message
     assert len(motion.time_s) == 100
     np.testing.assert_allclose(motion.time_s[:, 0], np.arange(len(motion.time_s)) / RATE_HZ, atol=1e-9)
     np.testing.assert_allclose(motion.points_mm, swing()[-len(motion.time_s) :], atol=1e-5)
@@ -73,9 +73,9 @@ def test_an_imported_ring_down_begins_at_the_release_of_the_beam(run: Run, files
 
 def test_a_release_and_a_rate_on_the_command_line_replace_the_times_of_the_table(run: Run, files: Path) -> None:
     table = write_table(files / "flick.csv", swing(), clock="frame")
-    code, said = imported(run, files, table, "--creep", "--rate", "50", "--released", "0.5", "--removed", "0.2")
-    assert code == 0, said
-    assert "is assumed at" not in said
+    code, message = imported(run, files, table, "--creep", "--rate", "50", "--released", "0.5", "--removed", "0.2")
+    assert code == 0, message
+    assert "is assumed at" not in message
     with open_dataset(files / "out.h5") as dataset:
         assert not dataset.ring_downs()
         (motion,) = dataset.creeps()
@@ -136,9 +136,11 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
         "--sigma",
         "0.02",
     )
-    code, said = imported(run, files, files / "capture.c3d", "--ring-down", *placing, "--states", files / "states.csv")
-    assert code == 0, said
-    assert "1 of 3 points were left out" in said
+    code, message = imported(
+        run, files, files / "capture.c3d", "--ring-down", *placing, "--states", files / "states.csv"
+    )
+    assert code == 0, message
+    assert "1 of 3 points were left out" in message
     motion = ring_down(files)
     np.testing.assert_allclose(np.diff(motion.time_s[:, 0]), 1 / RATE_HZ, rtol=1e-4)
     # In frame 1 the beam is held straight.
@@ -168,17 +170,17 @@ def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: P
 def test_a_mistake_in_an_imported_motion_is_refused_in_one_line(
     run: Run, files: Path, options: tuple[str, ...], message: str
 ) -> None:
-    code, said = imported(run, files, write_table(files / "flick.csv", swing()), *options)
+    code, printed = imported(run, files, write_table(files / "flick.csv", swing()), *options)
     assert code == 2
-    assert message in said
+    assert message in printed
     assert not (files / "out.h5").exists()
 
 
 def test_a_recovered_dataset_contains_its_motion(run: Run, files: Path) -> None:
     imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down")
     before = ring_down(files)
-    code, said = run("recover", files / "out.h5", "-o", files / "whole.h5")
-    assert code == 0, said
+    code, message = run("recover", files / "out.h5", "-o", files / "whole.h5")
+    assert code == 0, message
     with open_dataset(files / "whole.h5") as dataset:
         (after,) = dataset.ring_downs()
     np.testing.assert_array_equal(after.points_mm, before.points_mm)
@@ -189,8 +191,8 @@ def test_lost_frames_are_counted_and_flagged_in_the_file(run: Run, files: Path) 
     table = write_table(files / "flick.csv", places)
     lines = table.read_text().splitlines()
     table.write_text("\n".join(line for line in lines if not line.startswith(("0.5000,", "0.5100,"))))
-    code, said = imported(run, files, table, "--ring-down")
-    assert code == 0, said
+    code, message = imported(run, files, table, "--ring-down")
+    assert code == 0, message
     assert ring_down(files).lost_frames == 2
     with h5py.File(files / "out.h5") as stored:
         motion = stored["entry/ring_down_points/0"]
@@ -201,9 +203,11 @@ def test_each_of_several_flicks_is_a_ring_down(run: Run, files: Path) -> None:
     first = swing(240)
     second = 0.6 * (first - REST_MM) + REST_MM
     second[..., 1] -= 0.4 * 2.0 * cantilever_modes(REST_MM[:, 0] / 10.0)[:, 0]
-    code, said = imported(run, files, write_table(files / "flick.csv", np.concatenate([first, second])), "--ring-down")
-    assert code == 0, said
-    assert "2 ring-downs of at least 6 periods were found" in said
+    code, message = imported(
+        run, files, write_table(files / "flick.csv", np.concatenate([first, second])), "--ring-down"
+    )
+    assert code == 0, message
+    assert "2 ring-downs of at least 6 periods were found" in message
     with open_dataset(files / "out.h5") as dataset:
         motions = dataset.ring_downs()
     assert [motion.label.rpartition(": ")[2] for motion in motions] == ["flick 1", "flick 2"]

@@ -54,8 +54,8 @@ def damped(time: Array, place: Array, frequency_Hz: float) -> Array:
 
 def test_the_frequency_and_the_decay_of_a_flick_are_those_of_the_strip(run: Run, bench: Path) -> None:
     film = Flick(seconds=0.8)
-    code, said = imported(run, bench, film, "--released", "0")
-    assert code == 0, said
+    code, message = imported(run, bench, film, "--released", "0")
+    assert code == 0, message
     motion = ring_down(bench)
     assert motion.points_mm.shape[0] == len(film.times_s)
     assert motion.seen.all()
@@ -92,8 +92,8 @@ def test_the_frame_rate_of_slow_motion_comes_from_the_user(run: Run, bench: Path
 
 def test_a_video_gives_states_and_a_motion_to_one_dataset(run: Run, bench: Path) -> None:
     (bench / "states.csv").write_text("frame,field_mT\n35,0\n")
-    code, said = imported(run, bench, Flick(seconds=0.3), "--states", bench / "states.csv", "--released", "0")
-    assert code == 0, said
+    code, message = imported(run, bench, Flick(seconds=0.3), "--states", bench / "states.csv", "--released", "0")
+    assert code == 0, message
     with open_dataset(bench / "flick.h5") as dataset:
         assert len(dataset.states) == 1
         assert dataset.kind == "frames"
@@ -101,13 +101,13 @@ def test_a_video_gives_states_and_a_motion_to_one_dataset(run: Run, bench: Path)
 
 
 def test_the_format_of_a_tracking_program_is_refused_for_a_video(run: Run, bench: Path) -> None:
-    code, said = imported(run, bench, Flick(seconds=0.1), "--format", "deeplabcut")
+    code, message = imported(run, bench, Flick(seconds=0.1), "--format", "deeplabcut")
     assert code == 2
-    assert "--format: is for the file of a tracking program, not for a video" in said
+    assert "--format: is for the file of a tracking program, not for a video" in message
 
 
 def test_a_video_without_a_beam_is_refused(run: Run, bench: Path) -> None:
     (bench / "level.toml").write_text(to_toml(LEVEL.model_copy(update={"clamp_midpoint_px": (500.0, 20.0)})))
-    code, said = imported(run, bench, Flick(seconds=0.1))
+    code, message = imported(run, bench, Flick(seconds=0.1))
     assert code == 2
-    assert "no beam was found in the first 12 frames" in said
+    assert "no beam was found in the first 12 frames" in message

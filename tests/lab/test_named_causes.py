@@ -54,18 +54,20 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 def bent() -> Experiment:
     """Return an experiment with the points that `places` returns."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
-    seen = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
-    return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), seen)
+    observed = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
+    return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), observed)
 
 
-def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam") -> tuple[int, str]:
+def fit(
+    folder: Path, run, *, points=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam"
+) -> tuple[int, str]:
     """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
 
-    seen: the points, shape (3, 6, 2), by default those that `places` returns.
+    points: the points, shape (3, 6, 2), by default those that `places` returns.
     """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
-        for k, state in enumerate(places() if seen is None else seen)
+        for k, state in enumerate(places() if points is None else points)
         for i, (x, y) in enumerate(state)
     ]
     (folder / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
@@ -73,16 +75,16 @@ def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=M
     (folder / "states.csv").write_text("\n".join(["state,field_mT", *states]) + "\n")
     (folder / "beam.toml").write_text(BEAM + magnet)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "beam.toml", "--gravity-angle", gravity)
-    status, told = run("import", folder / "points.csv", *tables, "-o", folder / f"{name}.h5", "--force")
-    assert status == 0, told
-    status, told = run("fit", folder / f"{name}.h5", "--model", "neo-hookean", "-o", folder / "fits.json", "--force")
-    return status, told.splitlines()[-1]
+    status, message = run("import", folder / "points.csv", *tables, "-o", folder / f"{name}.h5", "--force")
+    assert status == 0, message
+    status, message = run("fit", folder / f"{name}.h5", "--model", "neo-hookean", "-o", folder / "fits.json", "--force")
+    return status, message.splitlines()[-1]
 
 
 def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
     assert fit(tmp_path, run)[0] == 0
-    (found,) = read_fits_file(tmp_path / "fits.json").fits
-    assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
+    (fit_record,) = read_fits_file(tmp_path / "fits.json").fits
+    assert fit_record.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +112,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
     """Gravity in the wrong direction is named also for a hanging beam, whose bending it changes by only a tenth."""
-    status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
+    status, line = fit(tmp_path, run, points=places(0.0), gravity="180")
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits
         line = " ".join(record.doubts_in_words())
@@ -125,7 +127,7 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
 
 
 @pytest.mark.parametrize(
-    ("key", "stated", "told"),
+    ("key", "stated", "expected"),
     [
         ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as stated: 2"),
         ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as stated"),
@@ -136,16 +138,16 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
         ),
     ],
 )
-def test_a_wrong_width_of_the_beam_is_named(pictures: Path, run, key: str, stated: str, told: str) -> None:
+def test_a_wrong_width_of_the_beam_is_named(pictures: Path, run, key: str, stated: str, expected: str) -> None:
     text = (pictures / "specimen.toml").read_text()
     assert key in text
     (pictures / "specimen.toml").write_text(text.replace(key, stated))
     tables = ("--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml")
     given = (pictures / "frames", *tables, "--calibration", pictures / "calibration.toml", "-o", pictures / "d.h5")
     assert run("import", *given)[0] == 0
-    status, said = run("fit", pictures / "d.h5", "--model", "neo-hookean", "-o", pictures / "fits.json")
+    status, message = run("fit", pictures / "d.h5", "--model", "neo-hookean", "-o", pictures / "fits.json")
     assert status == 2
-    assert told in said.splitlines()[-1]
+    assert expected in message.splitlines()[-1]
 
 
 def test_currents_in_milliamperes_instead_of_amperes_are_named() -> None:
@@ -155,13 +157,13 @@ def test_currents_in_milliamperes_instead_of_amperes_are_named() -> None:
 
 
 def test_one_state_is_enough_if_it_determines_the_modulus(tmp_path: Path, run) -> None:
-    assert fit(tmp_path, run, seen=places()[2:], fields=FIELD_MT[2:])[0] == 0
+    assert fit(tmp_path, run, points=places()[2:], fields=FIELD_MT[2:])[0] == 0
     (record,) = read_fits_file(tmp_path / "fits.json").fits
     assert record.initial_shear_modulus.value == pytest.approx(46e3, rel=0.03)
     assert record.held_out_error_mm is None
     # Gravity along a beam of this stiffness stretches it by less than the uncertainty of the points.
     rng = np.random.default_rng(0)
     hanging = REST[None] + rng.normal(0, 0.005, (1, *REST.shape))
-    status, line = fit(tmp_path, run, seen=hanging, fields=(0.0,), gravity="0", name="hanging")
+    status, line = fit(tmp_path, run, points=hanging, fields=(0.0,), gravity="0", name="hanging")
     assert status == 2
     assert "hanging.h5: a single state does not determine the initial shear modulus" in line

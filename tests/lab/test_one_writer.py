@@ -96,9 +96,9 @@ def test_a_file_in_use_cannot_be_replaced_recovered_or_segmented(
             ("acquire", files / "protocol.toml", *rig, "-o", path, "--force"),
             ("acquire", files / "protocol.toml", *rig, "-o", path, "--resume"),
         ):
-            status, said = run(*arguments)
-            assert (status, said.count("\n")) == (2, 1), said
-            assert f"{path}: is being written to by process {process.pid} on " in said
+            status, message = run(*arguments)
+            assert (status, message.count("\n")) == (2, 1), message
+            assert f"{path}: is being written to by process {process.pid} on " in message
         assert store(process) == 3
         assert run("recover", path, "-o", files / "so_far.h5")[0] == 0  # reading a file in use is allowed
     assert_whole(path, 4)
@@ -192,8 +192,8 @@ def test_a_run_whose_file_is_deleted_continues_in_a_new_file(
         writer.append_state([Frame(image(2), 2, 0.0)], current_A=0.2, field_mT=0.0)
         beside = files / "run-continued.h5"
         assert writer.path == beside
-        said = capsys.readouterr().err
-        assert said == (
+        message = capsys.readouterr().err
+        assert message == (
             f"eimi: warning: {path} {fate} during the run; its 3 states and all following states are in {beside}\n"
         )
         with open_dataset(beside) as dataset:  # stored before the next state is written

@@ -16,26 +16,26 @@ def shoelace(polygon):
 
 
 def test_coverage_of_a_rectangle_is_exact_in_every_pixel():
-    got = coverage([[0.25, 0.5], [2.5, 0.5], [2.5, 1.75], [0.25, 1.75]], (5, 4))
+    covered = coverage([[0.25, 0.5], [2.5, 0.5], [2.5, 1.75], [0.25, 1.75]], (5, 4))
     across = np.array(
         [0.25, 1.0, 1.0, 0.0, 0.0]
     )  # the interval 0.25 to 2.5 over the pixels -0.5 to 0.5, 0.5 to 1.5 and 1.5 to 2.5
     down = np.array([0.0, 1.0, 0.25, 0.0])
-    np.testing.assert_allclose(got, np.outer(down, across), atol=1e-12)
+    np.testing.assert_allclose(covered, np.outer(down, across), atol=1e-12)
 
 
 def test_a_pixel_that_is_cut_along_its_diagonal_is_half_covered():
-    got = coverage([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]], (2, 2))
-    np.testing.assert_allclose(got, [[0.5, 0.0], [0.0, 0.0]], atol=1e-12)
+    covered = coverage([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]], (2, 2))
+    np.testing.assert_allclose(covered, [[0.5, 0.0], [0.0, 0.0]], atol=1e-12)
 
 
 @given(st.lists(st.tuples(place, place), min_size=3, max_size=3), st.booleans())
 def test_the_area_of_any_triangle_inside_the_frame_is_exact(corners, turned):
     triangle = np.clip(np.array(corners), -0.5, 39.5)
-    got = coverage(triangle[::-1] if turned else triangle, (40, 40))
-    assert got.sum() == pytest.approx(shoelace(triangle), abs=1e-8)
-    assert got.min() >= 0.0
-    assert got.max() <= 1.0
+    covered = coverage(triangle[::-1] if turned else triangle, (40, 40))
+    assert covered.sum() == pytest.approx(shoelace(triangle), abs=1e-8)
+    assert covered.min() >= 0.0
+    assert covered.max() <= 1.0
 
 
 @given(st.floats(0.0, 2 * np.pi), st.floats(-12.0, 12.0))

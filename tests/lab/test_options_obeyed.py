@@ -87,11 +87,11 @@ def test_a_checkpoint_is_not_continued_with_other_data(tmp_path: Path, change: d
 
 
 def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
-    asked = options(free=["roll=0.2", "bulk"], tensile_window="20", tensile_weight=0.5, restarts=2, bipop=True)
-    found = asked.for_identify()
-    assert (found["restarts"], found["bipop"], found["free_bulk"]) == (2, True, True)
-    assert [(prior.kind, prior.spread) for prior in found["free"]] == [("roll", 0.2)]
-    (own,) = found["tensile"]
+    chosen = options(free=["roll=0.2", "bulk"], tensile_window="20", tensile_weight=0.5, restarts=2, bipop=True)
+    passed = chosen.for_identify()
+    assert (passed["restarts"], passed["bipop"], passed["free_bulk"]) == (2, True, True)
+    assert [(prior.kind, prior.spread) for prior in passed["free"]] == [("roll", 0.2)]
+    (own,) = passed["tensile"]
     assert (own.weight, own.strain.max()) == (0.5, pytest.approx(0.2))
     assert FitOptions().for_identify() == {
         "free": (),
@@ -124,9 +124,9 @@ def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tu
 
         with monkeypatch.context() as patch:
             patch.setattr(f"eimi_lab.{function}", stop)
-            status, said = run(*arguments)
+            status, message = run(*arguments)
         assert status == 2
-        assert calls, said
+        assert calls, message
         return calls[0].given, calls[0].named
 
     return reached
@@ -142,8 +142,8 @@ def test_fit_and_validate_obey_include_flagged_and_section(
     for command, load in ((fit, "fits.evidence.load_evidence"), (validate, "face.using.load_evidence")):
         _, plain = reached(load, *command)
         assert (plain["section"], plain["flagged"]) == (None, False)
-        _, asked = reached(load, *command, "--include-flagged", "--section", "plane-strain")
-        assert (asked["section"], asked["flagged"]) == ("plane-strain", True)
+        _, chosen = reached(load, *command, "--include-flagged", "--section", "plane-strain")
+        assert (chosen["section"], chosen["flagged"]) == ("plane-strain", True)
 
 
 def test_simulate_obeys_its_angles_and_uses_the_default_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
@@ -237,10 +237,10 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
         place = arguments.index("--checkpoint" if "--checkpoint" in arguments else "-o") + 1
         (tmp_path / "link").symlink_to(arguments[place])
         arguments[place] = "link"
-    status, said = run(*arguments, "--force")
+    status, message = run(*arguments, "--force")
     assert status == 2
-    assert said.count("\n") == 1
-    assert "the same command uses it as another file" in said
+    assert message.count("\n") == 1
+    assert "the same command uses it as another file" in message
     for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png"):
         assert (tmp_path / name).read_text() == f"what {name} holds"
 
@@ -251,8 +251,8 @@ def test_states_that_their_run_has_flagged_are_left_out_unless_an_option_include
     The second state was flagged by its run, and gets the good edges of the first state in this test.
     """
     load_evidence(dataset, flagged=True)  # detects and stores the edges
-    with open_dataset(dataset) as found:
-        first = (found.edges() or ())[0]
+    with open_dataset(dataset) as opened:
+        first = (opened.edges() or ())[0]
     write_edges(dataset, [dataclasses.replace(first, flags=())] * 2)
     used = load_evidence(dataset, flagged=True).used
     assert (used.total, used.left_out) == (2, ())

@@ -114,8 +114,8 @@ def test_a_whole_run_works_with_announced_drivers(outside: Path, files: Path, ri
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
         arguments = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig", rig(port), "-o", "run.h5")
-        told = eimi(files, *arguments, outside=outside)
-    assert (told.returncode, "Traceback" in told.stderr) == (0, False), told.stderr
+        done = eimi(files, *arguments, outside=outside)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
     assert not coil.state.output
     with open_dataset(files / "run.h5") as dataset:
         assert [state.current_A for state in dataset.states] == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=0.005)
@@ -175,9 +175,9 @@ def test_each_missing_member_of_a_supply_is_one_line_and_status_2(
     announce(outside)
     spoil(outside, "Mine", member)
     arguments = ["acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", rig("/dev/none")]
-    status, told = run(*arguments, *(["--dry-run"] if dry else ["-o", files / "run.h5"]))
-    assert (status, told.count("\n")) == (2, 1)
-    assert f"the supply driver 'mine' (mine_lab.Mine) cannot be used: {member} is missing" in told
+    status, message = run(*arguments, *(["--dry-run"] if dry else ["-o", files / "run.h5"]))
+    assert (status, message.count("\n")) == (2, 1)
+    assert f"the supply driver 'mine' (mine_lab.Mine) cannot be used: {member} is missing" in message
     assert not (files / "run.h5").exists()
 
 
@@ -190,9 +190,9 @@ def test_each_missing_member_of_a_camera_is_one_line_and_status_2(
     arguments = ["acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "-o", files / "run.h5"]
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:
-        status, told = run(*arguments, "--rig", rig(port))
-    assert (status, told.count("\n")) == (2, 1)
-    assert f"the camera driver 'eye' (mine_lab.Eye) cannot be used: {member} is missing" in told
+        status, message = run(*arguments, "--rig", rig(port))
+    assert (status, message.count("\n")) == (2, 1)
+    assert f"the camera driver 'eye' (mine_lab.Eye) cannot be used: {member} is missing" in message
     assert not (files / "run.h5").exists()
 
 
@@ -209,12 +209,12 @@ def test_an_error_of_a_drivers_own_kind_ends_the_run_in_one_line_with_the_coil_o
     try:
         with serve_pty(emulate("scpi", coil)) as port:
             arguments = ["acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", rig(port)]
-            status, told = run(*arguments, "-o", files / "run.h5")
+            status, message = run(*arguments, "-o", files / "run.h5")
     finally:
         del SUPPLIES["mine"], CAMERAS["eye"]
-    assert (status, "Traceback" in told) == (1, False), told
+    assert (status, "Traceback" in message) == (1, False), message
     error = f"mine supply {port}: its driver raised VendorError: code 7 in {member}"
-    assert error in [line for line in told.splitlines() if line.startswith("eimi: ")][-1]
+    assert error in [line for line in message.splitlines() if line.startswith("eimi: ")][-1]
     assert not coil.state.output
     assert coil.state.set_current_A == 0.0
 
@@ -248,7 +248,7 @@ def spoil(outside: Path, driver: str, member: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         (
             {"measure": lambda self, channel: None},
@@ -264,10 +264,10 @@ def spoil(outside: Path, driver: str, member: str) -> None:
         ({"__init__": lambda self, *anything: None}, r"limits is missing \(needed: an attribute of type Limits\)"),
     ],
 )
-def test_a_wrong_signature_is_named(lab: Any, change: dict[str, object], told: str) -> None:
+def test_a_wrong_signature_is_named(lab: Any, change: dict[str, object], expected: str) -> None:
     SUPPLIES["mine"] = type("Mine", (lab.Mine,), change)
     try:
-        with pytest.raises(UnusableDriver, match=told) as caught:
+        with pytest.raises(UnusableDriver, match=expected) as caught:
             open_supply("mine", "/dev/none", LIMITS)
     finally:
         del SUPPLIES["mine"]
@@ -338,10 +338,10 @@ def test_a_rig_may_name_an_added_driver_and_a_wrong_name_gives_a_suggestion(
         ({"supply": "mime"}, "supply.driver = 'mime' is not a driver"),
         ({"camera": "eyes"}, "camera.driver = 'eyes' is not a driver"),
     ):
-        status, said = run(*arguments, rig("here", **names))
-        assert (status, said.count("\n")) == (2, 1)
-        assert told in said
-        assert re.search(r"did you mean '(mine|eye)'\?$", said)
+        status, message = run(*arguments, rig("here", **names))
+        assert (status, message.count("\n")) == (2, 1)
+        assert told in message
+        assert re.search(r"did you mean '(mine|eye)'\?$", message)
 
 
 @pytest.mark.usefixtures("added")

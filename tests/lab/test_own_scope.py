@@ -14,7 +14,7 @@ from eimi_lab.process import scope
 
 
 @pytest.fixture
-def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def busctl_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The path of a file with the arguments of the last call of the program busctl, which the test replaces."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
@@ -26,9 +26,9 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "asked"
 
 
-def test_systemd_is_asked_for_a_scope_with_this_process(asked: Path) -> None:
+def test_systemd_is_asked_for_a_scope_with_this_process(busctl_arguments: Path) -> None:
     assert scope.move_to_own_scope("eimi-guardian", "switches off")
-    words = asked.read_text().splitlines()
+    words = busctl_arguments.read_text().splitlines()
     assert words[:2] == ["--user", "call"]
     start = words.index("StartTransientUnit")
     process = str(os.getpid())
@@ -36,12 +36,12 @@ def test_systemd_is_asked_for_a_scope_with_this_process(asked: Path) -> None:
     assert words[start + 4 :] == ["2", "Description", "s", "switches off", "PIDs", "au", "1", process, "0"]
 
 
-def test_a_systemd_that_refuses_is_no_fault(asked: Path) -> None:
-    asked.with_name("status").write_text("1")
+def test_a_systemd_that_refuses_is_no_fault(busctl_arguments: Path) -> None:
+    busctl_arguments.with_name("status").write_text("1")
     assert not scope.move_to_own_scope("eimi-guardian", "switches off")
 
 
-def test_a_process_that_outlives_the_session_stays_where_it_is(asked: Path) -> None:
-    asked.with_name("group").write_text("0::/user.slice/user-1000.slice/session-3.scope\n")
+def test_a_process_that_outlives_the_session_stays_where_it_is(busctl_arguments: Path) -> None:
+    busctl_arguments.with_name("group").write_text("0::/user.slice/user-1000.slice/session-3.scope\n")
     assert not scope.move_to_own_scope("eimi-guardian", "switches off")
-    assert not asked.exists()
+    assert not busctl_arguments.exists()

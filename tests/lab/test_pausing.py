@@ -55,8 +55,8 @@ def test_a_paused_run_switches_off_and_returns_through_the_same_currents(setup: 
     take = setup.coil.set_current
     setup.coil.set_current = lambda current_A: history.append(current_A) or take(current_A)
     remarks: list[str] = []
-    said = setup.run(typed=typist(setup, 600), remark=remarks.append)
-    assert [line.split(",")[0] for line in said] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
+    messages = setup.run(typed=typist(setup, 600), remark=remarks.append)
+    assert [line.split(",")[0] for line in messages] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
     assert remarks[0] == "the run pauses when the present state is stored"
@@ -143,10 +143,10 @@ def test_a_rerun_on_an_unfinished_file_proposes_to_resume_it(setup: Any, run: An
     unfinished(setup)
     folder = setup.path.parent
     command = ("acquire", folder / "protocol.toml", "--specimen", folder / "specimen.toml", "--rig", "virtual", "-o")
-    status, said = run(*command, setup.path)
-    assert (status, said.count("\n")) == (2, 1)
-    assert "run.h5: holds 2 of the 4 states of a run that ended early; --resume continues this run" in said
-    assert "--force" not in said
+    status, message = run(*command, setup.path)
+    assert (status, message.count("\n")) == (2, 1)
+    assert "run.h5: holds 2 of the 4 states of a run that ended early; --resume continues this run" in message
+    assert "--force" not in message
     (folder / "other.h5").write_text("something else")
     assert "other.h5: exists already" in run(*command, folder / "other.h5")[1]
 
@@ -205,9 +205,9 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
         )
         os.close(terminal)
         assert process.stderr is not None
-        said, off = [], []
+        messages, off = [], []
         for line in process.stderr:
-            said.append(line.rstrip())
+            messages.append(line.rstrip())
             if line.startswith("acquire 1/"):
                 os.write(keys, b"p\n")
             if line.startswith("eimi: paused before state "):
@@ -215,11 +215,11 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
                 off.append(not coil.state.output and coil.state.set_current_A == 0.0)
                 os.write(keys, b"\n")
         process.stderr.close()
-        assert process.wait(PATIENCE_S) == 0, said
+        assert process.wait(PATIENCE_S) == 0, messages
     os.close(keys)
     assert off == [True]
-    assert "eimi: press p and Enter to pause the run with the coil off; press Ctrl-C to end the run" in said[:2]
-    assert "eimi: the run continues; it first passes through the previous states" in said
+    assert "eimi: press p and Enter to pause the run with the coil off; press Ctrl-C to end the run" in messages[:2]
+    assert "eimi: the run continues; it first passes through the previous states" in messages
     assert not coil.state.output
     with open_dataset(bench / "run.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2, 0.3]

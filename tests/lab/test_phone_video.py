@@ -111,20 +111,20 @@ def test_a_video_without_a_calibration_asks_for_points_on_the_beam(run: Run, tmp
     (tmp_path / "strip.toml").write_text(to_toml(STRIP))
     film = Flick(seconds=1.2, frequency_Hz=8.0, decay_per_s=3.0)
     source = film.write(tmp_path / "flick.avi")
-    asked = ("import", source, "--ring-down", "--specimen", tmp_path / "strip.toml", "-o", tmp_path / "flick.h5")
-    code, said = run(*asked)
+    arguments = ("import", source, "--ring-down", "--specimen", tmp_path / "strip.toml", "-o", tmp_path / "flick.h5")
+    code, message = run(*arguments)
     assert code == 2
-    assert "flick_where.png shows the beam at rest with rulers in px" in said
+    assert "flick_where.png shows the beam at rest with rulers in px" in message
     assert (tmp_path / "flick_where.png").is_file()
-    code, said = run(*asked, "--along", "61,151 260,158 458,171", "--released", "0")
-    assert code == 0, said
+    code, message = run(*arguments, "--along", "61,151 260,158 458,171", "--released", "0")
+    assert code == 0, message
     with open_dataset(tmp_path / "flick.h5") as dataset:
         (motion,) = dataset.ring_downs()
         assert dataset.calibration is not None
         assert dataset.calibration.axis_angle_deg == pytest.approx(0.0, abs=0.5)
     assert motion.seen.mean() > 0.95
-    code, said = run(*asked, "--along", "61,20 260,20 458,20", "--force")
-    assert (code, "read the pixels of three points on its centre line" in said) == (2, True), said
+    code, message = run(*arguments, "--along", "61,20 260,20 458,20", "--force")
+    assert (code, "read the pixels of three points on its centre line" in message) == (2, True), message
 
 
 @pytest.mark.slow

@@ -55,8 +55,8 @@ def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files:
     """
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
-    said = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
-    assert imported(run, files, scene((40, 30, 200), (200, 200, 200)), *said)[0] == 0
+    options = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
+    assert imported(run, files, scene((40, 30, 200), (200, 200, 200)), *options)[0] == 0
     kept = stored(files)
     assert (kept.clamp_midpoint_px, kept.axis_angle_deg, kept.pixels_per_mm) == ((63.5, 8.0), 91.0, 8.0)
     assert kept.picture is not None
@@ -66,7 +66,7 @@ def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files:
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("option", "value", "expected"),
     [
         ("--clamp", "60", "--clamp 60: should be 2 numbers, separated by commas"),
         ("--region", "1,2,3,x", "--region 1,2,3,x: should be 4 whole numbers"),
@@ -84,10 +84,10 @@ def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files:
     ],
 )
 def test_a_wrong_value_about_the_pictures_is_refused_in_one_line(
-    run: Run, files: Path, option: str, value: str, told: str
+    run: Run, files: Path, option: str, value: str, expected: str
 ) -> None:
-    status, said = imported(run, files, scene((40, 30, 200), (200, 200, 200)), option, value)
-    assert (status, said.count("\n"), told in said) == (2, 1, True), said
+    status, message = imported(run, files, scene((40, 30, 200), (200, 200, 200)), option, value)
+    assert (status, message.count("\n"), expected in message) == (2, 1, True), message
     assert not (files / "out.h5").exists()
 
 
@@ -96,15 +96,15 @@ def test_the_error_about_a_missing_value_names_a_picture_in_which_to_read_it(run
     lines = [line for line in text.splitlines() if not line.startswith(("clamp_midpoint_px", "axis_angle_deg"))]
     (files / "calibration.toml").write_text("\n".join(lines) + "\n")
     image = scene((40, 30, 200), (200, 200, 200))
-    status, said = imported(run, files, image)
-    assert (status, said.count("\n")) == (2, 1)
-    assert "clamp_midpoint_px and axis_angle_deg are missing" in said
-    assert "give --clamp X,Y and --axis DEG" in said
-    assert f"{files / 'out_where.png'} shows frame.png with rulers in px" in said
-    asked = cv2.imread(str(files / "out_where.png"))
-    seen = asked[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture is visible under thin lines
-    assert np.median(np.abs(seen - image)) == 0
-    assert (asked[:40] < 128).any()  # the numbers are above the picture
+    status, message = imported(run, files, image)
+    assert (status, message.count("\n")) == (2, 1)
+    assert "clamp_midpoint_px and axis_angle_deg are missing" in message
+    assert "give --clamp X,Y and --axis DEG" in message
+    assert f"{files / 'out_where.png'} shows frame.png with rulers in px" in message
+    sheet = cv2.imread(str(files / "out_where.png"))
+    shown = sheet[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture is visible under thin lines
+    assert np.median(np.abs(shown - image)) == 0
+    assert (sheet[:40] < 128).any()  # the numbers are above the picture
     assert imported(run, files, image, "--clamp", "64,8")[0] == 2
     assert imported(run, files, image, "--clamp", "64,8", "--axis", "90") == (0, "")
 
@@ -116,18 +116,18 @@ def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: R
     """
     assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
     assert run("segment", files / "out.h5")[0] == 0
-    found = edge_points(files)
+    points = edge_points(files)
     with open_dataset(files / "out.h5") as dataset:
         projection = dataset.projection()
-    assert found > 30
+    assert points > 30
     assert projection is not None
     assert abs(projection.weights[2]) < 0.3
     assert run("segment", files / "out.h5", "--channel", "red")[0] == 0
     with open_dataset(files / "out.h5") as dataset:
         assert (dataset.projection() or projection).name == "red"
-    assert edge_points(files) < found
+    assert edge_points(files) < points
     assert run("segment", files / "out.h5", "--beam-colour", "204,50,50")[0] == 0
-    assert edge_points(files) == pytest.approx(found, rel=0.1)
+    assert edge_points(files) == pytest.approx(points, rel=0.1)
     assert stored(files).picture is not None
 
 
@@ -142,8 +142,8 @@ def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> Non
         scene((72, 95, 96), (48, 90, 44)).astype(np.float32),
     ]
     chosen = choose_projection(images, calibration, 2.0, 10.0)
-    seen = [chosen.apply(image) for image in images]
-    steps = [abs(float(np.median(image[20:80, 58:70]) - np.median(image[20:80, 20:50]))) for image in seen]
+    shown = [chosen.apply(image) for image in images]
+    steps = [abs(float(np.median(image[20:80, 58:70]) - np.median(image[20:80, 20:50]))) for image in shown]
     assert min(steps) > 20
     assert Projection.from_json(chosen.to_json()) == chosen
     full = np.full((4, 4, 3), 255, np.uint8)
@@ -176,7 +176,7 @@ def test_the_mixture_of_colours_is_chosen_for_all_states_together(run: Run, file
         projection, edges = dataset.projection(), dataset.edges() or ()
     assert projection is not None
     assert projection.name == "blue"
-    faint = [[flag.value for flag in found.flags if flag.name == "LOW_CONTRAST"] for found in edges]
+    faint = [[flag.value for flag in points.flags if flag.name == "LOW_CONTRAST"] for points in edges]
     assert [len(values) for values in faint] == [int(index == odd_one) for index in range(6)]
     assert faint[odd_one][0] == pytest.approx(40 / 255, rel=0.1)
 
@@ -191,10 +191,10 @@ def test_edges_are_searched_only_in_the_given_region(run: Run, files: Path) -> N
         edges = (dataset.edges() or ())[0]
     assert "MULTI_CONTOUR" not in {flag.name for flag in edges.flags}
     assert edges.calibration_digest == stored(files).digest
-    status, said = run("segment", files / "out.h5", "--region", "80,0,40,84")
-    assert (status, "should contain clamp_midpoint_px = [64.0, 8.0]" in said) == (2, True)
-    status, said = run("segment", files / "out.h5", "--region", "0,0,400,84")
-    assert (status, "should lie in the pictures of 128 x 96 px" in said) == (2, True)
+    status, message = run("segment", files / "out.h5", "--region", "80,0,40,84")
+    assert (status, "should contain clamp_midpoint_px = [64.0, 8.0]" in message) == (2, True)
+    status, message = run("segment", files / "out.h5", "--region", "0,0,400,84")
+    assert (status, "should lie in the pictures of 128 x 96 px" in message) == (2, True)
 
 
 def test_a_given_polarity_replaces_the_automatic_choice(run: Run, files: Path) -> None:
@@ -214,13 +214,18 @@ def test_a_changed_calibration_removes_the_edges_that_were_detected_with_it(run:
     assert stored(files) == after
 
 
-@pytest.mark.parametrize(("level", "told"), [(3, "of 255: raise the exposure"), (252, "of 255: lower the exposure")])
+@pytest.mark.parametrize(
+    ("level", "expected"), [(3, "of 255: raise the exposure"), (252, "of 255: lower the exposure")]
+)
 def test_a_picture_without_contrast_is_not_reported_as_a_wrong_clamp(
-    run: Run, files: Path, level: int, told: str
+    run: Run, files: Path, level: int, expected: str
 ) -> None:
     assert imported(run, files, np.full((96, 128), level, np.uint8))[0] == 0
-    status, said = run("segment", files / "out.h5")
-    assert (status, f"the grey values of the picture lie between {level} and {level} {told}" in said) == (0, True), said
+    status, message = run("segment", files / "out.h5")
+    assert (status, f"the grey values of the picture lie between {level} and {level} {expected}" in message) == (
+        0,
+        True,
+    ), message
 
 
 def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: Run, files: Path) -> None:
@@ -229,14 +234,15 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
     specimen.write_text("\n".join("width_mm = 0.5" if line.startswith("width_mm") else line for line in lines) + "\n")
     empty = np.random.default_rng(0).integers(180, 220, (96, 128, 3)).astype(np.uint8)
     assert imported(run, files, empty)[0] == 0
-    status, said = run("segment", files / "out.h5")
-    assert (status, "no beam was found; the beam is 4 px wide and should be at least 6 px wide" in said) == (0, True), (
-        said
-    )
+    status, message = run("segment", files / "out.h5")
+    assert (status, "no beam was found; the beam is 4 px wide and should be at least 6 px wide" in message) == (
+        0,
+        True,
+    ), message
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "expected"),
     [
         (
             "pixels_per_mm",
@@ -253,22 +259,22 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
     ],
 )
 def test_if_no_beam_is_found_the_error_names_the_possible_causes(
-    run: Run, files: Path, key: str, value: str, told: str
+    run: Run, files: Path, key: str, value: str, expected: str
 ) -> None:
     lines = (files / "calibration.toml").read_text().splitlines()
     lines = [f"{key} = {value}" if line.startswith(key) else line for line in lines]
     (files / "calibration.toml").write_text("\n".join(lines) + "\n")
     assert imported(run, files, scene((30, 30, 30), (200, 200, 200)))[0] == 0
-    status, said = run("segment", files / "out.h5")
-    assert (status, told in said) == (0, True), said
-    assert f"{files / 'out_where.png'} shows where the program searched" in said
+    status, message = run("segment", files / "out.h5")
+    assert (status, expected in message) == (0, True), message
+    assert f"{files / 'out_where.png'} shows where the program searched" in message
     drawn = cv2.imread(str(files / "out_where.png")).astype(int)
     assert (
         (drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)
     ).sum() > 50  # the beam in specimen.toml
     green = (drawn[..., 0] < 60) & (drawn[..., 1] > 140) & (drawn[..., 2] < 60)
-    is_found = "a beam is found" in told
-    assert (green.sum() > 50, "(green in the picture)" in said) == (
+    is_found = "a beam is found" in expected
+    assert (green.sum() > 50, "(green in the picture)" in message) == (
         is_found,
         is_found,
     )  # the edges that another value gives

@@ -57,8 +57,8 @@ def test_a_planned_protocol_contains_its_states_and_its_mounting(
     assert protocol.tip_force_N == pytest.approx(2e-3 * 9.80665)
     assert "# Mounting: type1, gravity at " in out.read_text()
     # The virtual rig does not simulate weights.
-    status, told = run("acquire", out, "--specimen", "type1", "--rig", "virtual", "-o", tmp_path / "run.h5")
-    assert (status, "a virtual beam has no weight" in told) == (2, True)
+    status, message = run("acquire", out, "--specimen", "type1", "--rig", "virtual", "-o", tmp_path / "run.h5")
+    assert (status, "a virtual beam has no weight" in message) == (2, True)
 
 
 def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
@@ -76,18 +76,18 @@ def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_ring_down_removes_the_uncertainty_of_the_moment(fits: Path, run, tmp_path: Path) -> None:
-    known = KnownLaw(LAWS["neo-hookean"], np.array([46.4e3]))
+    known_law = KnownLaw(LAWS["neo-hookean"], np.array([46.4e3]))
     specimen = load_specimen("bench_example")
     beam, stated = specimen.mechanics(), specimen.stated_sources()
     static = {"remanence": -5.0, "width": -2.0}
     whole = NORMAL_95 * np.hypot(5.0, 2.0)
-    expected = expected_ring_down(known, beam, 0.0, 0.0, stated, whole, static)
+    expected = expected_ring_down(known_law, beam, 0.0, 0.0, stated, whole, static)
     assert expected is not None
     assert expected.with_percent < 0.6 * whole
     assert expected.moment_percent is not None
     # A ring-down does not contain the moment: nothing changes if its stated uncertainty is larger.
     less_known = expected_ring_down(
-        known, beam, 0.0, 0.0, stated, NORMAL_95 * np.hypot(9.0, 2.0), {**static, "remanence": 9.0}
+        known_law, beam, 0.0, 0.0, stated, NORMAL_95 * np.hypot(9.0, 2.0), {**static, "remanence": 9.0}
     )
     assert less_known is not None
     assert less_known.dynamic_percent == expected.dynamic_percent
@@ -103,11 +103,11 @@ def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_unc
     specimen, out = tmp_path / "specimen.toml", tmp_path / "planned.toml"
     exact = Path("protocols/specimens/type1.toml").read_text()
     specimen.write_text(exact.replace("\nmagnetisation_angle_deg = 0.0", "\nmagnetisation_angle_deg = 1.7"))
-    asked = ("plan", fits, *ARGUMENTS, "--specimen", specimen, "--states", 4, "--force", "-o", out)
-    assert run(*asked)[0] == 0
+    arguments = ("plan", fits, *ARGUMENTS, "--specimen", specimen, "--states", 4, "--force", "-o", out)
+    assert run(*arguments)[0] == 0
     one = half_width(out.read_text().splitlines()[0])
     assert not load_protocol(out).current.both_polarities
-    assert run(*asked, "--both-polarities")[0] == 0
+    assert run(*arguments, "--both-polarities")[0] == 0
     assert half_width(out.read_text().splitlines()[0]) < 0.5 * one
     protocol = load_protocol(out)
     assert protocol.current.both_polarities
@@ -116,7 +116,7 @@ def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_unc
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "expected"),
     [
         (("--goal", "C10"), "--goal C10: should be modulus, one of neo-hookean's parameters (mu)"),
         (("--model", "yeoh"), "--model yeoh: should be one of neo-hookean"),
@@ -124,10 +124,10 @@ def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_unc
     ],
 )
 def test_an_impossible_plan_is_refused_in_one_line(
-    fits: Path, run, tmp_path: Path, more: tuple[str, ...], told: str
+    fits: Path, run, tmp_path: Path, more: tuple[str, ...], expected: str
 ) -> None:
-    status, said = run("plan", fits, *ARGUMENTS, "--specimen", "type1", *more, "-o", tmp_path / "planned.toml")
-    assert (status, said.count("\n"), told in said) == (2, 1, True), said
+    status, message = run("plan", fits, *ARGUMENTS, "--specimen", "type1", *more, "-o", tmp_path / "planned.toml")
+    assert (status, message.count("\n"), expected in message) == (2, 1, True), message
     assert not (tmp_path / "planned.toml").exists()
 
 
@@ -140,14 +140,14 @@ def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsu
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
     rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"
-    said = rig.read_text().replace("limits = { current_A = 2.0", f"limits = {{ current_A = {rig_A}")
-    rig.write_text(said.replace("\ncurrent_A = 0.0 ", f"\ncurrent_A = {unsure_A} "))
-    said = Path("protocols/dragon_skin_10_quick.toml").read_text().replace("stop_A = 1.5", "stop_A = 0.3")
-    protocol.write_text(said.replace("current_A = 1.6\n", f"current_A = {protocol_A}\n", 1))
+    text = rig.read_text().replace("limits = { current_A = 2.0", f"limits = {{ current_A = {rig_A}")
+    rig.write_text(text.replace("\ncurrent_A = 0.0 ", f"\ncurrent_A = {unsure_A} "))
+    text = Path("protocols/dragon_skin_10_quick.toml").read_text().replace("stop_A = 1.5", "stop_A = 0.3")
+    protocol.write_text(text.replace("current_A = 1.6\n", f"current_A = {protocol_A}\n", 1))
     assert load_rig(rig).supply.limits.current_A == rig_A
     assert load_protocol(protocol).limits.current_A == protocol_A
-    asked = ("plan", fits, protocol, "--rig", rig, "--specimen", "type1", "--states", 2, "--force", "-o", out)
-    assert run(*asked)[0] == 0
+    arguments = ("plan", fits, protocol, "--rig", rig, "--specimen", "type1", "--states", 2, "--force", "-o", out)
+    assert run(*arguments)[0] == 0
     return out.read_text().splitlines()[0], max(load_protocol(out).currents_A)
 
 

@@ -26,10 +26,10 @@ FIRST = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1
 OTHER = replace(FIRST, length_mm=32.0)
 
 
-def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *known: StatedSource) -> Evidence:
+def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *stated_sources: StatedSource) -> Evidence:
     """Return a dataset whose edges are from the beam `hidden`, although its file describes the beam `stated`.
 
-    coil: true field divided by the field in the file. known: the uncertainties that the file gives.
+    coil: true field divided by the field in the file. stated_sources: the uncertainties that the file gives.
     """
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)
@@ -39,7 +39,7 @@ def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *known:
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
     states = tuple(State(k, None, None, b, 0.0, ()) for k, b in enumerate(FIELD_MT))
-    experiment = Experiment(BeamModel(stated), loads, observed, stated=known)
+    experiment = Experiment(BeamModel(stated), loads, observed, stated=stated_sources)
     return Evidence(Path(f"{name}.h5"), name, experiment, states, StatesUsed(len(states), (), ()))
 
 
@@ -60,8 +60,8 @@ def test_the_prediction_for_another_beam_includes_its_own_uncertainty_and_shares
     assert fit.datasets[0].stated == (coil,)
     thicker = replace(OTHER, width_mm=3.03)
 
-    def judged(*known: StatedSource) -> tuple[float, tuple[float, float]]:
-        validation = validate(evidence("unseen", OTHER, thicker, 1.03, *known), fit, Path("f.json"), 0)
+    def judged(*stated_sources: StatedSource) -> tuple[float, tuple[float, float]]:
+        validation = validate(evidence("unseen", OTHER, thicker, 1.03, *stated_sources), fit, Path("f.json"), 0)
         assert validation.mean_error_mm is not None
         return 1e3 * validation.mean_error_mm, interval_um(validation)
 

@@ -77,8 +77,8 @@ def recorded(tmp_path: Path) -> Path:
 
 
 def test_segment_computes_motions_from_the_recorded_frames(recorded: Path, run: Run) -> None:
-    code, said = run("segment", recorded)
-    assert code == 0, said
+    code, message = run("segment", recorded)
+    assert code == 0, message
     film = Flick(seconds=0.4)
     with open_dataset(recorded) as dataset:
         (ring_down,), (creep,) = dataset.ring_downs(), dataset.creeps()
@@ -110,9 +110,9 @@ def test_recovery_keeps_ring_downs_and_leaves_out_damaged_frames(recorded: Path,
     raw = bytearray(recorded.read_bytes())
     raw[chunk.byte_offset + 100 : chunk.byte_offset + 140] = bytes(40)
     recorded.write_bytes(raw)
-    code, said = run("recover", recorded, "-o", recorded.with_name("whole.h5"))
-    assert code == 0, said
-    assert "damaged frames left out of ring_down: 1" in said
+    code, message = run("recover", recorded, "-o", recorded.with_name("whole.h5"))
+    assert code == 0, message
+    assert "damaged frames left out of ring_down: 1" in message
     with open_dataset(recorded.with_name("whole.h5")) as dataset:
         ((step, frames),) = dataset.recorded_ring_downs()
         assert (step.frames, len(list(frames.images()))) == (48, 47)

@@ -127,18 +127,18 @@ def swap_by(file: h5py.File, place: str, make: Callable[[str], object]) -> None:
     make(place)
 
 
-@pytest.mark.parametrize("said", HOSTILE)
+@pytest.mark.parametrize("expected", HOSTILE)
 def test_a_hostile_file_is_refused_in_one_line(
-    two: dict[str, Path], said: str, run: Callable[..., tuple[int, str]]
+    two: dict[str, Path], expected: str, run: Callable[..., tuple[int, str]]
 ) -> None:
     with h5py.File(two["finished"], "r+") as file:
-        HOSTILE[said](file)
-    status, told = run("segment", two["finished"])
-    assert (status, told.count("\n")) == (2, 1), told
-    assert said in told
-    status, told = run("recover", two["finished"], "-o", two["finished"].with_name("whole.h5"))
-    assert status in (0, 2), told
-    assert "Traceback" not in told
+        HOSTILE[expected](file)
+    status, message = run("segment", two["finished"])
+    assert (status, message.count("\n")) == (2, 1), message
+    assert expected in message
+    status, message = run("recover", two["finished"], "-o", two["finished"].with_name("whole.h5"))
+    assert status in (0, 2), message
+    assert "Traceback" not in message
 
 
 def test_an_unforeseen_error_is_reported_as_a_fault_of_the_program(
@@ -156,10 +156,10 @@ reading.Dataset._read_states = surprised
 reading.Dataset._naming_damage = lambda self: __import__("contextlib").nullcontext()
 """)
     monkeypatch.setenv("PYTHONPATH", str(folder))
-    status, said = run("recover", two["crashed"], "-o", folder / "out.h5")
-    assert (status, said.count("\n")) == (1, 1)
-    assert "crashed.h5: its recovery failed: ValueError: nobody thought of this: a fault of this program" in said
-    assert "damaged" not in said
+    status, message = run("recover", two["crashed"], "-o", folder / "out.h5")
+    assert (status, message.count("\n")) == (1, 1)
+    assert "crashed.h5: its recovery failed: ValueError: nobody thought of this: a fault of this program" in message
+    assert "damaged" not in message
     assert not (folder / "out.h5").exists()
 
 
@@ -169,17 +169,17 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
     two["crashed"].write_bytes(raw[:length])
     with pytest.raises(InputError, match=r"crashed\.h5: is a damaged HDF5 file"), open_dataset(two["crashed"]):
         pass
-    with pytest.raises(InputError, match=r"crashed\.h5: is ") as told:
+    with pytest.raises(InputError, match=r"crashed\.h5: is ") as raised:
         recover(two["crashed"], two["crashed"].with_name("out.h5"))
-    assert "eimi recover" not in str(told.value)
+    assert "eimi recover" not in str(raised.value)
 
 
 def test_an_error_of_eimi_recover_does_not_advise_the_user_to_use_eimi_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
-    with pytest.raises(InputError, match="its readable part is not a dataset") as told:
+    with pytest.raises(InputError, match="its readable part is not a dataset") as raised:
         recover(two["finished"], two["crashed"].with_name("out.h5"))
-    assert "eimi recover" not in str(told.value)
+    assert "eimi recover" not in str(raised.value)
 
 
 def test_an_update_of_the_program_while_it_runs_gives_one_line(two: dict[str, Path]) -> None:

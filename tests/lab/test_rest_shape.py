@@ -42,7 +42,7 @@ def stated(**keys: str) -> SpecimenFile:
     return parse(SpecimenFile, text, "specimen.toml")
 
 
-def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
+def experiment_with(specimen, loads: Loads, seed: int = 1) -> Experiment:
     """Return an experiment with noisy edges of the beam `specimen`, although its file describes type1."""
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
@@ -54,12 +54,12 @@ def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
 
 
 def test_a_straight_beam_keeps_the_shape_in_its_file():
-    assert measured_rest_shape(seen(BEAM, Loads.along(FIELD_MT))) is None
+    assert measured_rest_shape(experiment_with(BEAM, Loads.along(FIELD_MT))) is None
 
 
 def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_the_beam():
     hidden = with_modes(BEAM, (0.8, -0.1), (0.04,))
-    experiment = seen(hidden, Loads.along(FIELD_MT))
+    experiment = experiment_with(hidden, Loads.along(FIELD_MT))
     shape = measured_rest_shape(experiment)
     along = np.linspace(0, 1, 21)
     error_mm = bend_offset(shape.bends_mm, along) - bend_offset((0.8, -0.1), along)
@@ -72,7 +72,7 @@ def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_th
 
 
 def test_each_of_two_datasets_with_measured_shapes_has_its_own_error_of_the_shape():
-    experiment = seen(with_modes(BEAM, (0.8,)), Loads.along(FIELD_MT))
+    experiment = experiment_with(with_modes(BEAM, (0.8,)), Loads.along(FIELD_MT))
     shape = measured_rest_shape(experiment)
     of_both = [shape.applied(experiment, f"states of {name}").stated for name in ("a.h5", "b.h5")]
     assert [group.datasets for group in shared("rest-shape", of_both)] == [(0,), (1,)]
@@ -80,13 +80,13 @@ def test_each_of_two_datasets_with_measured_shapes_has_its_own_error_of_the_shap
 
 def test_no_shape_is_measured_without_a_state_at_rest_or_if_the_weight_bends_the_beam():
     hidden = with_modes(BEAM, (0.8,))
-    assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT[1:]))) is None
-    assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT, gravity_angle_deg=20.0))) is None
+    assert measured_rest_shape(experiment_with(hidden, Loads.along(FIELD_MT[1:]))) is None
+    assert measured_rest_shape(experiment_with(hidden, Loads.along(FIELD_MT, gravity_angle_deg=20.0))) is None
 
 
 def test_a_fit_prints_the_effect_of_a_given_poisson_ratio():
     evidence = Evidence(
-        Path("run.h5"), "", seen(BEAM, Loads.along(FIELD_MT)), (), StatesUsed(4, (), ()), poisson_ratio=0.48
+        Path("run.h5"), "", experiment_with(BEAM, Loads.along(FIELD_MT)), (), StatesUsed(4, (), ()), poisson_ratio=0.48
     )
     assert compressibility_remark(evidence) == (
         "run.h5: poisson_ratio = 0.48 means a bulk modulus of 24.7 shear moduli; the fit takes the material as "

@@ -68,13 +68,13 @@ def test_new_files_replace_the_stored_files_and_the_old_files_are_kept(
 def test_changed_values_are_printed_and_equal_files_change_nothing(
     run: Run, acquired: Path, files: Path, monkeypatch
 ) -> None:
-    said: list[object] = []
-    monkeypatch.setattr("builtins.print", lambda *lines, **_: said.extend(lines))
+    messages: list[object] = []
+    monkeypatch.setattr("builtins.print", lambda *lines, **_: messages.extend(lines))
     calibration = changed(files / "calibration.toml", "gravity_angle_deg", -90.0)
     assert run("segment", acquired, "--calibration", calibration)[0] == 0
-    assert "calibration: gravity_angle_deg was 90.0, and is -90.0 now" in said
+    assert "calibration: gravity_angle_deg was 90.0, and is -90.0 now" in messages
     assert run("segment", acquired, "--calibration", calibration)[0] == 0
-    assert any("nothing changed, because the dataset has these values already" in str(line) for line in said)
+    assert any("nothing changed, because the dataset has these values already" in str(line) for line in messages)
     with open_dataset(acquired) as dataset:
         assert len(dataset.corrections()) == 1
 
@@ -94,17 +94,17 @@ def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     run: Run, dataset: Path, pictures: Path, files: Path
 ) -> None:
     before = dataset.read_bytes()
-    status, said = run("segment", dataset, "--specimen", changed(files / "specimen.toml", "name", '"large"'))
+    status, message = run("segment", dataset, "--specimen", changed(files / "specimen.toml", "name", '"large"'))
     assert status == 2
-    assert "specimen.name = 'large', but" in said
-    assert "it should have specimen.name = 'small'" in said
+    assert "specimen.name = 'large', but" in message
+    assert "it should have specimen.name = 'small'" in message
     # Fields of imported pictures may not follow from currents.
-    status, said = run(
+    status, message = run(
         "segment", dataset, "--calibration", changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)
     )
     assert status == 2
-    assert "coil_constant_mT_per_A = 9.4, but" in said
-    assert "so repeat the import" in said
+    assert "coil_constant_mT_per_A = 9.4, but" in message
+    assert "so repeat the import" in message
     assert dataset.read_bytes() == before
 
 
@@ -128,10 +128,10 @@ def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -
     (tmp_path / "specimen.toml").write_text(text.replace("width_mm = 3.0 ", "width_mm = 6.0 ", 1))
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
     fit = ("fit", data, "--model", "neo-hookean", "--section", "plane-stress", "-o", fits, "--force")
-    status, said = run(*fit)
+    status, message = run(*fit)
     assert status == 2
-    assert "the beam in the picture is 0.5 times as wide as stated" in said
-    assert f"eimi segment {data} --specimen specimen.toml" in said
+    assert "the beam in the picture is 0.5 times as wide as stated" in message
+    assert f"eimi segment {data} --specimen specimen.toml" in message
     (tmp_path / "specimen.toml").write_text(text)
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
     assert run(*fit)[0] == 0

@@ -35,34 +35,34 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_result_is_printed_as_json_or_as_lines(eimi: Eimi, dataset: Path) -> None:
-    status, said, progressed = eimi("segment", dataset)
+    status, message, progressed = eimi("segment", dataset)
     assert "segment 1/" in progressed
-    assert (status, said.startswith(f"{dataset}: edges of ")) == (0, True)
-    status, said, progressed = eimi("segment", dataset, "--json")
-    found = json.loads(said)
+    assert (status, message.startswith(f"{dataset}: edges of ")) == (0, True)
+    status, message, progressed = eimi("segment", dataset, "--json")
+    result = json.loads(message)
     with open_dataset(dataset) as opened:
-        assert found["states"] == len(opened.states) == len(found["flags"])
-    assert found["dataset"] == str(dataset)
+        assert result["states"] == len(opened.states) == len(result["flags"])
+    assert result["dataset"] == str(dataset)
     assert "segment 1/" in progressed
     assert eimi("segment", dataset, "--quiet") == (0, "", "")
-    status, said, progressed = eimi("segment", dataset, "--quiet", "--json")
-    assert (status, json.loads(said), progressed) == (0, found, "")
+    status, message, progressed = eimi("segment", dataset, "--quiet", "--json")
+    assert (status, json.loads(message), progressed) == (0, result, "")
 
 
 def test_an_error_is_printed_even_with_quiet(eimi: Eimi, tmp_path: Path) -> None:
-    status, said, told = eimi("segment", tmp_path / "none.h5", "--quiet", "--json")
-    assert (status, said) == (2, "")
-    assert told.startswith("eimi: ")
-    assert len(told.splitlines()) == 1
+    status, stdout, stderr = eimi("segment", tmp_path / "none.h5", "--quiet", "--json")
+    assert (status, stdout) == (2, "")
+    assert stderr.startswith("eimi: ")
+    assert len(stderr.splitlines()) == 1
 
 
 def test_a_tensile_fit_prints_the_contents_of_its_file(eimi: Eimi, tmp_path: Path) -> None:
     rows = "".join(f"{0.02 * k},{3 * 15e3 * (1 + 0.02 * k - (1 + 0.02 * k) ** -2) / 3e6}\n" for k in range(60))
     (tmp_path / "curve.csv").write_text("strain,stress_MPa\n" + rows)
     arguments = ("--model", "neo-hookean", "--window", "50", "-o", tmp_path / "fits.json", "--json")
-    status, said, told = eimi("tensile", tmp_path / "curve.csv", *arguments)
-    assert status == 0, told
-    assert json.loads(said) == json.loads((tmp_path / "fits.json").read_text())
+    status, stdout, stderr = eimi("tensile", tmp_path / "curve.csv", *arguments)
+    assert status == 0, stderr
+    assert json.loads(stdout) == json.loads((tmp_path / "fits.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -81,9 +81,9 @@ def test_the_examples_in_the_help_are_commands_that_exist(name: str, example: st
 
 def test_every_command_has_an_example_and_the_option_h(eimi: Eimi) -> None:
     assert set(EXAMPLES) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
-    status, said, _ = eimi("fit", "-h")
+    status, message, _ = eimi("fit", "-h")
     assert status == 0
-    assert "\n    eimi fit run.h5 --model neo-hookean -o fits.json\n" in said
+    assert "\n    eimi fit run.h5 --model neo-hookean -o fits.json\n" in message
 
 
 def test_the_estimated_time_counts_the_steps_only(

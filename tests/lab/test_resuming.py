@@ -33,13 +33,13 @@ def interrupt(setup: Any, after_A: float) -> list[str]:
 
 
 def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None:
-    told = interrupt(setup, after_A=0.2)
-    assert told[-1] == f"2 of 4 states are in {setup.path}; the same command with --resume continues the run"
+    message = interrupt(setup, after_A=0.2)
+    assert message[-1] == f"2 of 4 states are in {setup.path}; the same command with --resume continues the run"
     assert setup.stored() == [0.0, 0.1]
     set_points: list[float] = []
     setup.camera.event = lambda number: set_points.append(setup.coil.state.set_current_A)
-    said = setup.run(resume=True)
-    assert [line.endswith("stored before") for line in said] == [True, True, False, False]
+    messages = setup.run(resume=True)
+    assert [line.endswith("stored before") for line in messages] == [True, True, False, False]
     assert sorted(set(set_points)) == [0.0, 0.2, 0.3]  # no frame is taken again in a stored state
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
@@ -69,16 +69,16 @@ def test_a_resumed_run_sets_the_same_currents_as_the_first(setup: Any) -> None:
         setup.run()
     setup.camera.event = lambda number: None
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
-    asked: list[float] = []
+    set_points_A: list[float] = []
     take = setup.coil.set_current
-    setup.coil.set_current = lambda current_A: asked.append(current_A) or take(current_A)  # type: ignore[method-assign]
+    setup.coil.set_current = lambda current_A: set_points_A.append(current_A) or take(current_A)  # type: ignore[method-assign]
     setup.run(resume=True)
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0]
-    assert asked[asked.index(0.1) :][:4] == [0.1, 0.2, 0.3, 0.2]
+    assert set_points_A[set_points_A.index(0.1) :][:4] == [0.1, 0.2, 0.3, 0.2]
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         (
             lambda setup: setattr(setup, "protocol", parse(Protocol, setup.protocol.text.replace("0.3", "0.4"), "p")),
@@ -101,10 +101,10 @@ def test_a_resumed_run_sets_the_same_currents_as_the_first(setup: Any) -> None:
         (lambda setup: setup.path.unlink(), "no such file to resume"),
     ],
 )
-def test_a_run_is_not_resumed_under_other_conditions(setup: Any, change: Callable[[Any], None], told: str) -> None:
+def test_a_run_is_not_resumed_under_other_conditions(setup: Any, change: Callable[[Any], None], expected: str) -> None:
     interrupt(setup, after_A=0.2)
     change(setup)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         setup.run(resume=True)
     assert not setup.coil.state.output
 

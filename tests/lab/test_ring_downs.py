@@ -23,7 +23,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 
 
-def asked(setup: Any, lines: str) -> None:
+def add_to_protocol(setup: Any, lines: str) -> None:
     setup.protocol = parse(Protocol, f"{lines}\n{setup.protocol.text}", "p")
 
 
@@ -39,7 +39,7 @@ def ring_downs(path: Path) -> list[tuple[Any, list[np.ndarray], Any]]:
 
 
 def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 0.5 }")
+    add_to_protocol(setup, "ring_down = { seconds = 0.5 }")
     images: list[np.ndarray] = []
     grab = setup.camera.grab
 
@@ -67,8 +67,8 @@ def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
     assert middle(stored[-1]) == pytest.approx(64.0, abs=0.5)
     assert frames.set_A[0] in (0.0, 0.3)
     assert frames.set_A[-1] == 0.0
-    (said,) = [event for event in events if isinstance(event, RingDownStored)]
-    assert (said.frames, said.lost, said.flags) == (len(stored), 0, ())
+    (stored_event,) = [event for event in events if isinstance(event, RingDownStored)]
+    assert (stored_event.frames, stored_event.lost, stored_event.flags) == (len(stored), 0, ())
     with open_dataset(setup.path) as dataset:
         points = dataset.set_points()
     assert [point.current_A for point in points] == [0.0, 0.1, 0.2, 0.3, 0.0][-len(points) :]
@@ -76,7 +76,7 @@ def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
 
 
 def test_ring_downs_are_repeated_from_the_current_in_the_protocol(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 0.5, from_A = 0.2, repeats = 3 }")
+    add_to_protocol(setup, "ring_down = { seconds = 0.5, from_A = 0.2, repeats = 3 }")
     setup.run()
     assert [step.from_A for step, _, _ in ring_downs(setup.path)] == [0.2] * 3
     assert [step.ring_down for step, _, _ in ring_downs(setup.path)] == [0, 1, 2]
@@ -84,7 +84,7 @@ def test_ring_downs_are_repeated_from_the_current_in_the_protocol(setup: Any) ->
 
 
 def test_lost_frames_of_a_ring_down_are_counted_and_flagged(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 0.3, rate_Hz = 1000 }")
+    add_to_protocol(setup, "ring_down = { seconds = 0.3, rate_Hz = 1000 }")
     grab = setup.camera.grab
 
     def losing(timeout_s: float) -> Frame:
@@ -94,17 +94,17 @@ def test_lost_frames_of_a_ring_down_are_counted_and_flagged(setup: Any) -> None:
 
     setup.camera.grab = losing
     events: list[Event] = []
-    said = setup.run(on_event=events.append)
+    messages = setup.run(on_event=events.append)
     ((step, stored, _),) = ring_downs(setup.path)
     assert step.lost >= 2 * (len(stored) // 20)
     (event,) = [event for event in events if isinstance(event, RingDownStored)]
     assert event.lost == step.lost
     assert set(event.flags) == {"RING_DOWN_LOST", "RING_DOWN_SLOW"}
-    assert f"{step.lost} lost, RING_DOWN_LOST, RING_DOWN_SLOW" in said[-1]
+    assert f"{step.lost} lost, RING_DOWN_LOST, RING_DOWN_SLOW" in messages[-1]
 
 
 def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 500 }")
+    add_to_protocol(setup, "ring_down = { seconds = 500 }")
 
     def deaf(data: bytes) -> bool:
         return data.startswith(b"ISET1:0.000") and setup.coil.state.set_current_A == 0.3
@@ -117,7 +117,7 @@ def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setu
 
 
 def test_after_ctrl_c_the_recorded_frames_of_the_ring_down_are_stored(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 500 }")
+    add_to_protocol(setup, "ring_down = { seconds = 500 }")
     let_go: list[int] = []
 
     def ask(number: int) -> None:
@@ -140,7 +140,7 @@ def test_after_ctrl_c_the_recorded_frames_of_the_ring_down_are_stored(setup: Any
 
 
 def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup: Any) -> None:
-    asked(setup, "release = { seconds = 0.2 }")
+    add_to_protocol(setup, "release = { seconds = 0.2 }")
     assert setup.protocol.ring_down is not None
     assert setup.protocol.ring_down.seconds == 0.2
     setup.run()
@@ -159,7 +159,7 @@ def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup:
 
 
 @pytest.mark.parametrize(
-    ("lines", "message"),
+    ("lines", "stored"),
     [
         ("ring_down = { seconds = 5.0, from_A = 0.0 }", "does not move the beam"),
         ("ring_down = { seconds = 5.0, from_A = 3.0 }", "ring_down.from_A goes to 3 A"),
@@ -171,9 +171,9 @@ def test_a_release_in_a_file_of_an_earlier_version_is_read_as_a_ring_down(setup:
         ("release = { seconds = 1 }\nring_down = { seconds = 1 }", "release"),
     ],
 )
-def test_a_protocol_with_an_impossible_recording_is_refused(setup: Any, lines: str, message: str) -> None:
-    with pytest.raises((InputError, ValidationError), match=message):
-        asked(setup, lines)
+def test_a_protocol_with_an_impossible_recording_is_refused(setup: Any, lines: str, stored: str) -> None:
+    with pytest.raises((InputError, ValidationError), match=stored):
+        add_to_protocol(setup, lines)
 
 
 def test_creep_frames_last_as_long_as_the_state(setup: Any) -> None:

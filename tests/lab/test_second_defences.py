@@ -86,9 +86,9 @@ def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float
     changes: changed values of the settling rule.
     """
     camera = FilmedBeam(place_px, frame)
-    found = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
-    assert found.flags == ()
-    return found.waited_s
+    result = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
+    assert result.flags == ()
+    return result.waited_s
 
 
 def test_a_beam_at_rest_is_observed_for_all_pairs_and_for_the_drift_window(frame: Callable[..., NDArray[Any]]) -> None:
@@ -117,12 +117,19 @@ def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDA
 def test_frames_buffered_by_the_camera_are_discarded(frame: Callable[..., NDArray[Any]]) -> None:
     camera = FilmedBeam(lambda number: 0.0, frame)
     camera.buffered = 4
-    seen: list[int] = []
-    wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never, lambda own, at_s: seen.append(own.number))
-    assert min(seen) > 0
+    numbers: list[int] = []
+    wait_until_settled(
+        camera,
+        camera.clock,
+        RULE,
+        noise_of(frame),
+        never,
+        lambda frame_of_run, at_s: numbers.append(frame_of_run.number),
+    )
+    assert min(numbers) > 0
     camera.buffered = 4
     taken = capture(camera, camera.clock, 3, lambda: 0.5, dict, noise_of(frame), never)
-    assert [own.number > 0 for own in taken.frames] == [True] * 3
+    assert [frame_of_run.number > 0 for frame_of_run in taken.frames] == [True] * 3
     assert taken.measured_A == (0.5, 0.5, 0.5)
 
 
@@ -134,16 +141,16 @@ def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) ->
         stale[0] = 0
 
     def grabbed(timeout_s: float) -> Frame:
-        found = grab(timeout_s)
+        taken = grab(timeout_s)
         if stale[0]:
             stale[0] -= 1
-            return dataclasses.replace(found, image=np.roll(found.image, 30, axis=1))
-        return found
+            return dataclasses.replace(taken, image=np.roll(taken.image, 30, axis=1))
+        return taken
 
     setup.camera.flush, setup.camera.grab = flushed, grabbed
-    seen: list[Any] = []
-    setup.run(show=seen.append)
-    assert np.abs(seen[0].frame.image.astype(int) - seen[5].frame.image).max() < 20
+    shown: list[Any] = []
+    setup.run(show=shown.append)
+    assert np.abs(shown[0].frame.image.astype(int) - shown[5].frame.image).max() < 20
 
 
 class Obstinate:
@@ -305,10 +312,10 @@ def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: 
     supply, sent = a_korad(clock, interruption, signals)
     events: list[Event] = []
     rig = load_rig("virtual").model_copy(update={"coil": None})
-    seen: Any = WatchedSupply(supply, clock, rig) if shown else supply
+    watched: Any = WatchedSupply(supply, clock, rig) if shown else supply
 
     def run() -> None:
-        coil = Coil(seen, clock, RAMP)
+        coil = Coil(watched, clock, RAMP)
         with switching_off(coil, None, interruption, events.append):
             coil.step_to(0.7)
 
@@ -408,9 +415,11 @@ def test_the_supply_gets_its_voltage_limit_and_the_dataset_its_tip_force(setup: 
 
 
 def test_a_dry_run_prints_the_stricter_limits_and_the_longest_duration(setup: Any) -> None:
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
-    assert any(line.startswith("limits: 1 A, 10 V;") for line in told)
-    shortest, longest = (float(word) for word in told[-1].replace("s ", " ").split() if word.replace(".", "").isdigit())
+    messages: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)
+    assert any(line.startswith("limits: 1 A, 10 V;") for line in messages)
+    shortest, longest = (
+        float(word) for word in messages[-1].replace("s ", " ").split() if word.replace(".", "").isdigit()
+    )
     settle = setup.protocol.settle
     assert longest - shortest == pytest.approx(4 * (settle.timeout_s - settle.drift_window_s), abs=1.5)

@@ -33,23 +33,23 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
         lines.append(f"{index:03d}.png,{index / 1000}")
     (files / "states.csv").write_text("\n".join(lines) + "\n")
     given = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
-    status, said = run("import", folder, *given, "--calibration", files / "calibration.toml", "-o", files / "run.h5")
-    assert status == 0, said
+    status, message = run("import", folder, *given, "--calibration", files / "calibration.toml", "-o", files / "run.h5")
+    assert status == 0, message
     return files / "run.h5"
 
 
 def content(path: Path) -> dict[str, bytes]:
     """Return the bytes of every array of a dataset by the name of the array, without the date of the edges."""
-    found: dict[str, bytes] = {}
+    arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
         if isinstance(item, h5py.Dataset) and name != "entry/segmentation/date":
-            found[name] = np.asarray(item[()]).tobytes()
+            arrays[name] = np.asarray(item[()]).tobytes()
 
     with h5py.File(path, "r") as file:
         file.visititems(keep)
-    assert "entry/segmentation/edges/left/points" in found
-    return found
+    assert "entry/segmentation/edges/left/points" in arrays
+    return arrays
 
 
 def test_two_workers_give_the_same_dataset_as_one(
@@ -65,13 +65,13 @@ def test_two_workers_give_the_same_dataset_as_one(
     cv2.imwrite(str(files / "flat.png"), np.tile(np.linspace(150, 250, 128).astype(np.uint8), (96, 1)))
     assert run("segment", one, "--flat", files / "flat.png")[0] == 0  # the dataset stores the flat field
     shutil.copy(one, two)
-    told = []
+    messages = []
     for path, workers in ((one, 1), (two, 2)):
-        status, said = run("segment", path, "--workers", workers)
-        assert status == 0, said
-        told.append([line.split(", about ")[0] for line in said.splitlines() if line.startswith("segment ")])
-    assert told[0] == told[1]
-    assert [line.split(":")[0] for line in told[1]] == [f"segment {number}/6" for number in range(1, 7)]
+        status, message = run("segment", path, "--workers", workers)
+        assert status == 0, message
+        messages.append([line.split(", about ")[0] for line in message.splitlines() if line.startswith("segment ")])
+    assert messages[0] == messages[1]
+    assert [line.split(":")[0] for line in messages[1]] == [f"segment {number}/6" for number in range(1, 7)]
     assert content(one) == content(two)
 
 
@@ -84,10 +84,10 @@ def test_an_error_of_a_worker_is_reported_as_with_one_process(
     with path.open("r+b") as file:
         file.seek(chunk.byte_offset)
         file.write(bytes(chunk.size))
-    said = [run("segment", path, "--workers", workers) for workers in (1, 2)]
-    assert said[0][0] == said[1][0] == 2
-    assert "frames of state 2 (counted from 0) is damaged" in said[0][1]
-    assert said[0][1].splitlines()[-1] == said[1][1].splitlines()[-1]
+    messages = [run("segment", path, "--workers", workers) for workers in (1, 2)]
+    assert messages[0][0] == messages[1][0] == 2
+    assert "frames of state 2 (counted from 0) is damaged" in messages[0][1]
+    assert messages[0][1].splitlines()[-1] == messages[1][1].splitlines()[-1]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
@@ -112,8 +112,8 @@ def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     assert process.stderr is not None
     assert process.stderr.readline().startswith("segment 1/160: ")
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # reads until the last process has ended
+    lines = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # reads until the last process has ended
     assert process.returncode == 128 + number
-    assert said[-1] == f"eimi: stopped by {number.name}"
-    assert [line for line in said[:-1] if not line.startswith("segment ")] == []
+    assert lines[-1] == f"eimi: stopped by {number.name}"
+    assert [line for line in lines[:-1] if not line.startswith("segment ")] == []
     assert path.read_bytes() == before

@@ -132,14 +132,14 @@ def test_a_beam_at_rest_is_waited_for_until_all_pairs_and_the_drift_window_are_q
     for window_s, not_before_s in ((0.15, 0.0), (0.95, 0.0), (0.15, 1.5)):
         bench = Swinging([0.0])
         rule = Settle(noise_ratio=1.3, pairs=pairs, drift_window_s=window_s, timeout_s=30.0)
-        seen = Seen()
-        settled = wait_until_settled(bench, bench, rule, noise, lambda: None, seen, not_before_s)
+        recorder = Seen()
+        settled = wait_until_settled(bench, bench, rule, noise, lambda: None, recorder, not_before_s)
         assert not settled.flags
         first_s = 0.1  # the time of the first frame
         expected_s = max(first_s + pairs * 0.1, first_s + window_s, not_before_s)
         assert settled.waited_s == pytest.approx(expected_s, abs=0.1)
         assert settled.waited_s >= expected_s - 1e-9
-        assert seen.at_s == pytest.approx([0.1 * k for k in range(1, bench.taken + 1)])
+        assert recorder.at_s == pytest.approx([0.1 * k for k in range(1, bench.taken + 1)])
 
 
 def test_the_noise_is_estimated_from_at_least_two_frames() -> None:

@@ -64,7 +64,7 @@ def test_the_files_of_a_simulation_agree_with_each_other(
 
 
 @pytest.mark.parametrize(
-    ("model", "parameters", "told"),
+    ("model", "parameters", "expected"),
     [
         ("hooke", ["mu_Pa=1"], "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),
         ("neo-hookean", ["mu=1"], "takes mu_Pa, each once; got mu=1"),
@@ -73,10 +73,10 @@ def test_the_files_of_a_simulation_agree_with_each_other(
         ("yeoh", ["C10_Pa=1", "C10_Pa=1", "C30_Pa=1"], "takes C10_Pa, C20_Pa, C30_Pa, each once"),
     ],
 )
-def test_wrong_parameters_are_refused_in_one_line(model: str, parameters: list[str], told: str) -> None:
+def test_wrong_parameters_are_refused_in_one_line(model: str, parameters: list[str], expected: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_parameters(model, parameters)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def test_a_law_without_an_equilibrium_is_refused_with_the_state() -> None:
@@ -151,8 +151,8 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
     field = np.array([0.0, 3.0])
     angles = []
     for bulk in (None, 1e6, 46.39, 1e12):
-        found = simulate(planar("type1"), law, values, field, 0.0, bulk_modulus_kPa=bulk)
-        angles.append(found.model.tip_angle_deg(found.shapes)[0, -1])
+        simulation = simulate(planar("type1"), law, values, field, 0.0, bulk_modulus_kPa=bulk)
+        angles.append(simulation.model.tip_angle_deg(simulation.shapes)[0, -1])
     assert angles[1] == pytest.approx(angles[0], rel=1e-3)
     assert angles[2] > 1.1 * angles[0]
     assert angles[3] == pytest.approx(angles[1], rel=1e-4)  # the limit for a large bulk modulus

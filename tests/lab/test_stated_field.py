@@ -63,7 +63,7 @@ def test_the_loops_of_a_coil_lie_across_the_beam_and_a_background_field_is_rotat
 
 
 @pytest.mark.parametrize(
-    ("field", "said"),
+    ("field", "expected"),
     [
         ("radius_mm = 60.0", "radius_mm and gap_mm belong together"),
         ("centre_mm = [0.0, 0.0]", "centre_mm is the centre of the loops"),
@@ -72,11 +72,11 @@ def test_the_loops_of_a_coil_lie_across_the_beam_and_a_background_field_is_rotat
         ("radius_mm = 60.0\ngap_mm = 60.0\nmap = [[0.0, 0.0, 0.0, 1.0]]", "has both radius_mm and map"),
     ],
 )
-def test_contradictory_keys_of_the_field_are_refused_in_one_line(field, said):
-    with pytest.raises(InputError) as told:
+def test_contradictory_keys_of_the_field_are_refused_in_one_line(field, expected):
+    with pytest.raises(InputError) as raised:
         parse(Calibration, f"{CALIBRATION}[field]\n{field}\n", "calibration.toml")
-    assert said in str(told.value)
-    assert "\n" not in str(told.value)
+    assert expected in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_a_loop_through_the_beam_is_refused():

@@ -22,11 +22,11 @@ def test_writing_to_a_full_pipe_returns_at_once_and_the_reader_gets_everything_l
     lines = [f"line {number} {'.' * 80}\n" for number in range(2000)]  # more than twice the capacity of a pipe
     for line in lines:
         stream.write(line)
-    got = bytearray()
-    while len(got) < sum(map(len, lines)):
-        got += os.read(reads, 65536)
+    received = bytearray()
+    while len(received) < sum(map(len, lines)):
+        received += os.read(reads, 65536)
         stream.flush()
-    assert got.decode() == "".join(lines)
+    assert received.decode() == "".join(lines)
     assert os.get_blocking(writes)  # the descriptor that other programs share is unchanged
     for end in (reads, writes):
         os.close(end)
@@ -37,11 +37,11 @@ def test_excess_lines_are_dropped_and_counted() -> None:
     stream = NeverBlocking(writes)
     for number in range(20_000):
         stream.write(f"line {number} {'.' * 80}\n")
-    got = bytearray()
-    while b"line 19999 " not in got or not got.endswith(b"\n"):
-        got += os.read(reads, 65536)
+    received = bytearray()
+    while b"line 19999 " not in received or not received.endswith(b"\n"):
+        received += os.read(reads, 65536)
         stream.flush()
-    text = got.decode().splitlines()
+    text = received.decode().splitlines()
     dropped = [int(line.split()[1]) for line in text if "were dropped: nobody read them" in line]
     assert len([line for line in text if line.startswith("line ")]) + dropped[-1] == 20_000
     for end in (reads, writes):

@@ -44,18 +44,18 @@ def header(files: Path) -> Header:
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
     """The bytes of each file at its last synchronisation with the disk, by the inode number of the file."""
-    found: dict[int, bytes] = {}
+    contents: dict[int, bytes] = {}
     fsync = os.fsync
 
     def noted(descriptor: int) -> None:
         fsync(descriptor)
         about = os.fstat(descriptor)
         reader = os.open(f"/proc/self/fd/{descriptor}", os.O_RDONLY)
-        found[about.st_ino] = os.pread(reader, about.st_size, 0)
+        contents[about.st_ino] = os.pread(reader, about.st_size, 0)
         os.close(reader)
 
     monkeypatch.setattr(os, "fsync", noted)
-    return found
+    return contents
 
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="looks at files as Linux shows them")
@@ -79,10 +79,10 @@ def test_a_whole_file_is_on_the_disk_before_it_gets_its_final_name(
     tmp_path: Path, synchronised: dict[int, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replace = os.replace
-    seen: list[bytes] = []
+    contents: list[bytes] = []
 
     def noted(source: Any, target: Any) -> None:
-        seen.append(synchronised.get(os.stat(source).st_ino, b""))
+        contents.append(synchronised.get(os.stat(source).st_ino, b""))
         replace(source, target)
 
     monkeypatch.setattr(os, "replace", noted)
@@ -90,7 +90,7 @@ def test_a_whole_file_is_on_the_disk_before_it_gets_its_final_name(
         temporary.write_text("{}")
     with whole_folder(tmp_path / "folder", force=False) as unfinished:
         write_whole(unfinished / "tip.csv", b"1,2\n")
-    assert seen == [b"{}", b"1,2\n"]
+    assert contents == [b"{}", b"1,2\n"]
 
 
 def test_a_line_of_a_checkpoint_is_on_the_disk(tmp_path: Path, synchronised: dict[int, bytes]) -> None:

@@ -72,7 +72,7 @@ def test_files_of_the_database_are_read(measured: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "curve.csv: row 1: '' should have one of strain, strain_percent and one of stress_Pa"),
         ("strain,stress\n0.1,2\n", "row 1: 'strain,stress' should have one of strain, strain_percent and one of"),
@@ -89,12 +89,12 @@ def test_files_of_the_database_are_read(measured: Path) -> None:
         (DATABASE + COLUMNS + "1;2;3;0,1,2;4\n", "row 6: Engineering Strain = '0,1,2' should be a number"),
     ],
 )  # fmt: skip
-def test_an_error_in_a_file_is_reported_in_one_line(run: Run, tmp_path: Path, text: str, told: str) -> None:
+def test_an_error_in_a_file_is_reported_in_one_line(run: Run, tmp_path: Path, text: str, expected: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
-    status, said = run("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full",
+    status, message = run("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full",
                        "-o", tmp_path / "fits.json")  # fmt: skip
-    assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    assert (status, message.count("\n")) == (2, 1)
+    assert expected in message
     assert not (tmp_path / "fits.json").exists()
 
 
@@ -128,16 +128,16 @@ def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, t
     words = [doubt["words"] for doubt in written["doubts"]]
     assert any("initial shear modulus reaches zero" in doubt for doubt in words)
     assert any("not Drucker-stable" in doubt for doubt in words)
-    status, said = run("export", output, "--model", "mooney-rivlin", "--to", "abaqus", "--bulk-ratio", "2000")
-    assert (status, said.count("\n")) == (2, 1)
-    assert "a finite-element program needs a positive value" in said
+    status, message = run("export", output, "--model", "mooney-rivlin", "--to", "abaqus", "--bulk-ratio", "2000")
+    assert (status, message.count("\n")) == (2, 1)
+    assert "a finite-element program needs a positive value" in message
 
 
 def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
     output = curve.with_name("fits.json")
-    status, said = run("tensile", curve, "--model", "neo-hookean", "--model", "ogden", "--window", "50", "--window",
+    status, message = run("tensile", curve, "--model", "neo-hookean", "--model", "ogden", "--window", "50", "--window",
                        "full", "--relative", "-o", output)  # fmt: skip
-    assert (status, said) == (0, "")
+    assert (status, message) == (0, "")
     fits = read_fits_file(output).fits
     assert [(f.model, f.window()) for f in fits if isinstance(f, TensileRecord)] == [
         ("neo-hookean", "50 %"), ("ogden", "50 %"), ("neo-hookean", "full"), ("ogden", "full")
@@ -170,9 +170,9 @@ def test_parameters_of_another_law_are_refused(run: Run, curve: Path) -> None:
 
 @pytest.mark.parametrize("window", ["0", "-5", "inf", "nan", "wide"])
 def test_a_wrong_window_is_refused(run: Run, curve: Path, window: str) -> None:
-    status, said = run("tensile", curve, "--model", "yeoh", f"--window={window}", "-o", curve.with_name("f.json"))
-    assert (status, said.count("\n")) == (2, 1)
-    assert f"--window {window}: should be a strain in percent above 0, or full" in said
+    status, message = run("tensile", curve, "--model", "yeoh", f"--window={window}", "-o", curve.with_name("f.json"))
+    assert (status, message.count("\n")) == (2, 1)
+    assert f"--window {window}: should be a strain in percent above 0, or full" in message
 
 
 @pytest.fixture
@@ -190,12 +190,12 @@ def fits(run: Run, curve: Path) -> Path:
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
     card = fits.with_name("card.txt")
-    status, said = run("export", fits, "--model", "neo-hookean", "--to", solver, "--bulk-ratio", "2000", "-o", card)
+    status, message = run("export", fits, "--model", "neo-hookean", "--to", solver, "--bulk-ratio", "2000", "-o", card)
     assert status == 0
-    assert all(line.startswith(f"eimi: {fits}: neo-hookean: ") for line in said.splitlines())
+    assert all(line.startswith(f"eimi: {fits}: neo-hookean: ") for line in message.splitlines())
     text = card.read_text()
     for words in (
-        *(line.removeprefix(f"eimi: {fits}: neo-hookean: ") for line in said.splitlines()),
+        *(line.removeprefix(f"eimi: {fits}: neo-hookean: ") for line in message.splitlines()),
         "curve.csv",
         "sha256",
         "window full",
@@ -207,7 +207,7 @@ def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         ("yeoh abaqus --bulk-ratio 9", "holds 2 fits of yeoh; give one of --index 0 (yeoh, window 50 %)"),
         ("yeoh abaqus --index 2 --bulk-ratio 9", "--index 2: should be the index of a yeoh fit"),
@@ -221,10 +221,10 @@ def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
         ("yeoh sofa --index 1 --bulk-ratio 9", "sofa has no yeoh law"),
     ],
 )
-def test_an_impossible_export_is_refused_in_one_line(run: Run, fits: Path, arguments: str, told: str) -> None:
+def test_an_impossible_export_is_refused_in_one_line(run: Run, fits: Path, arguments: str, expected: str) -> None:
     card = fits.with_name("card.txt")
     model, solver, *others = arguments.split()
-    status, said = run("export", fits, "--model", model, "--to", solver, *others, "-o", card)
-    assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    status, message = run("export", fits, "--model", model, "--to", solver, *others, "-o", card)
+    assert (status, message.count("\n")) == (2, 1)
+    assert expected in message
     assert not card.exists()

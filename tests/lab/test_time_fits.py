@@ -65,15 +65,15 @@ def imported(run: Run, tmp_path: Path, flick: tuple[str, float, float]) -> Path:
     (tmp_path / "flick.csv").write_text(flick[0])
     (tmp_path / "strip.toml").write_text(SPECIMEN)
     options = ("--ring-down", "--specimen", tmp_path / "strip.toml", "--gravity-angle", "-90")
-    code, said = run("import", tmp_path / "flick.csv", *options, "-o", tmp_path / "flick.h5")
-    assert code == 0, said
+    code, message = run("import", tmp_path / "flick.csv", *options, "-o", tmp_path / "flick.h5")
+    assert code == 0, message
     return tmp_path / "flick.h5"
 
 
 def fitted(run: Run, dataset: Path) -> dict[str, Any]:
     output = dataset.parent / "fits.json"
-    code, said = run("fit", dataset, "--model", "neo-hookean", "--time", "prony", "-o", output)
-    assert code == 0, said
+    code, message = run("fit", dataset, "--model", "neo-hookean", "--time", "prony", "-o", output)
+    assert code == 0, message
     (fit,) = json.loads(output.read_text())["fits"]
     return dict(fit)
 
@@ -96,11 +96,11 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
     assert fit["kind"] == "ring-down"
     fits = imported.parent / "fits.json"
     card = imported.parent / "card.inp"
-    code, said = run("export", fits, "--model", "neo-hookean", "--to", "abaqus", "--bulk-ratio", "1000", "-o", card)
-    assert code == 0, said
+    code, message = run("export", fits, "--model", "neo-hookean", "--to", "abaqus", "--bulk-ratio", "1000", "-o", card)
+    assert code == 0, message
     assert "*VISCOELASTIC, TIME=PRONY" in card.read_text()
-    code, said = run("report", imported, "--fit", fits, "-o", imported.parent / "report.html")
-    assert code == 0, said
+    code, message = run("report", imported, "--fit", fits, "-o", imported.parent / "report.html")
+    assert code == 0, message
     assert "Viscoelastic law" in (imported.parent / "report.html").read_text(encoding="utf-8")
 
 
@@ -115,18 +115,20 @@ def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
 def test_a_fit_of_a_ring_down_that_cannot_be_is_refused(
     run: Run, imported: Path, options: tuple[str, ...], words: str
 ) -> None:
-    code, said = run("fit", imported, *options, "-o", imported.parent / "fits.json")
+    code, message = run("fit", imported, *options, "-o", imported.parent / "fits.json")
     assert code == 2
-    assert words in said
+    assert words in message
     assert not (imported.parent / "fits.json").exists()
 
 
 def test_a_dataset_without_a_ring_down_is_refused_with_the_remedy(run: Run, imported: Path) -> None:
     with h5py.File(imported, "r+", libver="latest") as file:
         del file["entry"][GROUPS["ring_down"]]
-    code, said = run("fit", imported, "--model", "neo-hookean", "--time", "prony", "-o", imported.parent / "fits.json")
+    code, message = run(
+        "fit", imported, "--model", "neo-hookean", "--time", "prony", "-o", imported.parent / "fits.json"
+    )
     assert code == 2
-    assert f"{imported.name}: --time prony: there is no ring-down; record a ring-down with [ring_down]" in said
+    assert f"{imported.name}: --time prony: there is no ring-down; record a ring-down with [ring_down]" in message
 
 
 def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, imported: Path) -> None:
@@ -135,6 +137,6 @@ def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, impor
     options = ("--ring-down", "--specimen", folder / "strip.toml", "--gravity-angle", "-90")
     assert run("import", folder / "flick.csv", *options, "-o", folder / "longer.h5")[0] == 0
     datasets = (imported, folder / "longer.h5")
-    code, said = run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
+    code, message = run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
     assert code == 2
-    assert "longer.h5: its specimen is not that of" in said
+    assert "longer.h5: its specimen is not that of" in message

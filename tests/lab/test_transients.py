@@ -21,7 +21,7 @@ from eimi_lab.dataset.recovery import recover
 from eimi_lab.dataset.segmentation import segment
 
 
-def asked(setup: Any, lines: str) -> None:
+def add_to_protocol(setup: Any, lines: str) -> None:
     setup.protocol = parse(Protocol, f"{lines}\n{setup.protocol.text}", "p")
 
 
@@ -36,7 +36,7 @@ def middle(image: np.ndarray) -> float:
 
 
 def test_frames_are_stored_while_the_beam_settles(setup: Any) -> None:
-    asked(setup, "transients = { frames_per_state = 6 }")
+    add_to_protocol(setup, "transients = { frames_per_state = 6 }")
     setup.run()
     kept = transients(setup.path)
     assert all(one is not None and 1 <= len(one.images) <= 6 for one in kept)
@@ -89,7 +89,7 @@ def test_a_frame_at_the_time_of_the_set_point_counts_as_1_ms_later() -> None:
 
 
 def test_no_frames_of_the_moving_beam_are_stored_if_the_protocol_says_so(setup: Any) -> None:
-    asked(setup, "transients = { frames_per_state = 0 }")
+    add_to_protocol(setup, "transients = { frames_per_state = 0 }")
     setup.run()
     assert transients(setup.path) == [None] * 4
     with h5py.File(setup.path) as file:
@@ -139,10 +139,10 @@ def test_recovery_leaves_out_only_the_damaged_frames_of_the_transients(setup: An
     raw = bytearray(setup.path.read_bytes())
     raw[chunk.byte_offset + 100 : chunk.byte_offset + 140] = bytes(40)
     setup.path.write_bytes(raw)
-    said: list[str] = []
+    messages: list[str] = []
     whole = setup.path.with_name("whole.h5")
-    assert recover(setup.path, whole, say=said.append) == 4
-    assert said == [f"{setup.path}: damaged frames left out of transients: 1"]
+    assert recover(setup.path, whole, say=messages.append) == 4
+    assert messages == [f"{setup.path}: damaged frames left out of transients: 1"]
     after = transients(whole)
     assert after[1] is not None
     assert len(after[1].images) == len(before[1].images) - 1
@@ -150,7 +150,7 @@ def test_recovery_leaves_out_only_the_damaged_frames_of_the_transients(setup: An
 
 
 def test_segmentation_does_not_change_the_frames_of_the_moving_beam(setup: Any) -> None:
-    asked(setup, "ring_down = { seconds = 0.2 }")
+    add_to_protocol(setup, "ring_down = { seconds = 0.2 }")
     setup.run()
     before = transients(setup.path)
     segment(setup.path, lambda words: None)
@@ -163,12 +163,12 @@ def test_segmentation_does_not_change_the_frames_of_the_moving_beam(setup: Any) 
 
 
 def test_a_dry_run_prints_the_number_of_transient_frames_and_counts_the_ring_down(setup: Any) -> None:
-    told: list[str] = []
-    asked(setup, "ring_down = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
-    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
-    assert "transients: at most 7 frames of each state while the beam settles" in told
-    assert "ring-down: from 0.3 A to zero in one step, recorded for 100 s" in told
-    assert int(told[-1].split()[1]) > 100
+    messages: list[str] = []
+    add_to_protocol(setup, "ring_down = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
+    dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)
+    assert "transients: at most 7 frames of each state while the beam settles" in messages
+    assert "ring-down: from 0.3 A to zero in one step, recorded for 100 s" in messages
+    assert int(messages[-1].split()[1]) > 100
 
 
 def _states(path: Path) -> Any:

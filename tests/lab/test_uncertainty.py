@@ -26,7 +26,7 @@ def text_of(name: str, table: str = "") -> str:
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "expected"),
     [
         ("widht_mm = 0.02", "[uncertainty] widht_mm is not a known key; did you mean width_mm?"),
         ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or a number above 0"),
@@ -41,12 +41,12 @@ def text_of(name: str, table: str = "") -> str:
         ("pixels_per_mm = 0.1", "pixels_per_mm is not a known key"),
     ],
 )
-def test_a_wrong_uncertainty_is_refused_in_one_line(table, said):
-    with pytest.raises(InputError) as told:
+def test_a_wrong_uncertainty_is_refused_in_one_line(table, expected):
+    with pytest.raises(InputError) as raised:
         parse(SpecimenFile, text_of("specimens/type1.toml", table), "beam.toml")
-    assert str(told.value).startswith("beam.toml: ")
-    assert said in str(told.value)
-    assert "\n" not in str(told.value)
+    assert str(raised.value).startswith("beam.toml: ")
+    assert expected in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_an_uncertainty_of_a_missing_input_is_refused():
@@ -128,11 +128,11 @@ def test_a_simulation_of_a_fit_has_the_intervals_of_its_draws():
     beam = load_specimen("type1")
     law, truth, field_mT = LAWS["neo-hookean"], np.array([46e3]), np.array([2.0, 4.0])
     drawn = np.linspace(40e3, 52e3, 21)[:, None]
-    found = simulate(beam, law, truth, field_mT, 0.0, drawn=drawn)
-    assert found.tips is not None
-    assert found.tips.shape == (2, 3, 2)
+    simulation = simulate(beam, law, truth, field_mT, 0.0, drawn=drawn)
+    assert simulation.tips is not None
+    assert simulation.tips.shape == (2, 3, 2)
     stiff, soft = (simulate(beam, law, drawn[i], field_mT, 0.0) for i in (-1, 0))
     ends = [s.model.tip_angle_deg(s.shapes)[0] for s in (stiff, soft)]
-    assert (ends[0] < found.tips[:, 2, 0]).all()
-    assert (found.tips[:, 2, 1] < ends[1]).all()
-    assert pytest.approx(np.array(ends), rel=0.02) == found.tips[:, 2].T
+    assert (ends[0] < simulation.tips[:, 2, 0]).all()
+    assert (simulation.tips[:, 2, 1] < ends[1]).all()
+    assert pytest.approx(np.array(ends), rel=0.02) == simulation.tips[:, 2].T

@@ -87,9 +87,9 @@ def test_the_resolution_of_a_sensor_in_every_unit_of_exif(tmp_path: Path, unit: 
     table |= {"ExifImageWidth": 400, "ExifImageHeight": 300}
     exif.get_ifd(IFD.Exif).update({Base[name]: value for name, value in table.items()})
     Image.new("RGB", (400, 300)).save(tmp_path / "a.jpg", exif=exif)
-    found = focal_length(tmp_path / "a.jpg", (400, 300))
-    assert found is not None
-    assert found.px == pytest.approx(4.0 * pixels_per_mm, rel=1e-3)
+    lens = focal_length(tmp_path / "a.jpg", (400, 300))
+    assert lens is not None
+    assert lens.px == pytest.approx(4.0 * pixels_per_mm, rel=1e-3)
 
 
 @pytest.mark.parametrize(("column", "pascal"), [("stress_Pa", 1.0), ("stress_kPa", 1e3), ("stress_MPa", 1e6)])

@@ -231,10 +231,10 @@ def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
     (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
     arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
     arguments += ["--calibration", files / "calibration.toml", "-o", dataset_file]
-    status, said = run("import", pictures, *arguments)
-    assert status == 0, said
-    status, said = run("segment", dataset_file, "--workers", workers, *(("--along", along) if along else ()))
-    assert status == 0, said
+    status, message = run("import", pictures, *arguments)
+    assert status == 0, message
+    status, message = run("segment", dataset_file, "--workers", workers, *(("--along", along) if along else ()))
+    assert status == 0, message
     with open_dataset(dataset_file) as dataset:
         frame = BeamFrame(dataset.calibration)
         edge_sets = dataset.edges()

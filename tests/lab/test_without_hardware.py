@@ -50,7 +50,7 @@ materials = "virtual_materials.toml"
 @dataclass
 class RunEnd:
     status: int
-    said: list[str]
+    lines: list[str]
 
 
 def rig(folder: Path, supply: str, camera: str, more: str = "") -> Path:
@@ -92,14 +92,14 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 def shown(path: Path, folder: Path) -> list[int]:
     """Return the number of the stored picture of each state of a dataset."""
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
-    found = []
+    numbers = []
     with open_dataset(path) as dataset:
         for state in dataset.states:
             same = [number for number, image in enumerate(stored) if (dataset.images(state.index) == image).all()]
             assert len(same) == 1
             assert state.flags == ()
-            found += same
-    return found
+            numbers += same
+    return numbers
 
 
 def test_a_virtual_beam_hangs_in_the_coil_of_an_emulated_supply(files: Path) -> None:
@@ -112,7 +112,7 @@ def test_a_virtual_beam_hangs_in_the_coil_of_an_emulated_supply(files: Path) -> 
         camera = f'driver = "virtual", source = "{line}"'
         rig(files, f'driver = "korad", address = "{port}"', camera, VIRTUAL)
         ended = acquire(files)
-        assert ended.status == 0, ended.said
+        assert ended.status == 0, ended.lines
         assert not coil.state.output
     means = []
     with open_dataset(files / "run.h5") as dataset:
@@ -148,7 +148,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ("supply", "camera", "more", "told"),
+    ("supply", "camera", "more", "expected"),
     [
         (
             "virtual",
@@ -177,7 +177,7 @@ def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
     ],
 )
 def test_instruments_that_do_not_fit_together_are_refused(
-    files: Path, supply: str, camera: str, more: str, told: str
+    files: Path, supply: str, camera: str, more: str, expected: str
 ) -> None:
     materials = load_rig("virtual").virtual
     assert materials is not None
@@ -185,15 +185,15 @@ def test_instruments_that_do_not_fit_together_are_refused(
     path = rig(files, f'driver = "{supply}", address = "here"', camera, more)
     with pytest.raises(InputError) as caught:
         load_rig(path)
-    assert str(caught.value).startswith(f"{path}: {told}")
+    assert str(caught.value).startswith(f"{path}: {expected}")
 
 
 def test_each_state_has_one_picture_on_request(pictures: Path) -> None:
     with emulated() as (_, supply):
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures)
-    assert ended.status == 0, ended.said
-    assert ended.said[0] == "eimi: camera.source = 'shots' has 4 pictures; the run uses 4, one for each state"
+    assert ended.status == 0, ended.lines
+    assert ended.lines[0] == "eimi: camera.source = 'shots' has 4 pictures; the run uses 4, one for each state"
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 3]
 
 
@@ -203,7 +203,7 @@ def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) 
         camera = 'driver = "opencv", source = "shots", playback = { picture_a_state = true, loop = true }'
         rig(pictures, supply, camera)
         ended = acquire(pictures)
-    assert ended.said[0].endswith(
+    assert ended.lines[0].endswith(
         "has 3 pictures; the run uses 4, one for each state; the recording starts again after its last picture"
     )
     (pictures / "f_3.png").rename(pictures / "shots" / "f_3.png")
@@ -211,7 +211,7 @@ def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) 
 
 
 @pytest.mark.parametrize(
-    ("playback", "told"),
+    ("playback", "expected"),
     [
         (
             "",
@@ -223,13 +223,13 @@ def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) 
         ),
     ],
 )
-def test_too_few_pictures_are_refused_before_the_run(pictures: Path, playback: str, told: str) -> None:
+def test_too_few_pictures_are_refused_before_the_run(pictures: Path, playback: str, expected: str) -> None:
     (pictures / "shots" / "f_3.png").unlink()
     rig(pictures, 'driver = "scpi", address = "nowhere"', f'driver = "opencv", source = "shots"{playback}')
     ended = acquire(pictures)
     assert ended.status == 2
-    assert len(ended.said) == 1
-    assert told in ended.said[0]
+    assert len(ended.lines) == 1
+    assert expected in ended.lines[0]
 
 
 def test_pictures_that_change_their_size_end_the_run(files: Path, frame: Callable[..., np.ndarray]) -> None:
@@ -240,14 +240,14 @@ def test_pictures_that_change_their_size_end_the_run(files: Path, frame: Callabl
         rig(files, supply, 'driver = "opencv", source = "shots"')
         ended = acquire(files)
     assert ended.status == 1
-    assert "is 64 x 96 uint8, the earlier frames are 128 x 96 uint8; size, bit depth and colours" in ended.said[-1]
+    assert "is 64 x 96 uint8, the earlier frames are 128 x 96 uint8; size, bit depth and colours" in ended.lines[-1]
 
 
 def test_the_transcript_of_a_run_replaces_the_supply_in_another_run(pictures: Path) -> None:
     with emulated() as (_, supply):
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures, "--transcript", "wire.txt")
-        assert ended.status == 0, ended.said
+        assert ended.status == 0, ended.lines
         assert (
             acquire(pictures, "--force", "--transcript", "wire.txt").status == 2
         )  # a transcript never overwrites an older one

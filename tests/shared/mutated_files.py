@@ -250,10 +250,10 @@ def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[st
             path, raw = originals[int(random.integers(0, len(originals)))]
             path.write_bytes(mutated(raw, random))
             pipe.send(path)
-            outcome, said = "hang", ""
+            outcome, message = "hang", ""
             if pipe.poll(STUCK_AFTER_S):
                 try:
-                    outcome, said = pipe.recv()
+                    outcome, message = pipe.recv()
                 except EOFError:
                     process.join()
                     outcome = "hang" if process.exitcode == -signal.SIGPROF else "died"
@@ -265,7 +265,7 @@ def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[st
                     outcome = read_guarded(path)
             counts[outcome] += 1
             if outcome not in ("read", "refused"):
-                print(f"file {number}, seed {seed}, {path.name}: {outcome} {said}", flush=True)
+                print(f"file {number}, seed {seed}, {path.name}: {outcome} {message}", flush=True)
         if process is not None and pipe is not None:
             pipe.send(None)
             process.join()

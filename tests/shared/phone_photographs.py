@@ -83,8 +83,8 @@ class PhoneScene:
 
     def to_px(self, places_mm: Array) -> Array:
         """Project points of the world frame in mm (right, down, away), shape (..., 3), to pixels, shape (..., 2)."""
-        seen = (places_mm - self.camera_mm) @ self.turned.T
-        plane = seen[..., :2] / seen[..., 2:]
+        in_camera = (places_mm - self.camera_mm) @ self.turned.T
+        plane = in_camera[..., :2] / in_camera[..., 2:]
         plane = plane * (1.0 + self.distortion * (plane**2).sum(axis=-1, keepdims=True))
         return np.asarray(self.focal_px * plane + (np.array(self.size) - 1.0) / 2.0)
 

@@ -256,6 +256,6 @@ def test_a_run_whose_console_is_closed_ends_with_the_coil_off(tmp_path: Path) ->
             assert run.poll() is None, run.communicate()
             time.sleep(0.02)
         (tmp_path / "close").touch()
-        said = run.communicate(timeout=PATIENCE_S)[1]
-    assert "stopped by SIGBREAK: the coil is off" in said
+        message = run.communicate(timeout=PATIENCE_S)[1]
+    assert "stopped by SIGBREAK: the coil is off" in message
     assert not coil.state.output

@@ -174,8 +174,8 @@ def test_the_yeoh_card_for_febio_contains_the_energy() -> None:
 
 def test_the_ogden_card_for_febio_has_the_constants_of_its_manual() -> None:
     element = ET.fromstring(material_card("febio", material("ogden")))
-    got = [float(element.findtext(tag) or "nan") for tag in ("c1", "m1", "c2", "m2", "c3", "m3")]
-    assert got == pytest.approx([34e-3, 1.7, 1.5e-3, 5.0, 12e-3, -2.0])
+    constants = [float(element.findtext(tag) or "nan") for tag in ("c1", "m1", "c2", "m2", "c3", "m3")]
+    assert constants == pytest.approx([34e-3, 1.7, 1.5e-3, 5.0, 12e-3, -2.0])
 
 
 def test_a_card_for_sofa_has_the_constants_of_its_source_or_is_refused() -> None:

@@ -76,8 +76,8 @@ def test_ogden_with_exponents_two_is_neo_hookean_and_mooney_rivlin(stretch, J, m
     c10, c01 = 0.5 * mu * (1 - share), 0.5 * mu * share
     ogden = LAWS["ogden"].planar(np.array([2 * c10, 2.0, -2 * c01, -2.0, 0.0, 1.0]), a, J, section)
     mooney = LAWS["mooney-rivlin"].planar(np.array([c10, c01]), a, J, section)
-    for got, expected in zip(ogden, mooney, strict=True):
-        assert got == pytest.approx(expected, rel=1e-8, abs=1e-9 * mu)
+    for computed, expected in zip(ogden, mooney, strict=True):
+        assert computed == pytest.approx(expected, rel=1e-8, abs=1e-9 * mu)
     if share == 0.0:
         neo = LAWS["neo-hookean"].planar(np.array([mu]), a, J, section)
         assert ogden.value == pytest.approx(neo.value, rel=1e-9, abs=1e-12)

@@ -61,26 +61,26 @@ def decay(motion: Motion, hangs: bool = False) -> Decay:
     ],
 )
 def test_frequency_and_loss_are_found_within_their_uncertainty(change: dict[str, float]) -> None:
-    found = decay(recorded(**change)).modes[0]
-    sigma = np.sqrt(np.diag(found.covariance))
-    assert abs(np.log(found.frequency_Hz / 5.48)) < max(4 * sigma[0], 5e-4)
-    assert abs(found.loss - change.get("loss", 0.1)) < max(4 * sigma[1], 0.01 * found.loss)
+    result = decay(recorded(**change)).modes[0]
+    sigma = np.sqrt(np.diag(result.covariance))
+    assert abs(np.log(result.frequency_Hz / 5.48)) < max(4 * sigma[0], 5e-4)
+    assert abs(result.loss - change.get("loss", 0.1)) < max(4 * sigma[1], 0.01 * result.loss)
     assert sigma[0] < 1e-3
-    assert sigma[1] < 0.02 * found.loss
+    assert sigma[1] < 0.02 * result.loss
 
 
 def test_amplitudes_above_five_per_cent_of_the_length_are_left_out_and_reported() -> None:
-    found = decay(recorded(amplitude_mm=9.0))
-    assert found.amplitude_mm < 0.055 * LENGTH_MM
-    assert "above 5% of the length" in found.doubts[0]
+    result = decay(recorded(amplitude_mm=9.0))
+    assert result.amplitude_mm < 0.055 * LENGTH_MM
+    assert "above 5% of the length" in result.doubts[0]
 
 
 def test_a_hanging_weight_that_swings_leaves_only_the_first_windows() -> None:
-    found = decay(recorded(rising_loss=0.02, loss=0.04), hangs=True)
-    used = [window for window in found.windows if window.is_used]
-    assert 0 < len(used) < len(found.windows)
-    assert any("hanging weight swings like a pendulum" in words for words in found.doubts)
-    assert found.modes[0].loss < 0.1
+    result = decay(recorded(rising_loss=0.02, loss=0.04), hangs=True)
+    used = [window for window in result.windows if window.is_used]
+    assert 0 < len(used) < len(result.windows)
+    assert any("hanging weight swings like a pendulum" in words for words in result.doubts)
+    assert result.modes[0].loss < 0.1
 
 
 def test_noise_alone_is_no_vibration() -> None:

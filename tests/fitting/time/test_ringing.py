@@ -75,10 +75,10 @@ def test_amplitudes_are_those_of_the_beam_and_not_of_exposed_frames() -> None:
     motion = Motion(
         "ring_down", places, np.array([[30.0, 0.0]]), frames, np.full(frames.shape, 1e-3), exposure_s=exposure_s
     )
-    seen = decay_of(signals_of(motion), "blurred", 30.0, is_stepped=False)
-    whole = without_blur(seen, exposure_s)
-    start = np.exp(-1.0 * seen.from_s + 0.5 * exposure_s)
-    assert seen.amplitude_mm < 0.87 * start
+    measured = decay_of(signals_of(motion), "blurred", 30.0, is_stepped=False)
+    whole = without_blur(measured, exposure_s)
+    start = np.exp(-1.0 * measured.from_s + 0.5 * exposure_s)
+    assert measured.amplitude_mm < 0.87 * start
     assert whole.amplitude_mm == pytest.approx(start, rel=0.01)
-    assert whole.windows[0].amplitude_mm / seen.windows[0].amplitude_mm == pytest.approx(1 / np.sinc(0.3), rel=1e-3)
-    assert without_blur(seen, None) is seen
+    assert whole.windows[0].amplitude_mm / measured.windows[0].amplitude_mm == pytest.approx(1 / np.sinc(0.3), rel=1e-3)
+    assert without_blur(measured, None) is measured

@@ -98,10 +98,10 @@ def test_laws_are_compared_and_stored(bench, tmp_path):
 
 
 def test_a_prior_is_in_the_fit_and_in_its_file_and_is_printed(bench, fitted, tmp_path):
-    own = fitted.parameters["mu"]
-    prior = eimi.Prior("mu", 0.98 * own.value, 0.001 * own.value)
+    without_prior = fitted.parameters["mu"]
+    prior = eimi.Prior("mu", 0.98 * without_prior.value, 0.001 * without_prior.value)
     pulled = eimi.fit(bench / "run.h5", "neo-hookean", prior=prior, output=tmp_path / "fits.json")
-    assert prior.mean < pulled.parameters["mu"].value < own.value
+    assert prior.mean < pulled.parameters["mu"].value < without_prior.value
     (stored,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
     assert stored["priors"] == [{"parameter": "mu", "mean": prior.mean, "standard_deviation": prior.standard_deviation}]
     assert eimi.open_fits(tmp_path / "fits.json")[0].priors == (prior,)
@@ -165,16 +165,20 @@ def test_a_fit_is_validated_as_object_and_as_file(bench, fitted, tmp_path):
 
 def test_a_law_and_a_fit_are_simulated(bench, fitted, tmp_path):
     protocol, specimen = bench / "protocol.toml", load_specimen(bench / "specimen.toml")
-    known = eimi.simulate(protocol, specimen, "neo-hookean", parameter={"mu": 46390.0}, output=tmp_path / "shapes")
-    assert known.tip_mm.shape == (3, 2)
-    assert (np.diff(known.tip_angle_deg) > 0).all()
+    given_parameters = eimi.simulate(
+        protocol, specimen, "neo-hookean", parameter={"mu": 46390.0}, output=tmp_path / "shapes"
+    )
+    assert given_parameters.tip_mm.shape == (3, 2)
+    assert (np.diff(given_parameters.tip_angle_deg) > 0).all()
     assert (tmp_path / "shapes" / "tip.csv").is_file()
-    assert np.allclose(known.tip_mm, eimi.simulate(protocol, specimen, "neo-hookean", parameter=["mu_Pa=46390"]).tip_mm)
-    own = eimi.simulate(str(protocol), specimen, fit=fitted)
-    assert own.tips.shape == (3, 3, 2)
-    assert "3 states" in repr(own)
-    assert "<table>" in own._repr_html_()
-    assert own.plot()._repr_png_()[:4] == b"\x89PNG"
+    assert np.allclose(
+        given_parameters.tip_mm, eimi.simulate(protocol, specimen, "neo-hookean", parameter=["mu_Pa=46390"]).tip_mm
+    )
+    from_fit = eimi.simulate(str(protocol), specimen, fit=fitted)
+    assert from_fit.tips.shape == (3, 3, 2)
+    assert "3 states" in repr(from_fit)
+    assert "<table>" in from_fit._repr_html_()
+    assert from_fit.plot()._repr_png_()[:4] == b"\x89PNG"
 
 
 def test_the_next_run_is_planned(bench, fitted, tmp_path):

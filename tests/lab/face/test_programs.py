@@ -130,9 +130,9 @@ def test_several_datasets_are_fitted_together(folder: Path) -> None:
 
 
 def test_a_prior_determines_a_parameter_that_bending_does_not_determine(folder: Path) -> None:
-    without, known, (low, high) = result_of("prior_on_a_parameter.py")
+    without, with_prior, (low, high) = result_of("prior_on_a_parameter.py")
     assert without
-    assert not known
+    assert not with_prior
     assert low < 16e3 < high
     assert high - low == pytest.approx(2 * 1.96 * 400.0, rel=0.15)
 

@@ -25,13 +25,13 @@ print(*(name for name in eimi.__all__ if getattr(eimi, name) is None))
 def loaded_by(statement: str) -> set[str]:
     """Return the names of the modules that a new interpreter has loaded after a statement."""
     words = f"import sys\n{statement}\nprint(*sys.modules)"
-    told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    return set(told.stdout.split())
+    result = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    return set(result.stdout.split())
 
 
 def test_no_submodule_hides_a_name():
-    told = subprocess.run([sys.executable, "-c", IMPORT_ALL], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == []
+    result = subprocess.run([sys.executable, "-c", IMPORT_ALL], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []
 
 
 def test_an_import_loads_only_the_requested_modules():
@@ -68,9 +68,9 @@ def test_dir_lists_the_public_names_and_the_package_has_a_version():
 def test_a_wrong_name_is_an_error_with_a_suggestion():
     with pytest.raises(AttributeError, match=r"module 'eimi_lab' has no attribute 'aquire'; did you mean 'acquire'\?"):
         eimi.aquire  # noqa: B018
-    with pytest.raises(KeyError) as told:
+    with pytest.raises(KeyError) as raised:
         eimi.LAWS["yeo"]
-    assert str(told.value) == "there is no law 'yeo'; did you mean 'yeoh'?"
+    assert str(raised.value) == "there is no law 'yeo'; did you mean 'yeoh'?"
     with pytest.raises(eimi.InputError, match=r"there is no law 'neo-hooke'; did you mean 'neo-hookean'\?"):
         eimi.fit("run.h5", "neo-hooke")
     with pytest.raises(TypeError, match=r"fit\(\) has no option 'tensil'; did you mean 'tensile'\?"):

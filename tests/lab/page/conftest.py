@@ -122,9 +122,11 @@ def chromium() -> Iterator[Any]:
     """The Chromium browser of the system, or the browser that Playwright has installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
-        own = shutil.which("chromium") or shutil.which("chromium-browser")
+        installed = shutil.which("chromium") or shutil.which("chromium-browser")
         try:
-            browser = driver.chromium.launch(executable_path=own, args=["--no-sandbox"] if os.geteuid() == 0 else [])
+            browser = driver.chromium.launch(
+                executable_path=installed, args=["--no-sandbox"] if os.geteuid() == 0 else []
+            )
         except playwright.Error as error:
             pytest.skip(f"needs a browser: install Debian's chromium ({str(error).splitlines()[0]})")
         yield browser
@@ -144,7 +146,10 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
     def open_tab(address: str) -> Any:
         page = context.new_page()
         page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("console", lambda said: faults.append(said.text) if "Content Security Policy" in said.text else None)
+        page.on(
+            "console",
+            lambda message: faults.append(message.text) if "Content Security Policy" in message.text else None,
+        )
         page.goto(address)
         return page
 

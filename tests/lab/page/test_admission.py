@@ -238,13 +238,13 @@ def test_an_address_that_other_machines_reach_needs_an_option(
     run: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list, words: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    status, said = run("dashboard", *arguments)
+    status, message = run("dashboard", *arguments)
     assert status == 2
-    assert words in said
+    assert words in message
 
 
-@pytest.mark.parametrize("asked", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT, signal.SIGINT]])
-def test_the_command_prints_the_address_and_ends_at_a_signal(data_folder: Path, asked: list[signal.Signals]) -> None:
+@pytest.mark.parametrize("signals", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT, signal.SIGINT]])
+def test_the_command_prints_the_address_and_ends_at_a_signal(data_folder: Path, signals: list[signal.Signals]) -> None:
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(data_folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -252,12 +252,12 @@ def test_the_command_prints_the_address_and_ends_at_a_signal(data_folder: Path, 
         try:
             page = urlopen(address, timeout=PATIENCE_S).read()
         finally:
-            for number in asked:
+            for number in signals:
                 process.send_signal(number)
-            said = process.communicate(timeout=PATIENCE_S)[1]
+            message = process.communicate(timeout=PATIENCE_S)[1]
     assert b"<title>eimi" in page
     # A second signal may arrive while the interpreter ends and the default handlers of the system are active again.
-    assert process.returncode in (128 + asked[0], -asked[0])
-    assert [line.partition(":")[0] for line in said.splitlines()] == ["eimi", "eimi"]
-    assert said.splitlines()[-1] == f"eimi: stopped by {asked[0].name}"
-    assert address.rpartition("=")[2] not in said
+    assert process.returncode in (128 + signals[0], -signals[0])
+    assert [line.partition(":")[0] for line in message.splitlines()] == ["eimi", "eimi"]
+    assert message.splitlines()[-1] == f"eimi: stopped by {signals[0].name}"
+    assert address.rpartition("=")[2] not in message

@@ -19,26 +19,26 @@ from tests.patience import PATIENCE_S
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
     """Yield a WebSocket whose tab is in control of the bench, and the name of the tab."""
     with served.socket() as tab:
-        told = json.loads(tab.recv(timeout=PATIENCE_S))
-        if told["control"] != "you":
+        state = json.loads(tab.recv(timeout=PATIENCE_S))
+        if state["control"] != "you":
             tab.send(json.dumps({"take": True}))
-            while told["control"] != "you":
-                told = json.loads(tab.recv(timeout=PATIENCE_S))
-        yield tab, told["tab"]
+            while state["control"] != "you":
+                state = json.loads(tab.recv(timeout=PATIENCE_S))
+        yield tab, state["tab"]
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("request", "words"),
     [
         ({"dataset": "run.h5", "model": "hooke"}, "should be one of neo-hookean"),
         ({"dataset": "none.h5", "model": "yeoh"}, "no such file"),
         ({"dataset": "../none.h5", "model": "yeoh"}, "leads out of the folder"),
     ],
 )
-def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, asked: dict[str, str], words: str) -> None:
+def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, request: dict[str, str], words: str) -> None:
     with in_control(served) as (_, name):
         answer = served.ask(
-            "/api/fit/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
+            "/api/fit/start", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
@@ -49,19 +49,19 @@ def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
 
     The fit stores edges in the dataset, so that the test uses a copy of the dataset.
     """
-    own = served.folder / "unfit"
-    own.mkdir()
-    shutil.copy(served.folder / "run.h5", own)
+    folder = served.folder / "unfit"
+    folder.mkdir()
+    shutil.copy(served.folder / "run.h5", folder)
     with in_control(served) as (tab, name):
-        asked = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
-        assert served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name).status == 200
-        told: dict[str, Any] = {"phase": ""}
+        request = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
+        assert served.ask("/api/fit/start", "POST", request, Origin=f"http://{served.host}", X_Tab=name).status == 200
+        state: dict[str, Any] = {"phase": ""}
         until = time.monotonic() + PATIENCE_S
-        while told["phase"] != "failed" and time.monotonic() < until:
-            told = json.loads(tab.recv(timeout=PATIENCE_S)).get("fit") or told
-    assert told["phase"] == "failed"
-    assert "run.h5" in told["last_words"]
-    assert not (own / "run.fits.json").exists()
+        while state["phase"] != "failed" and time.monotonic() < until:
+            state = json.loads(tab.recv(timeout=PATIENCE_S)).get("fit") or state
+    assert state["phase"] == "failed"
+    assert "run.h5" in state["last_words"]
+    assert not (folder / "run.fits.json").exists()
 
 
 def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
@@ -69,8 +69,8 @@ def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
     fits.write_text("of before")
     try:
         with in_control(served) as (_, name):
-            asked = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
-            answer = served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name)
+            request = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
+            answer = served.ask("/api/fit/start", "POST", request, Origin=f"http://{served.host}", X_Tab=name)
         assert answer.status == 400
         assert "run.fits.json: exists already" in json.loads(answer.body)["error"]
         assert fits.read_text() == "of before"
@@ -88,10 +88,10 @@ def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None
         async def closed(self) -> None: ...
 
     monkeypatch.setattr(served.page.desk, "run", GoingOn())
-    asked = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
+    request = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
     with in_control(served) as (_, name):
         answer = served.ask(
-            "/api/run/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
+            "/api/run/start", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
     assert answer.status == 400
     assert "a run is under way" in json.loads(answer.body)["error"]

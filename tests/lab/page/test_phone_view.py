@@ -81,9 +81,9 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     served: Any, phone: Phone, scene: Any, bodies: Any, photographs: list[Path]
 ) -> None:
     """A user who drops three photographs, clicks four points and types eight values gets the true modulus."""
-    own = served.folder / "level"
-    own.mkdir()
-    (own / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen
+    folder = served.folder / "level"
+    folder.mkdir()
+    (folder / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen
     page = phone.page
     page.reload()
     page.locator("#phone-folder option[value=level]").wait_for(state="attached")
@@ -116,7 +116,7 @@ def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     assert "width: " in page.locator("#phone-budget").inner_text()
     page.get_by_role("button", name="Show the states").click()
     page.locator("#run-title", has_text="level/level.h5").wait_for()
-    check_files(own, scene)
+    check_files(folder, scene)
 
 
 def check_files(folder: Path, scene: Any) -> None:
@@ -173,12 +173,12 @@ def test_a_file_that_is_not_a_photograph_is_refused_and_not_stored(
 ) -> None:
     before = sorted(served.folder.iterdir())
     with served.socket() as socket:
-        told = json.loads(socket.recv())
-        while told["control"] != "you":
+        state = json.loads(socket.recv())
+        while state["control"] != "you":
             socket.send(json.dumps({"take": True}))
-            told = json.loads(socket.recv())
+            state = json.loads(socket.recv())
         where = f"/api/phone/receive?folder=&name={name}"
-        answer = served.ask(where, "POST", body, Origin=f"http://{served.host}", X_Tab=told["tab"])
+        answer = served.ask(where, "POST", body, Origin=f"http://{served.host}", X_Tab=state["tab"])
     assert (answer.status, words in json.loads(answer.body)["error"]) == (400, True)
     assert sorted(served.folder.iterdir()) == before
 
@@ -203,12 +203,12 @@ def test_a_wrong_click_or_number_is_named(
     clicked = {"clamp_px": [[400.0, 300.0]], "tip_px": [600.0, 320.0], "ruler_px": [[400.0, 200.0], [700.0, 203.0]]}
     sizes = {"length_mm": "40", "width_mm": "4", "depth_mm": "6", "density_kg_m3": "1070"}
     sigmas = {"length_mm_sigma": "0.3", "width_mm_sigma": "0.05", "depth_mm_sigma": "0.05"}
-    asked = {
+    request = {
         "folder": "wrong",
         "picture": "IMG_0.jpg",
         "clicks": {**clicked, "ruler_mm": "60", **changes},
         "beam": {**sizes, **sigmas},
     }
-    answer = served.ask("/api/phone/edges", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}")
+    answer = served.ask("/api/phone/edges", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]

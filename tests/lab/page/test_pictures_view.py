@@ -25,8 +25,8 @@ def drag(page: Any, name: str, x: float, y: float) -> None:
 
 
 def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: Any) -> None:
-    own = served.folder / "own"
-    shutil.copytree(served.folder / "frames", own)
+    folder = served.folder / "own"
+    shutil.copytree(served.folder / "frames", folder)
     page = tab(f"{served.address}#pictures")
     page.get_by_label("Folder of pictures").select_option("own")
     page.get_by_label("Specimen (for length").select_option("specimen.toml")
@@ -43,23 +43,23 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     page.locator("#by-hand polyline.edge >> nth=1").wait_for(state="attached")
     page.get_by_role("button", name="Save").click()
     page.get_by_text("2 pictures have a current").wait_for()
-    saved = load_calibration(own / "calibration.toml")
+    saved = load_calibration(folder / "calibration.toml")
     assert saved.pixels_per_mm == pytest.approx(8.0, rel=0.02)
     assert saved.clamp_midpoint_px == pytest.approx((66.0, 8.0), abs=0.6)
     assert saved.axis_angle_deg == pytest.approx(90.0, abs=1.5)
-    assert (own / "states.csv").read_text() == "frame,current_A\nframe_1.png,0\nframe_2.png,0.2\n"
+    assert (folder / "states.csv").read_text() == "frame,current_A\nframe_1.png,0\nframe_2.png,0.2\n"
     page.get_by_role("button", name="Save").click()
     page.get_by_text("exists already").wait_for()
     page.get_by_role("button", name="Make a dataset").click()
     page.get_by_text("own/own.h5: 2 states").wait_for()
-    with open_dataset(own / "own.h5") as dataset:
+    with open_dataset(folder / "own.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 0.2]
 
 
 def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, tab: Any) -> None:
-    own = served.folder / "clicked"
-    shutil.copytree(served.folder / "frames", own)
-    (own / "calibration.toml").write_text((served.folder / "calibration.toml").read_text())
+    folder = served.folder / "clicked"
+    shutil.copytree(served.folder / "frames", folder)
+    (folder / "calibration.toml").write_text((served.folder / "calibration.toml").read_text())
     page = tab(f"{served.address}#pictures")
     page.get_by_label("Folder of pictures").select_option("clicked")
     page.get_by_label("Specimen (for length").select_option("specimen.toml")
@@ -84,14 +84,14 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
     page.get_by_text("2 pictures have a current").wait_for()
     page.get_by_role("button", name="Make a dataset").click()
     page.get_by_text("clicked/clicked.h5: 1 states").wait_for()
-    with open_dataset(own / "clicked.h5") as dataset:
+    with open_dataset(folder / "clicked.h5") as dataset:
         assert dataset.calibration is not None
         assert dataset.calibration.picture is not None
         assert np.allclose(dataset.calibration.picture.along_px or (), [(64, 26), (64, 38)], atol=0.6)
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("request", "words"),
     [
         ({"folder": "..", "picture": "x.png"}, "leads out of the folder"),
         ({"folder": "frames", "picture": "../../x.png"}, "leads out of the folder"),
@@ -100,8 +100,8 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
         ({"folder": "frames", "picture": "frame_1.png", "specimen": "../type1"}, "leads out of the folder"),
     ],
 )
-def test_the_answer_to_a_wrong_request_names_the_mistake(served: Any, asked: dict[str, Any], words: str) -> None:
-    answer = served.ask("/api/pictures/edges", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}")
+def test_the_answer_to_a_wrong_request_names_the_mistake(served: Any, request: dict[str, Any], words: str) -> None:
+    answer = served.ask("/api/pictures/edges", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
 

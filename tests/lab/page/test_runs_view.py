@@ -36,8 +36,8 @@ def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
     (folder / "states.csv").write_text("\n".join(["state,field_mT,tip_force_N,tip_force_angle_deg", *states]) + "\n")
     (folder / "rod.toml").write_text(ROD)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "rod.toml", "--no-gravity")
-    status, told = run("import", folder / "points.csv", *tables, "-o", folder / "rod.h5")
-    assert status == 0, told
+    status, message = run("import", folder / "points.csv", *tables, "-o", folder / "rod.h5")
+    assert status == 0, message
     return folder / "rod.h5"
 
 
@@ -73,10 +73,10 @@ def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(serv
     page.route("**/api/fit/start", lambda route: route.fulfill(json={}))
     page.get_by_role("button", name="rod.h5").click()
     page.get_by_text("rods/rod.h5: rod").wait_for()
-    with page.expect_request("**/api/fit/start") as asked:
+    with page.expect_request("**/api/fit/start") as request:
         page.get_by_role("button", name="Fit", exact=True).click()
     assert held, "the list of files was not held back"
-    assert asked.value.post_data_json["dataset"] == "rods/rod.h5"
+    assert request.value.post_data_json["dataset"] == "rods/rod.h5"
     for route in held:
         route.continue_()
 

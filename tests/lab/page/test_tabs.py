@@ -22,7 +22,7 @@ class Said(logging.Handler):
 
 
 @pytest.fixture
-def said() -> Iterator[list[str]]:
+def logged() -> Iterator[list[str]]:
     """The messages that the server logs during a test."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
@@ -40,27 +40,27 @@ def without_tabs(served: Any) -> None:
 
 @pytest.mark.parametrize("message", ["{", "null", "[1]", '"take"', b"\x00\xff", "[" * 30_000])
 def test_a_socket_with_an_unknown_message_is_closed_silently(
-    served: Any, said: list[str], message: str | bytes
+    served: Any, logged: list[str], message: str | bytes
 ) -> None:
     with served.socket() as socket:
         socket.send(message)
         for _ in socket:  # until the page closes the socket
             pass
     without_tabs(served)
-    assert said == []
+    assert logged == []
 
 
-def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, said: list[str]) -> None:
+def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, logged: list[str]) -> None:
     for _ in range(3):
         with served.socket():
             pass
     with served.socket() as torn:
         torn.socket.close()
     without_tabs(served)
-    assert said == []
+    assert logged == []
 
 
-def told(socket: Any, **expected: Any) -> dict[str, Any]:
+def state_with(socket: Any, **expected: Any) -> dict[str, Any]:
     """Receive states of the page until one has the values `expected`; return this state."""
     while True:
         message = socket.recv(timeout=PATIENCE_S)
@@ -73,27 +73,27 @@ def told(socket: Any, **expected: Any) -> dict[str, Any]:
 def test_one_tab_is_in_control_and_control_ends_with_its_tab(served: Any) -> None:
     with served.socket() as watching:
         with served.socket() as second:
-            first_name = told(watching, control="you", tabs=2)["tab"]
-            assert told(second, control="other", tabs=2)["tab"] != first_name
+            first_name = state_with(watching, control="you", tabs=2)["tab"]
+            assert state_with(second, control="other", tabs=2)["tab"] != first_name
             second.send('{"take": true}')
-            name = told(second, control="you")["tab"]
-            told(watching, control="other")
+            name = state_with(second, control="you")["tab"]
+            state_with(watching, control="other")
             assert [served.page.tabs.may_steer(tab) for tab in (name, first_name, "", "x")] == [
                 True,
                 False,
                 False,
                 False,
             ]
-        told(watching, control="nobody", tabs=1)
+        state_with(watching, control="nobody", tabs=1)
         assert not served.page.tabs.may_steer(name)
         watching.send('{"take": true}')
-        told(watching, control="you", tabs=1)
+        state_with(watching, control="you", tabs=1)
         assert served.page.tabs.may_steer(first_name)
 
 
 def test_when_a_tab_without_control_closes_the_control_stays_with_its_tab(served: Any) -> None:
     with served.socket() as steering:
         with served.socket() as watching:
-            told(watching, control="other", tabs=2)
-        name = told(steering, control="you", tabs=1)["tab"]
+            state_with(watching, control="other", tabs=2)
+        name = state_with(steering, control="you", tabs=1)["tab"]
         assert served.page.tabs.may_steer(name)

@@ -3,6 +3,10 @@
 import eimi_lab as eimi
 
 without = eimi.fit("run.h5", "mooney-rivlin")
-known = eimi.fit("run.h5", "mooney-rivlin", prior=eimi.Prior("C10", 16e3, 400.0))
-print(known)
-result = without.identifiability.not_fixed, known.identifiability.not_fixed, known.parameters["C10"].interval_95
+with_prior = eimi.fit("run.h5", "mooney-rivlin", prior=eimi.Prior("C10", 16e3, 400.0))
+print(with_prior)
+result = (
+    without.identifiability.not_fixed,
+    with_prior.identifiability.not_fixed,
+    with_prior.parameters["C10"].interval_95,
+)

@@ -8,6 +8,6 @@ residuals = eimi.fit("run.h5", "neo-hookean").residuals()
 near_the_tip = residuals.arc_length_mm > 20.0
 for k, state in enumerate(residuals.state):
     for side, edge in enumerate(residuals.edge):
-        own = residuals.distance_mm[k, side][near_the_tip[k, side]]
-        print(f"state {state}, {edge} edge beyond 20 mm: {1e3 * np.nanmean(own):+.1f} µm")
+        distances = residuals.distance_mm[k, side][near_the_tip[k, side]]
+        print(f"state {state}, {edge} edge beyond 20 mm: {1e3 * np.nanmean(distances):+.1f} µm")
 result = residuals.distance_mm[near_the_tip]
