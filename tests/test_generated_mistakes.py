@@ -1,4 +1,4 @@
-"""The generator of mistakes changes one place of valid code for each mistake; equal seeds draw equal mistakes."""
+"""The generator of deliberate mistakes changes one place of valid code each time; equal seeds give equal mistakes."""
 
 from __future__ import annotations
 

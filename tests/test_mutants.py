@@ -1,4 +1,4 @@
-"""The list of mistakes fits the code: the tests of each mistake exist, and the runner reports if they detect it."""
+"""Each deliberate mistake in the list fits the code, its tests exist, and the runner reports if they detect it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROJECT = Path(__file__).parents[1]
 
 @pytest.mark.parametrize("room", sorted(path.stem for path in LISTS.glob("*.toml")))
 def test_every_mistake_applies_to_the_code_and_names_existing_tests(room: str) -> None:
-    """The code contains the right fragment of each mistake, and the tests of the mistake exist.
+    """The code contains the right fragment for each deliberate mistake in the list, and the tests of the mistake exist.
 
     If this test fails, the code has changed: update the fragment of the mistake, or replace the mistake.
     """
@@ -38,7 +38,7 @@ def test_there_are_enough_mistakes_and_none_occurs_twice() -> None:
 
 
 def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -> None:
-    """The runner reports whether a mistake is detected by its tests, and then restores the copy of the code.
+    """The runner reports whether the tests detect a deliberate mistake, and then restores the copy of the code.
 
     This test uses a project of one line and one test.
     """

@@ -24,14 +24,17 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return the links of all drivers; links on real ports get the mark slow if `quick` does not contain them."""
+    """Return the links of all drivers, such as "korad over tcp": a driver and the connection to its emulated supply.
+
+    Links on real ports get the mark slow if `quick` does not contain them.
+    """
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply on the link's kind of port and yields the address of the port.
+    """Return a function that serves an emulated supply for a link such as "korad over tcp"; it yields the address.
 
     Return None for a link "in process", which needs no port.
     """
@@ -56,7 +59,7 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Return a function that runs one check of the conformance suite on the driver of a link."""
+    """Return a function that runs one conformance check on the driver of a link such as "korad over tcp"."""
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
@@ -70,26 +73,29 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """The link of each driver in turn: "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp"."""
+    """Each driver in turn with each connection to its emulated supply, as text such as "korad over tcp"."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """The link of each driver in turn, for checks that wait for seconds; most real ports have the mark slow."""
+    """Each driver in turn with each connection to its emulated supply, for checks that wait for seconds.
+
+    The value is a text such as "korad over tcp". Most connections over real ports have the mark slow.
+    """
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """The open driver and its emulated supply, connected by the link of the fixture `waiting_link`."""
+    """An open supply driver and its emulated supply, connected as the fixture `waiting_link` says."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """The open driver and its emulated supply, connected by the link of the fixture `link`."""
+    """An open supply driver and its emulated supply, connected as the fixture `link` says."""
     with open_bench(link) as opened:
         yield opened
 
@@ -103,7 +109,10 @@ def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Return a function that opens the driver of a link and its emulated supply; both are closed after the test."""
+    """Return a function that opens a driver and its emulated supply, given by a text such as "korad over tcp".
+
+    Both are closed after the test.
+    """
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

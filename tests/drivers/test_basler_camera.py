@@ -1,4 +1,4 @@
-"""The driver of Basler cameras works with Basler's own emulated cameras, and names the missing package pypylon."""
+"""The driver of Basler cameras works with Basler's own emulated cameras; without pypylon its error names pypylon."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
 
 
 def modulus_of(assumed: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
-    """Return the estimate of a fit that assumes the loads `told`, for edges of a beam under the true loads `hidden`."""
+    """Return the estimate of a fit that assumes the loads `assumed`, although the beam has the true loads `hidden`."""
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(1).normal(0, 1e-3, sides.shape)

@@ -30,7 +30,7 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return `count` candidate states at equally spaced fields, with these sources of uncertainty."""
+    """Return `count` states from which a plan may choose, at equally spaced fields, with these uncertainties."""
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 

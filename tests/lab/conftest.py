@@ -242,7 +242,10 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 
 @pytest.fixture
 def dataset(files: Path) -> Path:
-    """A dataset with two states of a beam at rest, drawn at 8 px/mm; the second state has the flag NOT_SETTLED."""
+    """A dataset with two states of a beam at rest, drawn at 8 px/mm.
+
+    The run has attached the warning NOT_SETTLED to the second state.
+    """
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)
     image = np.full((96, 128), 210.0)

@@ -1,4 +1,4 @@
-"""The command line gives one line for every mistake and an exit status for its kind, and has commands without a run."""
+"""The command line gives one line for every mistake and an exit status for its kind; some commands need no run."""
 
 from __future__ import annotations
 

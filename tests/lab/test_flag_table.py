@@ -1,7 +1,7 @@
-"""Every row of the table of flags: its limits, the severity below and above each limit, and the added deviation.
+"""Every flag (warning about edges) has the right limits, severity below and above each limit, and added deviation.
 
-This file repeats the rows, so that a new check fails until its row is added here. `docs/why/edges.md` gives the sources
-of the limits.
+This file repeats the rows of the table of flags, so that a new check fails until its row is added here.
+`docs/why/edges.md` gives the sources of the limits.
 """
 
 from __future__ import annotations

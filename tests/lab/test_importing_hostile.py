@@ -1,4 +1,4 @@
-"""`eimi import` handles videos, averages and flags, and gives one line or flags for damaged or misleading images."""
+"""`eimi import` handles videos, averages and warnings; damaged or misleading images give one line or warnings."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
     """Return the duration of the wait for rest (s); fail if the beam did not come to rest.
 
-    changes: changed values of the settling rule.
+    changes: changed values of the rule [settle] in the protocol.
     """
     camera = FilmedBeam(place_px, frame)
     result = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)

@@ -1,4 +1,4 @@
-"""A picture with a fault raises the flag of this fault, and no picture raises an exception."""
+"""A picture with a fault raises the flag (warning) of this fault, and no picture raises an exception."""
 
 from dataclasses import replace
 from functools import lru_cache

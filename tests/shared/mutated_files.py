@@ -1,7 +1,7 @@
 """Change datasets, images, and TOML, JSON, CSV and C3D files at random, and read them.
 
-Each file must be read completely or refused with an error of one line. One process reads many files; if it dies, or
-takes more than 10 s of processor time for a file, this file is counted as a failure and a new process takes over.
+Each file must be read completely or refused with an error of one line. One process reads many files; if this process
+dies, or takes more than 10 s of processor time for a file, the file counts as a failure and a new process takes over.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ def read_guarded(path: Path) -> str:
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
-    """Read this number of mutated files, or recover them; return the number of files for each outcome.
+    """Change `files` valid files at random, and read or recover each of them; return the number of files by outcome.
 
     The outcomes "read" and "refused" are correct; each other outcome is printed with the name of its file.
     """

@@ -73,7 +73,7 @@ class Case:
 
     @property
     def stated(self) -> tuple[StatedSource, ...]:
-        """Return the uncertainties that the files of the example bench give and that apply to a telecentric camera."""
+        """The standard uncertainties that the files of the experiment give."""
         return usual() if self.is_usual else stated()
 
     @property
@@ -111,7 +111,7 @@ class Outcome:
 
 @cache
 def stated() -> tuple[StatedSource, ...]:
-    """Return the uncertainties that the bench examples state, of the sources of a telecentric camera."""
+    """Return the uncertainties that the files of the example bench give and that apply to a telecentric camera."""
     rig = load_rig("bench_example")
     every = (
         *load_specimen("bench_example").stated_sources(),
@@ -291,7 +291,10 @@ class Row:
 
 
 def row(name: str, outcomes: Sequence[Outcome]) -> Row:
-    """Return the statistics of a group of results. The half-width of an interval is taken on the side of the truth."""
+    """Return the statistics of a group of fits.
+
+    The half-width of an interval is the distance from the value to the end of the interval on the side of the truth.
+    """
     logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
     value, low, high, fit_low, fit_high = logs.T
     contains_truth = (low <= 0) & (high >= 0)

@@ -1,4 +1,4 @@
-"""The laws under test: a test with the argument ``row`` runs once for each law in ROWS."""
+"""The laws that are tested: a test with the argument ``row`` runs once for each law in ROWS."""
 
 from __future__ import annotations
 

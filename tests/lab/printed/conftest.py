@@ -113,7 +113,7 @@ def tensile(tmp_path: Path) -> TensileRecord:
 
 @pytest.fixture
 def shown() -> Callable[..., ShownFit]:
-    """Return a function that turns the record of a fit into the object that a report prints."""
+    """Return a function that turns a fit, as stored in a fits file, into the object that a report prints."""
 
     def shown(fit: FitRecord | TensileRecord, comparison: tuple[Choice, ...] = ()) -> ShownFit:
         return ShownFit(Path("fits.json"), 0, fit, comparison, "bending")
