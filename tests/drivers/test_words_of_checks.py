@@ -221,7 +221,7 @@ def test_the_broken_requirement_of_a_supply_is_named(name: str, driver: Any, wor
 
 
 class Good:
-    """A camera that fulfils every requirement."""
+    """A camera that fulfils every requirement of the conformance suite."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if source == "absent":

@@ -1,4 +1,4 @@
-"""A whole run over real protocols: the commands of the how-to on an emulated bench, exactly as on its page."""
+"""A whole run over real communication protocols, with the commands of the how-to on an emulated bench."""
 
 from __future__ import annotations
 

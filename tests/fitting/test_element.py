@@ -1,4 +1,4 @@
-"""In the planar element, forces, tangent and predicted stress are derivatives of one energy, with its symmetries."""
+"""In the planar element, forces, tangent and predicted stress are derivatives of one energy and have its symmetries."""
 
 from __future__ import annotations
 

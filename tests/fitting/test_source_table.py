@@ -198,7 +198,7 @@ POINTS = np.array([[10.0, 0.0], [20.0, 5.0]])
 
 
 @pytest.mark.parametrize(
-    ("source", "deviation", "seen"),
+    ("source", "deviation", "imaged"),
     [
         ("scale", [0.1], 1.1 * POINTS),
         ("roll", [90.0], np.column_stack([-POINTS[:, 1], POINTS[:, 0]])),

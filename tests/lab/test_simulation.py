@@ -124,8 +124,8 @@ def test_a_full_disk_gives_an_error_and_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_path: Path) -> None:
-    # q = M B A L²/EI: the tip turns 26.4335 degrees at q = 1 and 44.7910 at 2 in a field across the beam. Gravity is
-    # made to pull along it, and too weak to matter: the density is given as next to nothing.
+    # q = M B A L²/EI: the tip turns 26.4335 degrees at q = 1 and 44.7910 at 2 in a field across the beam. Gravity acts
+    # along the beam and has no effect, because the density is nearly zero.
     bending = 3 * 50e3 * 1e-3**3 / 12  # bending stiffness in N m² for each metre of depth
     magnetisation = bending / (1e-3 * 60e-3**2 * 4.7e-3)  # magnetisation in A/m
     text = MAGNETISED.format(magnetisation=magnetisation / 1e3).replace("1500.0", "1e-3")

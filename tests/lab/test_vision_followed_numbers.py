@@ -1,4 +1,4 @@
-"""Intermediate results of following a beam, and projections of colours, agree with the drawn pictures."""
+"""Intermediate results of following a beam, and mixtures of the colour channels, agree with the drawn pictures."""
 
 from __future__ import annotations
 

@@ -200,7 +200,7 @@ def _clear(scene: Scene, picture: Array) -> Array:
 
 
 def _hand(scene: Scene, picture: Array) -> Array:
-    """Paint two fingers across the beam, which cover about a sixth of its length."""
+    """Paint fingers across the beam, which cover about a sixth of its length."""
     share = scene.rng.uniform(0.2, 0.8)
     middle = scene.outline((share, share + 0.02)).mean(axis=0)
     turn = scene.rng.uniform(0.0, 2.0 * np.pi)

@@ -183,7 +183,7 @@ def read(path: Path) -> str:
                 bound_memory(path.stat().st_size)
                 try:
                     read_in_this_process(path)
-                finally:  # a dataset is checked in a child, which a process with little memory cannot start
+                finally:  # a dataset is checked in a child process, which a process with little memory cannot start
                     resource.setrlimit(resource.RLIMIT_AS, before)
             case _:
                 load_calibration(path)
@@ -207,7 +207,7 @@ def serve(pipe: Connection, recover: bool) -> None:
         for descriptor in (1, 2):
             os.dup2(printed.fileno(), descriptor)
         while (path := pipe.recv()) is not None:
-            signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # its signal ends the process in any state
+            signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # the signal of this timer ends the process in any situation
             try:
                 outcome, words = recovered(path) if recover else read(path), ""
             except Exception as error:

@@ -28,17 +28,17 @@ def in_control(served: Any) -> Iterator[tuple[Any, str]]:
 
 
 @pytest.mark.parametrize(
-    ("request", "words"),
+    ("requested", "words"),
     [
         ({"dataset": "run.h5", "model": "hooke"}, "should be one of neo-hookean"),
         ({"dataset": "none.h5", "model": "yeoh"}, "no such file"),
         ({"dataset": "../none.h5", "model": "yeoh"}, "leads out of the folder"),
     ],
 )
-def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, request: dict[str, str], words: str) -> None:
+def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, requested: dict[str, str], words: str) -> None:
     with in_control(served) as (_, name):
         answer = served.ask(
-            "/api/fit/start", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}", X_Tab=name
+            "/api/fit/start", "POST", json.dumps(requested).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
@@ -53,8 +53,8 @@ def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
     folder.mkdir()
     shutil.copy(served.folder / "run.h5", folder)
     with in_control(served) as (tab, name):
-        request = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
-        assert served.ask("/api/fit/start", "POST", request, Origin=f"http://{served.host}", X_Tab=name).status == 200
+        requested = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
+        assert served.ask("/api/fit/start", "POST", requested, Origin=f"http://{served.host}", X_Tab=name).status == 200
         state: dict[str, Any] = {"phase": ""}
         until = time.monotonic() + PATIENCE_S
         while state["phase"] != "failed" and time.monotonic() < until:
@@ -69,8 +69,8 @@ def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
     fits.write_text("of before")
     try:
         with in_control(served) as (_, name):
-            request = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
-            answer = served.ask("/api/fit/start", "POST", request, Origin=f"http://{served.host}", X_Tab=name)
+            requested = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
+            answer = served.ask("/api/fit/start", "POST", requested, Origin=f"http://{served.host}", X_Tab=name)
         assert answer.status == 400
         assert "run.fits.json: exists already" in json.loads(answer.body)["error"]
         assert fits.read_text() == "of before"
@@ -88,10 +88,10 @@ def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None
         async def closed(self) -> None: ...
 
     monkeypatch.setattr(served.page.desk, "run", GoingOn())
-    request = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
+    requested = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
     with in_control(served) as (_, name):
         answer = served.ask(
-            "/api/run/start", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}", X_Tab=name
+            "/api/run/start", "POST", json.dumps(requested).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
     assert answer.status == 400
     assert "a run is under way" in json.loads(answer.body)["error"]

@@ -91,7 +91,7 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
 
 
 @pytest.mark.parametrize(
-    ("request", "words"),
+    ("requested", "words"),
     [
         ({"folder": "..", "picture": "x.png"}, "leads out of the folder"),
         ({"folder": "frames", "picture": "../../x.png"}, "leads out of the folder"),
@@ -100,8 +100,8 @@ def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, 
         ({"folder": "frames", "picture": "frame_1.png", "specimen": "../type1"}, "leads out of the folder"),
     ],
 )
-def test_the_answer_to_a_wrong_request_names_the_mistake(served: Any, request: dict[str, Any], words: str) -> None:
-    answer = served.ask("/api/pictures/edges", "POST", json.dumps(request).encode(), Origin=f"http://{served.host}")
+def test_the_answer_to_a_wrong_request_names_the_mistake(served: Any, requested: dict[str, Any], words: str) -> None:
+    answer = served.ask("/api/pictures/edges", "POST", json.dumps(requested).encode(), Origin=f"http://{served.host}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
 
