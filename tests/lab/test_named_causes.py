@@ -98,7 +98,7 @@ def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
             "a field a thousand times too small",
             "give field_mT in states.csv in mT (not T)",
         ),
-        ({"seen": places(None)}, "gravity", "give --no-gravity"),
+        ({"points": places(None)}, "gravity", "give --no-gravity"),
     ],
 )
 def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str, remedy: str) -> None:
