@@ -26,8 +26,8 @@ LINE_ENDS = {
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
     """Send the messages of a conversation one after the other, and assert that every answer is the expected one.
 
-    The entry SETTLE instead of a message waits for 5 s of simulated time; the entry TRIP trips the over-current
-    protection.
+    The entry SETTLE instead of a message waits for 5 s of simulated time. The entry TRIP lets a protection switch the
+    output off.
     """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):

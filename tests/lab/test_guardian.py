@@ -1,4 +1,4 @@
-"""The guardian process switches the coil off when a run dies, and does nothing else."""
+"""The guardian, a separate process, switches the coil off when a run dies, and does nothing else."""
 
 from __future__ import annotations
 

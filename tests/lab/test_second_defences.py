@@ -206,7 +206,10 @@ def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked
 
 
 class Watcher:
-    """A guardian that records its calls, and may raise an error."""
+    """A replacement for the guardian, the process that switches the coil off if a run dies.
+
+    It records the calls of the run, and may raise an error.
+    """
 
     def __init__(self, did: list[str]) -> None:
         self.did, self.lost = did, False

@@ -61,7 +61,7 @@ def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, logged
 
 
 def state_with(socket: Any, **expected: Any) -> dict[str, Any]:
-    """Receive states of the page until one has the values `expected`; return this state."""
+    """Receive messages about the state of the page until one has the values `expected`; return this message."""
     while True:
         message = socket.recv(timeout=PATIENCE_S)
         if isinstance(message, str):

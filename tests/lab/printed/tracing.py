@@ -91,9 +91,9 @@ def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] 
     Parameters
     ----------
     content : nested lists and dictionaries
-        The record.
+        The stored results (the record) whose numbers are printed.
     printed : callable
-        Prints a record.
+        Function from the content of a record to the printed texts, by name.
     skip : tuple of str
         Beginnings of the paths of numbers that no text contains, such as draws.
     """
