@@ -324,7 +324,7 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
 
 
 class Recorder:
-    """A replacement for the guardian, the process that switches the coil off if a run dies; it records the run's calls."""
+    """A replacement for the guardian (the process that switches the coil off if a run dies); it records the calls."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
