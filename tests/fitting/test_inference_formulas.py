@@ -22,7 +22,7 @@ from eimi_fitting.inference.evidence.objective import Evaluation
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.polarity import has_both_polarities
 from eimi_fitting.inference.evidence.quantity import Quantity
-from eimi_fitting.inference.interval import draws
+from eimi_fitting.inference.interval import draws, noise
 from eimi_fitting.inference.interval.considered import steps_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
@@ -95,11 +95,11 @@ def test_both_polarities_need_a_fifth_of_the_strongest_field(field_mT: list[floa
     assert has_both_polarities(Loads.along(np.array(field_mT), field_angle_deg=70.0, gravity_angle_deg=None)) is both
 
 
-def edge(points: int, noise: bool = True) -> EdgeObservation:
+def edge(points: int, with_noise: bool = True) -> EdgeObservation:
     places = np.zeros((2, 2, points, 2))
     places[..., 0] = np.arange(points)
     sigma = np.tile(np.arange(points, dtype=float) + 1.0, (2, 2, 1))
-    return EdgeObservation(places, sigma, noise_mm=0.5 * sigma if noise else None)
+    return EdgeObservation(places, sigma, noise_mm=0.5 * sigma if with_noise else None)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_a_search_uses_at_least_25_points_of_each_edge(points: int, kept: int) -
     np.testing.assert_array_equal(thin.sigma_mm[1, 0], np.arange(kept) * stride + 1.0)
     assert thin.noise_mm is not None
     np.testing.assert_array_equal(thin.noise_mm, 0.5 * thin.sigma_mm)
-    assert _thinned(edge(points, noise=False)).noise_mm is None  # type: ignore[union-attr]
+    assert _thinned(edge(points, with_noise=False)).noise_mm is None  # type: ignore[union-attr]
     other: Any = SimpleNamespace()
     assert _thinned(other) is other
 
@@ -652,3 +652,93 @@ def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> Non
     assert shape((0.0,), (-0.02, 0.05)).in_words == "its width varies by up to 0.1 mm"
     assert shape((0.9, 0.0), (0.0,)).in_words == "bent by up to 0.9 mm"
     assert shape((-0.9, 0.0), (0.02,)).in_words == "bent by up to 0.9 mm, its width varies by up to 0.04 mm"
+
+
+def noisy(error_mm: list[float], seed: int = 4) -> LinearStates:
+    """Return states of two edges of 40 points each whose residuals are white noise with these errors."""
+    rng = np.random.default_rng(seed)
+    residuals = rng.normal(size=(len(error_mm), 2, 40))
+    residuals *= (np.array(error_mm) / np.sqrt((residuals**2).mean(axis=(1, 2))))[:, None, None]
+    states = LinearStates(
+        residuals,
+        rng.normal(size=(1, *residuals.shape)),
+        np.ones_like(residuals),
+        np.ones(len(error_mm)),
+        np.full(len(error_mm), 80.0),
+        np.array(error_mm),
+    )
+    return states
+
+
+def problem_of(*states: LinearStates) -> Any:
+    experiments = []
+    for one in states:
+        shape = one.residuals.shape
+        experiments.append(SimpleNamespace(observed=EdgeObservation(np.zeros((*shape, 2)), np.ones(shape))))
+    return SimpleNamespace(experiments=tuple(experiments))
+
+
+def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
+    """w_k = N / (K e N_k e_k), with the error of the beam model in quadrature: the sum of w_k N_k e_k² is N."""
+    states = [noisy([0.01, 0.03]), noisy([0.02], seed=5)]
+    problem = problem_of(*states)
+    model_mm = [np.array([0.0, 0.04]), np.array([0.0])]
+    points = noise._independent(problem, states)
+    assert 80.0 < points <= 240.0
+    weighted = noise._with_weights(problem, states, model_mm)
+    errors = np.array([0.01, 0.05, 0.02])
+    weights = np.concatenate([one.weights for one in weighted])
+    np.testing.assert_allclose(weights, points / (errors.sum() * 80.0 * errors))
+    assert noise._mean_mm(states) == pytest.approx(0.02)
+
+
+def test_a_shift_in_common_is_explained_by_the_source_and_the_noise_remains() -> None:
+    """The residuals are white noise and 1.5 standard uncertainties of a source, which least squares finds."""
+    clean = noisy([0.01, 0.01, 0.01])
+    change = np.full_like(clean.residuals, 0.05)
+    spoilt = noise._with_residuals(clean, clean.residuals + 1.5 * change)
+    slopes = noise._with_sources(1e-9 * clean.slopes, [change])
+    states = [replace(spoilt, slopes=slopes)]
+    np.testing.assert_allclose(slopes[1], 12.0 * change)  # a unit coordinate spans six standard uncertainties a side
+    prior = np.diag([12.0, 144.0])
+    unit = np.array([0.5, 0.5])
+    best, remaining = noise._least(problem_of(clean), states, unit, unit, prior, [np.zeros(3)])
+    assert 12.0 * (0.5 - best[1]) == pytest.approx(1.5, abs=0.05)
+    assert best[0] == pytest.approx(0.5, abs=1e-3)
+    assert noise._mean_mm(remaining) == pytest.approx(0.01, rel=0.03)
+    np.testing.assert_allclose(remaining[0].residuals, clean.residuals, atol=0.003)
+    assert noise._with_sources(clean.slopes, [None])[1].any() is np.False_
+
+
+def test_the_value_of_a_fit_counts_errors_and_squared_deviations() -> None:
+    states = [noisy([0.03, 0.01])]
+    unknowns: Any = SimpleNamespace(standardised=lambda unit: np.tile([1.0, 2.0], (len(unit), 1)))
+    found = noise._value(unknowns, np.zeros(2), states, [np.array([0.04, 0.0])], 50.0)
+    assert found == pytest.approx(0.03 * np.exp(5.0 / 100.0))
+
+
+def test_slopes_are_central_differences() -> None:
+    rng = np.random.default_rng(0)
+    slopes, distance = rng.normal(size=(2, 1, 2, 3)), np.array([0.1, 0.4])
+    middle = rng.normal(size=(1, 2, 3))
+    half = 0.5 * distance[:, None, None, None] * slopes
+    batch = np.concatenate([middle[None], middle + half, middle - half])
+    seen = Misfit(batch, np.ones((1, 2, 3)), np.zeros((5, 1)), np.zeros((5, 1)))
+    np.testing.assert_allclose(noise._slopes(seen, distance), slopes)
+
+
+def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
+    """Two corrections change all points by 0.1 mm and 0.2 mm, and leave 95 % bounds of a tenth and a half of that."""
+    shape = (2, 2, 5)
+    effects = [
+        noise.Effect(SimpleNamespace(changes=[np.full(shape, size)]), np.zeros(1), share)  # type: ignore[arg-type]
+        for size, share in ((0.1, 0.1), (0.2, 0.5))
+    ]
+    seen = Misfit(np.zeros((1, *shape)), np.ones(shape), np.zeros((1, 2)), np.zeros((1, 2)))
+    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(misfits=(seen,))))
+    (found,) = noise._model_mm(optimum, effects)
+    np.testing.assert_allclose(found, np.full(2, np.hypot(0.01, 0.1) / 1.959964), rtol=1e-6)
+    np.testing.assert_array_equal(noise._model_mm(optimum, ())[0], [0.0, 0.0])
+    refinement = SimpleNamespace(remaining_share=0.3)
+    own = noise.Effect(SimpleNamespace(changes=[], refinement=refinement), np.zeros(1))  # type: ignore[arg-type]
+    assert (own.remaining_share, effects[1].remaining_share, own.least_percent) == (0.3, 0.5, 0.0)
