@@ -148,7 +148,7 @@ INTERLOCK = Interlock(reading="coil_voltage_V", maximum=8.0)
 
 
 def long_run(setup: Any) -> tuple[list[str], list[str]]:
-    """Return the steps and the details of a dry run of ten states with everything that a protocol can ask for."""
+    """Return the lines of a dry run of ten states with everything that a protocol can request: steps, and details."""
     setup.protocol = parse(Protocol, LONG + setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.9"), "p")
     setup.rig = setup.rig.model_copy(update={"interlocks": (INTERLOCK,)})
     steps: list[str] = []
@@ -182,8 +182,11 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
     assert sorted(printed) == sorted([*(line for line in steps if "between" not in line), *details])
 
 
-def test_the_durations_of_a_run_are_those_of_a_beam_at_rest_and_of_one_that_never_rests(setup: Any) -> None:
-    """A state that never rests takes 5 s instead of 0.02 s, and so do four shapes of the conditioning."""
+def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that_never_rests(setup: Any) -> None:
+    """A dry run prints the duration for a beam that is at rest at once, and for a beam that never comes to rest.
+
+    A state that never comes to rest takes 5 s instead of 0.02 s; so do four shapes of the conditioning.
+    """
     steps, _ = long_run(setup)
     durations = re.fullmatch(
         r"duration: (\d+) s if the beam is at rest at once, (\d+) s if it never comes to rest", steps[-1]

@@ -63,8 +63,9 @@ def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
 def on_its_shadow(widest: float, blur_px: float, tint: float):
     """Draw a yellow beam 21 px wide that hangs from (100, 20) in front of a grey wall, with its shadow on its right.
 
-    The beam is darker toward its shadow. The shadow touches the beam and becomes wider, up to `widest` widths of the
-    beam. `tint` is the share of the beam's colour that the beam throws into the shadow.
+    The beam is darker toward its shadow. The shadow touches the beam and becomes wider toward the tip, up to `widest`
+    widths of the beam. blur_px: standard deviation of the blur of the picture. tint: share of the beam's colour that
+    the beam reflects into the shadow.
     """
     y, x = np.mgrid[0:280, 0:220].astype(float)
     wall, beam = np.array([152.0, 161.0, 167.0]), np.array([32.0, 89.0, 107.0])
@@ -79,7 +80,7 @@ def on_its_shadow(widest: float, blur_px: float, tint: float):
 
 @pytest.mark.parametrize("shadow", [(0.5, 2.0, 0.25), (0.7, 2.0, 0.15), (0.7, 2.5, 0.15)])
 def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colour(shadow):
-    """The edge in the shadow is doubtful, and it is the edge of the beam, not the border of the shadow."""
+    """Beside a shadow with a tint of the beam's colour, the edge of the beam is found, and marked as doubtful."""
     calibration = CALIBRATION.model_copy(update={"clamp_midpoint_px": (100.0, 20.0), "pixels_per_mm": 7.0})
     edges = find_edges(on_its_shadow(*shadow), calibration, SPECIMEN)
     assert {flag.severity for flag in edges.flags if flag.name == "OWN_SHADOW"} == {Severity.DOUBTFUL}
@@ -92,7 +93,10 @@ def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colou
 
 
 def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
-    """A green board on white has a brown cut side, which is darker than the white and belongs to the beam."""
+    """A brown cut side of a green board on white belongs to the beam, and does not count as a shadow.
+
+    The side is darker than the white background.
+    """
     y, x = np.mgrid[0:280, 0:220].astype(float)
     image = np.full((280, 220, 3), 245.0)
     along = (y > 20.0) & (y < 230.0)
@@ -304,7 +308,10 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_beam_is_followed_to_the_last_click_behind_a_body_that_hides_it(files):
-    """Beyond the hidden part of the beam, the search alone gains less than it loses in this part."""
+    """A partly hidden beam is followed up to the last click of the user, beyond the body that hides it.
+
+    Without the clicks, the search would end at the hidden part.
+    """
     image = np.full((96, 128, 3), 120.0)
     image[8:88, 56:72] = (40, 60, 200)
     image[42:74] = (30, 30, 30)
@@ -343,7 +350,7 @@ def test_an_ambiguous_state_does_not_guide_later_states(run, files):
 
 
 NOT_FOLLOWED = ("wrapped_1",)
-"""A picture of a rod with an uneven wrapping, traced to within 4 px."""
+"""Pictures in which the search does not find the edges: a rod with an uneven wrapping, traced to within 4 px."""
 
 
 def _expected(picture):
