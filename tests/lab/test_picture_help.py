@@ -241,6 +241,28 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
     ), message
 
 
+def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run: Run, files: Path) -> None:
+    """A body of the beam's colour touches the beam on its right side. The given clamp and axis are right."""
+    image = scene((40, 60, 200), (120, 120, 120))
+    image[40:76, 70:100] = np.clip(np.random.default_rng(2).normal((40, 60, 200), 2.0, (36, 30, 3)), 0, 255)
+    assert imported(run, files, image)[0] == 0
+    status, said = run("segment", files / "out.h5")
+    told = "a body was followed from the clamp over 9"
+    assert (status, told in said, "see in the overlay which edge is lost" in said) == (0, True, True), said
+    assert "a beam is found with" not in said
+
+
+def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
+    """Advice for a back-light does not help a person who has clicked the beam, and neither does advice to click it."""
+    image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
+    assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0
+    status, said = run("segment", files / "out.h5")
+    with open_dataset(files / "out.h5") as dataset:
+        [edges] = dataset.edges() or ()
+    assert {flag.name for flag in edges.flags} == {"NOT_FOLLOWED"}
+    assert (status, "help the search by --region, --polarity" in said) == (0, True), said
+
+
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [

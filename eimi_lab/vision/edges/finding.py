@@ -137,7 +137,8 @@ def find_edges(
                 flags_of_following = judge(followed.findings, limits, followed.words)
                 grave = {flag.name: flag for flag in reversed(flags_of_following) if flag.severity is Severity.UNUSABLE}
                 grave = dict(reversed(grave.items()))  # the first flag of each name, in the order of the table
-                if np.ndim(image) == 3 and grave:  # advice for a back-light does not help a photograph
+                is_photograph = np.ndim(image) == 3 or clicks is not None
+                if is_photograph and grave:  # advice for a back-light does not help a photograph
                     flags = tuple(grave.values())
                 else:
                     raised = {flag.name for flag in flags}

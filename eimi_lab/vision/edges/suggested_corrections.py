@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.check import Severity
+from eimi_lab.vision.check import Severity, leaves_out
 from eimi_lab.vision.edges.edge_set import EdgeSet
-from eimi_lab.vision.edges.finding import find_edges
-from eimi_lab.vision.following.follow import NARROWEST_PX
+from eimi_lab.vision.edges.finding import find_edges, follow_beam
+from eimi_lab.vision.flags import CHECK_OF, judge
+from eimi_lab.vision.following.follow import NARROWEST_PX, FollowedBeam
 from eimi_lab.vision.intensity import full_scale
 from eimi_lab.vision.projection import Projection
 
@@ -26,6 +28,8 @@ SCALES = (0.5, 0.7, 1.4, 2.0)
 TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
 ASIDE = (2.5, -2.5)  # beam widths by which the clamp is moved, across the beam and along it
 _FULL_LENGTH = 0.8  # of the stated length, at the last point: the corners at the tip are left out
+_LEAST_LENGTH = 0.1  # of the stated length: a shorter path is chance
+_CLEAR_GAIN = 0.5  # mean evidence of a body that is clear against its surroundings
 _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 
@@ -54,6 +58,9 @@ def suggest_correction(
     search changes one value clearly. The first change is suggested with which a beam of nearly the full length is
     located and no flag is more severe than a note. The suggestion is not a proof, and no file is changed.
 
+    No value is suggested if the given values already lead along a clear body of nearly the full length and of the given
+    width. Another clamp or axis would then lead to the same body, or to a wrong one.
+
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
@@ -68,8 +75,12 @@ def suggest_correction(
     Returns
     -------
     SuggestedCorrection
-        If no change succeeds, `words` gives another probable reason.
+        If no change succeeds, `words` gives another probable reason. If a body was followed, the reason is the first
+        check that its edges did not pass.
     """
+    followed = follow_beam(image, calibration, specimen, projection=projection)
+    if _is_clear(followed):
+        return SuggestedCorrection(_reason_of(followed))
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         size = {key: changes[key] for key in changes if key == "width_mm"}
         beam = specimen.model_copy(update={"specimen": specimen.specimen.model_copy(update=size)})
@@ -90,9 +101,42 @@ def suggest_correction(
             f"the beam is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g} px wide: move the camera "
             "nearer, or use a longer lens;"
         )
+    if reason := _reason_of(followed):
+        return SuggestedCorrection(reason)
+    is_clicked = calibration.picture is not None and calibration.picture.along_px is not None
+    help_left = "--region" if is_clicked else "--along, --region"
     return SuggestedCorrection(
         "no body as wide as width_mm leaves the clamp at or near clamp_midpoint_px: check clamp_midpoint_px, "
-        "axis_angle_deg and pixels_per_mm, or help the search by --along, --region, --polarity or --beam-colour;"
+        f"axis_angle_deg and pixels_per_mm, or help the search by {help_left}, --polarity or --beam-colour;"
+    )
+
+
+def _is_clear(followed: FollowedBeam) -> bool:
+    """Return whether a clear body of about the given width was followed over nearly the given length."""
+    findings = followed.findings
+    return (
+        findings.get("followed_beyond", 0.0) >= _FULL_LENGTH
+        and findings.get("followed_gain", 0.0) >= _CLEAR_GAIN
+        and findings.get("followed_width", math.inf) <= CHECK_OF["followed_width"].limit
+        and findings.get("followed_click", 0.0) <= CHECK_OF["followed_click"].limit
+        and leaves_out(judge(findings, None, followed.words))
+    )
+
+
+def _reason_of(followed: FollowedBeam) -> str:
+    """Return the first reason for which the edges of a followed body are unusable.
+
+    The result is empty if no body was followed over a tenth of the given length, or if the edges are usable.
+    """
+    share = followed.findings.get("followed_beyond", 0.0)
+    grave = (flag for flag in judge(followed.findings, None, followed.words) if leaves_out([flag]))
+    flag = next(grave, None)
+    if flag is None or share < _LEAST_LENGTH:
+        return ""
+    remedy = flag.remedy[0].lower() + flag.remedy[1:].rstrip(".")
+    return (
+        f"a body was followed from the clamp over {100.0 * share:.0f} % of length_mm, but its edges are unusable "
+        f"({flag.name} {flag.value:.2g}, limit {flag.limit:g}): {remedy};"
     )
 
 
