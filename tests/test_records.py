@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import eimi_drivers
 import eimi_fitting
 import eimi_lab
+from eimi_lab.acquisition.events import EVENTS, Event
 
 CHANGING = {
     *("_Announced", "CameraBench", "SensorBench", "SupplyBench"),
@@ -18,6 +19,14 @@ CHANGING = {
     *("Elements", "_Counted", "BackLitSearch", "SolidLoads", "_State", "_End"),
 }
 """Dataclasses whose attributes are set after the construction: benches, progress of a run, and states of a solver."""
+
+
+BY_NAME = {
+    *("Check", "DatasetPanel", "Estimate", "Fit", "FitRecord", "IdentifiedLaw", "LawRecord", "MotionFacts", "Order"),
+    *("Placing", "ReportPanel", "RingDownRecord", "ShapeChange", "Source", "Stepping", "TensileRecord", "Tracks"),
+    "_Panel",
+}
+"""Dataclasses whose fields can only be given by name."""
 
 
 def dataclasses_of_the_packages() -> Iterator[type]:
@@ -39,3 +48,15 @@ def test_a_record_cannot_be_changed() -> None:
     assert all(dataclasses.is_dataclass(record) for record in found)
     changing = {record.__name__ for record in found if not record.__dataclass_params__.frozen}  # type: ignore[attr-defined]
     assert changing == CHANGING
+
+
+def test_records_with_many_fields_take_them_by_name_alone() -> None:
+    """An event, a run in progress, and the large results of a fit: a new field can then stand in any place."""
+    found = {
+        record.__name__
+        for record in dataclasses_of_the_packages()
+        if {field.kw_only for field in dataclasses.fields(record)} == {True} and not issubclass(record, Event)
+    }
+    assert found == BY_NAME
+    for event in EVENTS.values():
+        assert {field.kw_only for field in dataclasses.fields(event)} == {True}

@@ -28,7 +28,7 @@ from eimi_fitting.inference.interval.covariance import Linearisation, LinearStat
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import draw_parameters, interval_95, normal_draws, rounded, thinned
 from eimi_fitting.inference.interval.identifiability import Direction, directions, held_by_bounds, is_open, statement
-from eimi_fitting.inference.interval.profile_likelihood import moved_to
+from eimi_fitting.inference.interval.profile_likelihood import _End, moved_to
 from eimi_fitting.inference.searching import modulus_range
 from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestShape
 from eimi_fitting.inference.searching.modulus_range import NothingConverged, Scan, narrowed
@@ -742,3 +742,59 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
     refinement = SimpleNamespace(remaining_share=0.3)
     own = noise.Effect(SimpleNamespace(changes=[], refinement=refinement), np.zeros(1))  # type: ignore[arg-type]
     assert (own.remaining_share, effects[1].remaining_share, own.least_percent) == (0.3, 0.5, 0.0)
+
+
+def end(**changed: Any) -> _End:
+    """Return a candidate for the upper end of the first of two coordinates, 0.1 from the optimum at 0.5."""
+    given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
+    return _End(**(given | changed))
+
+
+@pytest.mark.parametrize(
+    ("deviance", "at", "converged"),
+    [
+        (4.11, 0.6, True),  # within 3 per cent of the target
+        (3.89, 0.6, True),
+        (4.13, 0.6, False),
+        (3.87, 0.6, False),
+        (1.0, 1.0, True),  # the bound of the coordinate is the end
+        (5.0, 1.0, False),
+        (1.0, 0.0, True),
+        (1.0, 0.99, False),
+    ],
+)
+def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at: float, converged: bool) -> None:
+    candidate = end(deviance=deviance, point=np.array([at, 0.5]))
+    assert candidate.off == pytest.approx(abs(deviance - 4.0) / 4.0)
+    assert candidate.has_converged is converged
+
+
+def test_an_end_goes_where_the_quadratic_reaches_the_target() -> None:
+    """The deviance is x' H x about 0.5. Its minimum over the second coordinate is 300 u^2 for the first one."""
+    hessian = np.array([[400.0, 100.0], [100.0, 100.0]])
+
+    def at(first: float, second: float) -> _End:
+        step = np.array([first, second])
+        deviance = float(step @ hessian @ step)
+        return end(point=0.5 + step, deviance=deviance, score=hessian @ step)
+
+    optimum = np.full(2, 0.5)
+    for start in (at(0.1, -0.1), at(0.1, 0.0), at(0.15, -0.1)):
+        start.advance(optimum, hessian)
+        reached = np.sqrt(4.0 / 300.0)
+        np.testing.assert_allclose(start.point, [0.5 + reached, 0.5 - reached])
+    lower = replace(at(-0.1, 0.1), side=-1)
+    lower.advance(optimum, hessian)
+    np.testing.assert_allclose(lower.point, [0.5 - np.sqrt(4.0 / 300.0), 0.5 + np.sqrt(4.0 / 300.0)])
+
+
+def test_an_end_is_enclosed_between_known_distances() -> None:
+    optimum, hessian = np.full(2, 0.5), np.eye(2)
+    outside = end()  # without an equilibrium: nearer by the shortest factor, on the same ray
+    outside.advance(optimum, hessian)
+    assert (outside.inside, outside.outside) == (0.0, pytest.approx(0.1))
+    assert 0.5 < outside.point[0] < 0.6
+    inside = end(deviance=1.0, score=np.array([0.1, 0.0]), outside=0.12)
+    inside.advance(optimum, hessian)
+    assert (inside.inside, inside.outside) == (pytest.approx(0.1), 0.12)
+    assert inside.point[0] == pytest.approx(0.61)  # halfway between the two distances

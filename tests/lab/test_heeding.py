@@ -1,4 +1,4 @@
-"""A run reacts to a signal, to a lost guardian process and to its own end by the right calls in the right order."""
+"""What a run does on a signal, on a lost guardian and at its end, each in the order of the calls."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import Identity, InstrumentError, InstrumentTimeout, Off, SensorReading, SwitchOffFailed
 from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.supplies.supply_names import SUPPLIES
-from eimi_lab.acquisition import coil_calibration, switching_off
+from eimi_lab.acquisition import coil_calibration, guardian, switching_off
 from eimi_lab.acquisition import open_coil as open_coil_module
 from eimi_lab.acquisition.added_driver import pack, unpack
 from eimi_lab.acquisition.events import (
@@ -46,10 +46,7 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil or a guardian, which appends its calls to one list.
-
-    `errors` contains, by the name of a method, the error that a call of this method raises.
-    """
+    """Coil or guardian that writes its calls into one list; `errors` contains the error that a call raises."""
 
     unreachable = ""
     out_of_control = False
@@ -74,7 +71,7 @@ def heeded(did: list[Any], coil: Any, guardian: Any) -> _SignalsHeeded:
 
 
 class Heeding:
-    """A run with a recorded coil and a recorded guardian, and the object that handles the signals of the run."""
+    """The heeded signals of a run with a recorded coil and guardian."""
 
     def __init__(self) -> None:
         self.did: list[Any] = []
@@ -83,7 +80,7 @@ class Heeding:
         self.heeded = heeded(self.did, self.coil, self.guardian)
 
     def done(self) -> list[Any]:
-        """Return the recorded calls, and the types of the events, since the last call of this method."""
+        """Return the calls and the kinds of the events since the last call of this method."""
         new = [type(one) if isinstance(one, Event) else one for one in self.did]
         self.did.clear()
         return new
@@ -162,7 +159,7 @@ def test_while_a_state_is_stored_a_second_signal_switches_off_once(run: Heeding)
     run.heeded.switch_off_in_haste()
     assert run.done() == ["guardian allow 30", "coil switch_off", OutputSwitched, OffConfirmed]
     run.heeded.switch_off_in_haste()
-    run.heeded.leave_in_haste()  # the coil is off, so that signals interrupt nothing any more
+    run.heeded.leave_in_haste()  # the coil is off: nothing is interrupted any more
     assert run.done() == []
 
 
@@ -177,10 +174,7 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """End a run in which the calls of the coil raise `errors`; return the recorded calls and events.
-
-    errors: the error of each call, by the name of the method.
-    """
+    """Return the calls and events of the end of a run in which the calls of the coil raise `errors`."""
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()
@@ -194,7 +188,7 @@ def test_the_end_of_a_run_ramps_down_switches_off_and_disarms(run: Heeding) -> N
     assert ended(run, ramp_down=_InHaste()) == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
 
 
-def test_a_failed_ramp_down_is_reported_after_the_coil_is_off(run: Heeding) -> None:
+def test_a_failed_ramp_down_is_told_after_the_coil_is_off(run: Heeding) -> None:
     with pytest.raises(InstrumentError, match="the coil is off, but the ramp down before it failed: cut"):
         ended(run, ramp_down=InstrumentError("cut"))
     assert run.done() == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
@@ -246,7 +240,7 @@ def test_the_coil_is_doubted_if_the_line_or_the_ramp_failed(
     assert doubted == [True]
 
 
-def test_a_driver_of_an_installed_package_is_not_sent_to_the_guardian() -> None:
+def test_a_driver_of_an_installed_package_is_not_sent() -> None:
     before = dict(Counter(SUPPLIES))
     assert pack("korad") == ""
     unpack("korad", "")
@@ -254,7 +248,7 @@ def test_a_driver_of_an_installed_package_is_not_sent_to_the_guardian() -> None:
 
 
 class Sensor:
-    """A sensor with prepared readings; None among the readings means that the sensor does not answer."""
+    """Sensor whose readings are prepared; None stands for a sensor that does not answer."""
 
     def __init__(self, unit: str, *values: float | None) -> None:
         self.unit, self.values = unit, list(values)
@@ -270,10 +264,7 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of sensors, its clock, and the list that collects its warnings and signs of life ("beat").
-
-    sensors: name, measured quantity and replacement of each sensor.
-    """
+    """Return the sensors by name and quantity, their clock, and the list of beats and warnings."""
     clock = SimulatedClock()
     told: list[str] = []
     opened = [
@@ -298,7 +289,7 @@ def test_a_silent_sensor_is_left_out_for_2_s_and_warned_about_once() -> None:
     assert reader.values() == {"b": 5.0}
     assert told[5:] == ["beat"]
     clock.sleep(0.2)
-    assert reader.values() == {"b": 5.0}  # the sensor is read again, without another warning
+    assert reader.values() == {"b": 5.0}  # tried again, without another warning
     assert told[6:] == ["beat", "beat"]
     clock.sleep(2.0)
     assert reader.values() == {"a": 2.0, "b": 5.0}
@@ -321,7 +312,7 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument that appends its calls to one list; a call that repeats the last entry is left out."""
+    """An instrument whose calls are written into one list; a call that repeats the last entry is left out."""
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out
@@ -342,9 +333,9 @@ class Traced:
 
 
 def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
-    """The output is on only while the guardian is armed; each state is settled, checked, recorded and stored."""
+    """The output is on only between arming and disarming, and every state is settled, checked, taken and stored."""
     did: list[str] = []
-    guardian = Recorder([], "guardian")
+    recorder = Recorder([], "guardian")
     air = OpenSensor(
         SimpleNamespace(name="air", measures="other", at_magnet=1.0, uncertainty=None, uncertainty_share=None),  # type: ignore[arg-type]
         Traced(Sensor("V", 1.0), "air", did),
@@ -353,7 +344,7 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
         setup.bench,
         supply=Traced(setup.bench.supply, "supply", did, ("measure", "check")),
         camera=Traced(setup.bench.camera, "camera", did, ("identify",)),
-        guardian=Traced(guardian, "guardian", did, ("check", "refuse_a_gap", "silent_s")),
+        guardian=Traced(recorder, "guardian", did, ("check", "refuse_a_gap", "silent_s")),
         sensors=(air,),
     )
     setup.protocol = parse(Protocol, setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.1"), "p")
@@ -374,11 +365,8 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
     ]
 
 
-def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: Any) -> None:
-    """A message names the states in which the camera lost frames.
-
-    The camera loses a frame before the states, two frames in state 1, and one frame in state 2, in which it then fails.
-    """
+def test_lost_frames_are_told_with_the_state_in_which_they_were_lost(setup: Any) -> None:
+    """The camera loses a frame before the states, two in state 1, and one in state 2, in which it then fails."""
     lost = setup.camera.lost_frames = Counter({"late": 1})
     did: list[Any] = []
 
@@ -398,7 +386,7 @@ def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: 
     assert [event.flags for event in did if isinstance(event, StateStored)] == [(), ("DROPPED",)]
 
 
-def test_frames_that_are_lost_after_the_last_state_are_also_reported(setup: Any) -> None:
+def test_frames_that_are_lost_after_the_last_state_are_told_too(setup: Any) -> None:
     setup.camera.lost_frames = Counter()
     did: list[Any] = []
 
@@ -482,7 +470,7 @@ def test_the_supply_is_opened_under_its_lock_and_its_guardian_and_closed_before_
     ]
 
 
-def test_the_error_about_a_missing_instrument_lists_the_attached_instruments(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_instrument_that_is_not_found_is_told_with_the_attached_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     ports, cameras = ["COM3", "COM4"], ["0"]
     monkeypatch.setattr(
         "eimi_drivers.discovery.list_serial_ports", lambda: [SimpleNamespace(address=port) for port in ports]
@@ -499,10 +487,7 @@ def test_the_error_about_a_missing_instrument_lists_the_attached_instruments(mon
 def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
     setup: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A calibration of the coil reads the field at constant currents, and ends with the coil off.
-
-    Each current is held for 0.5 s, and its five readings are 0.1 s apart. The gaussmeter reads 4 mT/A and 0.1 mT.
-    """
+    """Each current is held for 0.5 s, and its five readings are 0.1 s apart. The probe reads 4 mT/A and 0.1 mT."""
     did: list[str] = []
     clock, coil = setup.bench.clock, setup.coil
     coil.current_noise_A = 0.0
@@ -560,3 +545,33 @@ def test_a_calibration_needs_a_value_of_the_gaussmeter(setup: Any, monkeypatch: 
     assert setup.is_off()
     with pytest.raises(InputError, match='has no sensor with measures = "field"'):
         coil_calibration.calibrate_coil(setup.rig, [0.0, 0.2], events.append)
+
+
+def test_a_guardian_hears_a_beat_at_most_every_0_1_s_while_it_is_armed(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = {"s": 100.0}
+    sent: list[bytes] = []
+    monkeypatch.setattr(guardian, "awake_s", lambda: now["s"])
+    watched = object.__new__(guardian.Guardian)
+    monkeypatch.setattr(watched, "_send", sent.append)
+    watched._ward = Ward("korad", "COM3", 1.0, 10.0)
+    watched._armed, watched._beaten_s, watched._gap_s = False, 0.0, 0.0
+    watched.beat()
+    watched.allow(30.0)
+    watched.refuse_a_gap()
+    assert sent == []
+    watched._armed, watched._beaten_s = True, 100.0
+    for after_s in (0.0, 0.09, 0.11, 0.15, 0.22):
+        now["s"] = 100.0 + after_s
+        watched.beat()
+    assert sent == [b".", b"."]
+    watched.allow(30.0)
+    assert sent[2:] == [b"allow 30.0"]
+    now["s"] += 39.0  # the gap counts from the end of the allowed time
+    watched.beat()
+    watched.refuse_a_gap()
+    now["s"] += 10.1
+    with pytest.raises(StoodStill, match="the run stood still for 10 s with the coil on"):
+        watched.refuse_a_gap()
+    watched.disarm()
+    watched.refuse_a_gap()
+    assert sent[3:] == [b".", b"off"]

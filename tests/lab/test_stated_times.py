@@ -87,6 +87,10 @@ RELIED_ON = [
     (sensing, "TRIED_AGAIN_AFTER_S", 2.0),
     (settling, "GRAB_TIMEOUT_S", 5.0),
     (supply_trial, "ON_FOR_S", 4.0),  # time to read the front panel
+    (supply_trial, "VOLTAGE_V", 1.0),
+    (supply_trial, "CURRENT_A", 0.1),
+    (supply_trial, "VOLTAGE_WITHIN_V", 0.1),
+    (supply_trial, "READINGS", 10),
     (switching_off, "OFF_WITHIN_S", 30.0),
 ]
 
