@@ -179,6 +179,8 @@ class Attempts:
 
     def __call__(self, ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
         self.at_s.append(self._clock.now_s)
+        if not isinstance(ward, Ward) or was_on != ({True} if ward.recognised else set()):
+            pytest.fail(f"an attempt was made with {ward}, {was_on}")
         if len(self.at_s) > 2 * TRY_FOR_S:
             pytest.fail("the guardian tries without end")
         if len(self.at_s) <= len(self._errors):
