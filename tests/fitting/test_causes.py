@@ -48,19 +48,20 @@ def fit_of(
     stated: tuple[StatedSource, ...] = (),
     seen: Callable[[np.ndarray], np.ndarray] = lambda places: places,
     is_rest_measured: bool = False,
+    last: int | None = -2,
 ) -> Fit:
     """Return the fit of the beam as its file describes it to the edges of a true beam.
 
     specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
     stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.
     seen: maps true positions to those in the picture. is_rest_measured: True if the fit uses the shape at rest that the
-    states without a field show.
+    states without a field show. last: end of the slice of the points on each edge; None: the points reach the tip.
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
     shapes = model.solve(LAWS["neo-hookean"], moduli[:, None], loads)
     row = np.searchsorted(moduli, TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
-    sides = points_on(edge_curves(model, shapes)[row, np.arange(len(loads))], 2)[:, :, 4:-2]
+    sides = points_on(edge_curves(model, shapes)[row, np.arange(len(loads))], 2)[:, :, 4:last]
     noisy = seen(setup.imaged(sides)) + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
     observed = EdgeObservation(noisy, np.full(noisy.shape[:3], NOISE_MM))
     experiment = Experiment(BeamModel(BEAM).refined(), LOADS, observed, stated=stated)
@@ -167,6 +168,15 @@ def test_a_wrong_distance_cannot_be_distinguished_from_a_wrong_scale(size):
     assert first.probability < 0.9
     (doubt,) = (doubt for doubt in fit.doubts if doubt.kind == "cause")
     assert "cannot be told apart" in doubt.words
+
+
+def test_points_that_are_seen_beyond_the_tip_do_not_decide_between_scale_and_distance():
+    # The distance of a point from an edge has a kink at the end of the edge.
+    fit = fit_of(setup=Setup.of([("scale", 0, 0.01)], 1), last=None)
+    first, second = fit.causes[:2]
+    assert {first.name, second.name} == {"scale", "distance"}
+    assert first.probability == pytest.approx(second.probability, abs=0.02)
+    assert first.like == (second.name,)
 
 
 def test_collinear_causes_share_their_probability_and_others_do_not():

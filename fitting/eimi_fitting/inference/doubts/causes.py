@@ -429,5 +429,6 @@ class _Weighing:
             for column, amplitude in zip(self._columns, amplitudes[common:-1], strict=True):
                 if amplitude and (change := column.changes[i]) is not None:
                     remaining = remaining + amplitude * change
-            errors.append(np.sqrt((remaining**2).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1.0)))
+            square = (remaining**2 * (used > 0)).sum(axis=(1, 2))
+            errors.append(np.sqrt(square / np.maximum(used.sum(axis=(1, 2)), 1.0)))
         return tuple(errors)

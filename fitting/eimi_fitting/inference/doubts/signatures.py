@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.beam.outline import outline
 from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause
 from eimi_fitting.inference.evidence.experiment import TOLERANCE_MM, Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.unknowns import shared
@@ -31,6 +33,10 @@ Array = NDArray[np.float64]
 _STEP = 0.3  # of the finite differences, in prior sizes
 _ACCURACY_MM = 1e-3  # the last Newton step is shorter
 _SEEN_MM = 1e-4  # a signature that is smaller for one prior size is none
+# Distances from clamp and tip within which points of an edge are not used, as shares of the length of the beam. A scale
+# that is wrong by three usual sizes moves points by 0.03 of the length at the tip; the clamp is misplaced by 0.3 mm.
+_CLAMP, _TIP = 0.01, 0.03
+_NEAR = 5.0  # multiple of these distances from the end; other points may lie in the same direction in a bent beam
 _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 
@@ -105,6 +111,32 @@ class Solved:
             return None
         return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
 
+    def between_ends(self) -> Array:
+        """Return 1 for a measured point of an edge that no usual cause moves beyond an end of the edge, else 0.
+
+        Beyond an end, the distance of a point from the edge is its distance from the end. This distance is not a smooth
+        function of the place of the point. A signature would then depend on the sign of the finite difference.
+
+        Returns
+        -------
+        ndarray, shape (K, 2, m) or ()
+            The factors of m points on the left and on the right edge in K states. One for tracked points.
+        """
+        observed = self.bent.observed
+        if not isinstance(observed, EdgeObservation):
+            return np.ones(())
+        curves = outline(self.bent.model, self.shapes, observed.view)[0]
+        points = self.assumed.setup.corrected(observed.points_mm)[0]
+        is_between = np.ones(points.shape[:-1], bool)
+        clamp, tip = curves[..., 0, :, :], curves[..., -1, :, :]
+        for inner, end, share in ((clamp[..., 1, :], clamp[..., 0, :], _CLAMP), (tip[..., 1, :], tip[..., 2, :], _TIP)):
+            margin_mm = share * self.bent.model.specimen.length_mm
+            outward = (end - inner) / np.linalg.norm(end - inner, axis=-1, keepdims=True)
+            from_end = points - end[..., None, :]
+            is_near = np.linalg.norm(from_end, axis=-1) < _NEAR * margin_mm
+            is_between &= ~(is_near & ((from_end * outward[..., None, :]).sum(axis=-1) > -margin_mm))
+        return is_between.astype(float)
+
 
 def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
     earlier = before.assumed
@@ -136,7 +168,8 @@ class About:
         For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups of m points in K
         states.
     residuals, used : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals at the optimum in mm, and weights that are positive for used points.
+        For each experiment, the residuals at the optimum in mm, and weights that are positive for used points. Points
+        of an edge near its ends are not used.
     solved : tuple of Solved
         For each experiment, the simulation at the optimum on the coarse mesh. Empty if an experiment has no
         equilibrium.
@@ -170,7 +203,10 @@ class About:
             1 / np.sqrt(np.diag(about.hessian - about.information + about.curve_slopes @ about.curve_slopes.T)[kept]),
             tuple(states.slopes[kept] for states in about.states),
             tuple(states.residuals for states in about.states),
-            tuple(states.used for states in about.states),
+            tuple(
+                states.used if one is None else states.used * one.between_ends()
+                for states, one in zip(about.states, solved, strict=True)
+            ),
             complete if len(complete) == len(solved) else (),
         )
 
