@@ -25,11 +25,12 @@ from eimi_lab.config.protocol import Ramp
 from eimi_lab.dataset.steps import SetPoint
 
 REACHED_WITHIN_S = 3.0
-"""Longest allowed time until the measured current reaches its set-point; supplies measure a few times a second."""
+"""Longest time (s) within which the measured current must reach its set-point. Supplies measure a few times a second.
+"""
 
 POLL_S = 0.1
 SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
-"""Intervals between two checks of a simulated supply for faults: at a set-point other than zero, and at zero."""
+"""Intervals (s) between two checks of a simulated supply for faults: at a set-point other than zero, and at zero."""
 
 WATCH_EVERY_S = 1.5
 """Interval (s) at which `watch` measures the current and checks the supply for faults, in every part of a run."""
@@ -47,7 +48,13 @@ MEASURED_AGAIN_AFTER_S = 0.2
 
 def without_contact(supply: object) -> str:
     """Return the state of the output after the cable is pulled or the computer fails, in the words of the driver."""
-    return str(getattr(supply, "without_contact", "not known of this driver"))
+    return str(
+        getattr(
+            supply,
+            "without_contact",
+            "nobody knows what the output does, because the driver of the supply does not report it",
+        )
+    )
 
 
 def no_sensors() -> dict[str, float]:

@@ -27,7 +27,7 @@ from eimi_lab.process.errors import InputError
 
 RAMP = Ramp(rate_A_per_s=0.5, step_A=0.05, tolerance_A=0.02, down_within_s=2.0)
 SETTLED_AFTER_S = 0.5
-"""Time between the moment when the current is reached and the first reading of the field."""
+"""Time (s) from the moment at which the current reaches its set-point to the first reading of the field."""
 BETWEEN_READINGS_S = 0.1
 READINGS = 5
 """Number of readings of the field at each current."""

@@ -21,7 +21,7 @@ from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import mean_grey
 
 Shape = tuple[int, Moment]
-"""The number of a load cycle, from 1, and a frame of the beam at rest in this cycle."""
+"""The number of a load cycle, counted from 1, and a frame of the beam at rest after this cycle."""
 
 
 def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:

@@ -29,7 +29,9 @@ from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 
 FIRST_STATES, LAST_STATES = 6, 2
-"""Numbers of states at the beginning and at the end that a summary lists; the states between them are details."""
+"""Numbers of states at the beginning and at the end of a run that a summary lists. The other states are listed only
+with -v.
+"""
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # emulated in place of a simulated supply or one without an emulator
 FRAME_S = 1 / 30
@@ -138,13 +140,18 @@ def dry_run(
     currents = protocol.currents_A
     constant = rig.calibration.mT_per_A
     say(f"{protocol.name} on {specimen.specimen.name} with rig {rig.name}: {len(currents)} states")
-    say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
+    say(
+        f"limits of the supply: {limits.current_A:g} A, {limits.voltage_V:g} V; each ramp changes the current by "
+        f"{protocol.ramp.rate_A_per_s:g} A/s"
+    )
     if rig.coil:
         worst = hottest(protocol, rig.coil)
-        say(f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}")
+        say(f"coil: heated to at most {100 * worst.share:.0f} % of the allowed heat, at the end of {worst.stage}")
     for sensor in rig.sensors:
-        listed = f"sensor: {sensor.name}, {sensor.driver} at {sensor.address}, measures {sensor.measures}"
-        say(f"{listed}; not read in a dry run")
+        listed = (
+            f"sensor {sensor.name}: driver {sensor.driver} at the address {sensor.address}, measures {sensor.measures}"
+        )
+        say(f"{listed}; a dry run does not read the sensor")
     for interlock in rig.interlocks:
         say(f"interlock: {interlock.in_words}")
     cycles = protocol.conditioning.cycles if protocol.conditioning else 0
@@ -169,12 +176,12 @@ def dry_run(
         readings = tuple(interlock.reading for interlock in rig.interlocks)
         say(protection_in_words(without_contact(supply_driver(driver)), readings))
     if shows_messages:
-        because = ", because the virtual supply exchanges no messages" if rig.simulated else ""
-        detail(f"messages to the supply, in the language of {language}{because}:")
+        because = ", as for a real supply, because the virtual supply exchanges no messages" if rig.simulated else ""
+        detail(f"messages to a supply with the driver {language}{because}:")
     else:
         say(
             f"messages to the supply: not shown, because the driver {driver} comes from another package and has no "
-            f"emulator here; the times are those of {language}"
+            f"emulator here; the times are those of a supply with the driver {language}"
         )
 
     def say_stored(event: Event) -> None:

@@ -86,7 +86,7 @@ class EventLines:
                     lines.write(line)
                     lines.flush()
         except OSError as error:
-            _log.info("the reader of the events is gone: %s", error)
+            _log.info("the program that read the events has closed its pipe: %s", error)
 
 
 @contextmanager

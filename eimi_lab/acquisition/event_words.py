@@ -41,8 +41,7 @@ from eimi_lab.acquisition.guardian import STILL_FOR_S
 from eimi_lab.process.errors import tell
 
 VISIBLE_MOTION_PX = 0.2
-"""Smallest reported motion of the beam's tip, pixels; the corners of the tip are located to about a tenth of a pixel.
-"""
+"""Smallest motion of the tip (px) that is reported. The corners of the tip are located to about a tenth of a pixel."""
 
 _TAKEOVER: dict[Takeover, str] = {
     "run_died": "the run died",
@@ -132,15 +131,16 @@ def _(event: RunBegun) -> str:
 @in_words.register
 def _(event: RingDownStored) -> str:
     flags = f", {', '.join(event.flags)}" if event.flags else ""
+    lost = "1 frame" if event.lost == 1 else f"{event.lost} frames"
     return (
         f"ring-down {event.ring_down + 1} of {event.ring_downs} from {event.from_A:g} A: {event.frames} frames at "
-        f"{event.rate_Hz:.4g} Hz, {event.lost} lost{flags}"
+        f"{event.rate_Hz:.4g} Hz, {lost} lost{flags}"
     )
 
 
 @in_words.register
 def _(event: OutputSwitched) -> str:
-    return f"the output was switched {'on' if event.on else 'off'}"
+    return f"the output of the supply was switched {'on' if event.on else 'off'}"
 
 
 @in_words.register
@@ -152,8 +152,8 @@ def _change(change: ShapeChange) -> str:
     then = f"in cycle {change.since_cycle}" if change.since_cycle else "before cycle 1"
     if change.tip_moved_px is None:
         shape = (
-            f"no tip is visible; the image differs from the image {then} by {change.difference_ratio:.3g} times the "
-            "difference due to noise"
+            f"the tip of the beam is not visible; the image differs from the image {then} by "
+            f"{change.difference_ratio:.3g} times the difference due to noise"
         )
     elif change.tip_moved_px < VISIBLE_MOTION_PX:
         shape = f"the tip is within {VISIBLE_MOTION_PX} px of its position {then}"
@@ -181,7 +181,7 @@ def _(event: StateStoredBefore) -> str:
 
 @in_words.register
 def _(event: PauseRequested) -> str:
-    return "the run pauses when the present state is stored"
+    return "the run will pause after the present state is stored"
 
 
 @in_words.register
@@ -199,7 +199,7 @@ def _(event: Paused) -> str:
 
 @in_words.register
 def _(event: Resumed) -> str:
-    return "the run continues; it first passes through the previous states"
+    return "the run continues; the current first passes through the set-points of the previous states"
 
 
 @in_words.register
@@ -214,7 +214,7 @@ def _(event: SuspendRefused) -> str:
 
 @in_words.register
 def _(event: PageGone) -> str:
-    return "the page is gone; the run ends with the coil off"
+    return "the program of the page that started the run has ended; the run ends with the coil off"
 
 
 @in_words.register
@@ -239,7 +239,7 @@ def _(event: InterlockOpened) -> str:
             f"{event.longest_silence_s:g}"
         )
     if event.value is None:
-        return f"{interlock} there is no reading"
+        return f"{interlock} the sensor gives no reading"
     if event.maximum is not None and not event.value <= event.maximum:
         return f"{interlock} {event.value:.4g} measured, above maximum = {event.maximum:g}"
     return f"{interlock} {event.value:.4g} measured, below minimum = {event.minimum:g}"
@@ -266,9 +266,9 @@ def _(event: OffNotConfirmed) -> str:
     measured = "" if event.current_A is None else f": {event.current_A:.2f} A measured"
     words = f"{why}THE COIL MAY STILL BE ON{measured}, switch it off by hand"
     if event.trying_process is not None:
-        words += f"; process {event.trying_process} continues to try"
+        words += f"; process {event.trying_process} continues to try to switch the coil off"
     elif event.takeover:
-        words += ", no process tries any more"
+        words += ", and no process tries any more to switch it off"
     return f"{words}: {event.reason}" if event.reason else words
 
 

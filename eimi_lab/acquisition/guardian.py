@@ -28,17 +28,17 @@ from eimi_lab.process.pipes import handed_down, never_wait_to_write, readable
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
-"""Time (s) without a beat (a message that the run is alive) after which the guardian treats the run as standing still.
-"""
+"""Time (s) without a message from the run after which the guardian process switches the coil off."""
 
 SILENT_FOR_S = 1.5
-"""Time (s) without a report after which the run treats the guardian as gone. A report comes every quarter of this time.
+"""Time (s) without a message from the guardian process after which the run ends. The messages come four times as often.
 """
 
 BEAT_EVERY_S = 0.1
 LONGEST_GAP_S = 10.0
-"""Longest time (s) between two beats. After a longer gap the run ends, because its process was stopped or the computer
-slept."""
+"""Longest time (s) between two messages of the run to its guardian process. After a longer gap the run ends, because
+its process was stopped or the computer slept.
+"""
 TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
@@ -134,7 +134,10 @@ class Guardian:
             readable(self._from.fileno(), 0.2)
             self._listen()
         if READY not in self._said or not self._send(ARM):
-            raise InstrumentError(f"{self._ward.address}: the guardian process did not start; nothing was switched on")
+            raise InstrumentError(
+                f"{self._ward.address}: the guardian process, which switches the coil off if the run dies, did not "
+                "start; nothing was switched on"
+            )
         self._armed = True
         self._heard_s = time.monotonic()
         self._beaten_s, self._gap_s = awake_s(), 0.0
@@ -201,17 +204,18 @@ class Guardian:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(TAKING_OVER_WITHIN_S)
             raise InstrumentError(
-                f"{place}: the run stood still for more than {STILL_FOR_S:g} s, and its guardian process took over and "
+                f"{place}: the run stood still for more than {STILL_FOR_S:g} s; its guardian process took over and "
                 "switches the coil off"
             )
         if self._process.poll() is not None:
             raise InstrumentError(
-                f"{place}: the guardian process ended (status {self._process.returncode}); the run ends, because it "
-                "needs a guardian"
+                f"{place}: the guardian process, which switches the coil off if the run dies, ended (status "
+                f"{self._process.returncode}); the run ends, because it needs this process"
             )
         if self.silent_s() > SILENT_FOR_S:
             raise InstrumentError(
-                f"{place}: the guardian process does not answer any more; the run ends, because it needs a guardian"
+                f"{place}: the guardian process, which switches the coil off if the run dies, does not answer any "
+                "more; the run ends, because it needs this process"
             )
 
     def silent_s(self) -> float:

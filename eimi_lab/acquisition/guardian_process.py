@@ -66,8 +66,9 @@ TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
 REPORT_EVERY_S = 60.0
 DOUBTED_AFTER_S = 2.0
 ENDED_WITH_OTHERS = (
-    "the guardian process is in a job object of the program that started eimi: if that program ends all its processes "
-    "at once, nobody switches the coil off; start eimi from a terminal of Windows"
+    "if the program that started eimi ends all its processes at once, it also ends the guardian process, and nobody "
+    "switches the coil off (the guardian process is in a job object of Windows); start eimi from a terminal of "
+    "Windows"
 )
 FROM_RUN, TO_RUN = 0, 1
 
@@ -96,7 +97,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     run = Starter()
     never_wait_to_write(TO_RUN)
     scoped = move_to_own_scope("eimi-guardian", f"switches the supply at {ward.address} off if its run dies")
-    _log.info("in a scope of its own: %s", scoped)
+    _log.info("the guardian process runs in a systemd scope of its own: %s", scoped)
     _say(READY)
     takeover, ward = _wait_until_needed(ward)
     if takeover:
@@ -106,7 +107,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
         on_event(GuardianTookOver(takeover=takeover, address=ward.address))
         doubt = OffNotConfirmed(
             by="guardian",
-            reason=f"not confirmed off within {DOUBTED_AFTER_S:g} s",
+            reason=f"the supply did not confirm within {DOUBTED_AFTER_S:g} s that its output is off",
             takeover=takeover,
             trying_process=os.getpid(),
         )
@@ -255,7 +256,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 raise
             off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)
             unidentified = _compare(ward, supply)  # the line may have been reopened
-            remark = f"; a stage of switching off failed ({error})"
+            remark = f"; one step of switching the supply off failed ({error})"
         measured = f", {off.current_A:.2f} A measured" if off else ""
         if unidentified:
             raise SwitchOffFailed(
@@ -263,7 +264,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 f"that it may not be the supply of the coil ({unidentified})"
             )
         if not was_on and not _is_one_of_a_kind(ward):
-            observed = "already off" if found_off else "not observed to be on"
+            observed = "already off" if found_off else "never seen to be on"
             raise SwitchOffFailed(
                 f"{ward.address}: the output of the supply was {observed}{measured}, but the supply has no "
                 "serial number, so that it may not be the supply of the coil"
@@ -300,7 +301,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
     if (answered.text, answered.serial_number) != ward.identity:
         raise AnotherSupply(
             f"{ward.address}: another supply answers: {answered.text!r} {answered.serial_number} instead of "
-            f"{' '.join(ward.identity)!r}"
+            f"{' '.join(ward.identity)!r}, the supply of the run"
         )
     return ""
 

@@ -79,7 +79,7 @@ def open_coil(
     ward = Ward(driver, rig.supply.address, within.current_A, within.voltage_V, pack(driver), within.off_below_A)
     with ExitStack() as opened:
         opened.enter_context(only_run_on(rig.supply.address))
-        opened.enter_context(kept_awake("a run with current in a coil"))
+        opened.enter_context(kept_awake("a run is in progress and a current flows in a coil"))
         guardian = opened.enter_context(guarding(ward, guardian_events))
         try:
             supply = opened.enter_context(

@@ -48,8 +48,8 @@ def begin_with_output_off(
         limit_A = off_limit_A(supply)
         if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
             raise SwitchOffFailed(
-                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; at most "
-                f"{limit_A:g} A counts as off",
+                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; the "
+                f"output counts as off at {limit_A:g} A or less",
                 reading.current_A,
                 limit_A,
             )

@@ -101,10 +101,10 @@ def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
         return ""
     rule, states = rig.camera.playback, len(protocol.currents_A)
     if rule.picture_a_state:
-        needed, usage = states, f"uses {states}, one for each state"
+        needed, usage = states, f"uses {states} pictures, one for each state"
     else:
         needed = NOISE_FRAMES + states * (protocol.settle.pairs + 1 + protocol.frames_per_state)
-        usage = f"uses at least {needed}, and more while it waits for the beam to settle"
+        usage = f"uses at least {needed} pictures, and more while it waits for the beam to settle"
     sentence = f"camera.source = {rig.camera.source!r} has {available} pictures; the run {usage}"
     if available >= needed:
         return sentence

@@ -102,14 +102,20 @@ def _difference(dataset: Dataset, header: Header) -> str:
             return f"the {name} differs: {line}"
     instruments = tuple(identity_text(identity) for identity in header.instruments)
     if dataset.instruments() != instruments:
-        return f"the instruments differ: {', '.join(dataset.instruments())} before, {', '.join(instruments)} now"
+        return (
+            f"the run began with other instruments: {', '.join(dataset.instruments())} then, {', '.join(instruments)} "
+            "now; connect the instruments of the beginning again"
+        )
     return ""
 
 
 def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
     size, dtype = dataset.frame_format()
     if (size, dtype) != (image.shape, image.dtype):
-        return f"the frames differ: {size} {dtype} before, {image.shape} {np.dtype(image.dtype)} now"
+        return (
+            f"the frames of the camera have another size or type: {size} {dtype} at the beginning of the run, "
+            f"{image.shape} {np.dtype(image.dtype)} now; give the camera the same settings again"
+        )
     return ""
 
 

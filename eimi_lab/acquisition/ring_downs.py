@@ -65,7 +65,10 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
     """
     stored = run.writer.ring_downs
     if stored is None:
-        reason = "the dataset was begun by an earlier version and has no place for ring-downs; none is recorded"
+        reason = (
+            "the dataset was begun by an earlier version of eimi-lab and has no place for ring-downs; no ring-down "
+            "is recorded"
+        )
         run.on_event(Warned(message=reason))
         return
     from_A = run.protocol.ring_down_from_A

@@ -19,7 +19,7 @@ from eimi_lab.acquisition.supply_lock import only_run_on
 LIMITS = Limits(current_A=1.0, voltage_V=5.0)
 VOLTAGE_V, CURRENT_A = 1.0, 0.1
 ON_FOR_S = 4.0
-"""Shortest time (s) for which the output is on, so that a person can read the front panel."""
+"""Shortest time (s) for which the output is on. A person needs this time to read the front panel."""
 
 VOLTAGE_WITHIN_V = 0.1
 READINGS = 10
@@ -159,8 +159,10 @@ def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
         try:
             supply.set_current(1.01 * LIMITS.current_A)
         except SetPointRefused:
-            return f"refused, nothing sent ({1.01 * LIMITS.current_A:g} A)"
-        raise InstrumentError(f"a current of {1.01 * LIMITS.current_A:g} A was not refused")
+            return f"the driver refused {1.01 * LIMITS.current_A:g} A and sent nothing to the supply"
+        raise InstrumentError(
+            f"the limit is {1.01 * LIMITS.current_A:g} A, but the driver did not refuse a current above it"
+        )
 
     _step(trial, "it identifies itself", identifies)
     _step(trial, "its output is off", is_off)
@@ -173,11 +175,11 @@ def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clo
     def set_points() -> str:
         supply.set_voltage(VOLTAGE_V)
         supply.set_current(CURRENT_A)
-        return f"{VOLTAGE_V:g} V and {CURRENT_A:g} A read back"
+        return f"the supply reads back {VOLTAGE_V:g} V and {CURRENT_A:g} A"
 
     def switches_on() -> str:
         supply.set_output(True)
-        return "protections and watchdog read back; the output is on"
+        return "the supply reads back its protections and its watchdog; the output is on"
 
     def measures() -> str:
         readings: list[Reading] = []
@@ -196,10 +198,10 @@ def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clo
                 "again"
             )
         if abs(voltage_V - VOLTAGE_V) > VOLTAGE_WITHIN_V:
-            raise InstrumentError(f"{voltage_V:.3f} V measured; {VOLTAGE_V:g} V was set")
+            raise InstrumentError(f"{voltage_V:.3f} V measured, but {VOLTAGE_V:g} V was set")
         return (
-            f"{voltage_V:.3f} V, {current_A:.4f} A; a reading takes {statistics.median(answers_s):.3f} s, "
-            f"at most {max(answers_s):.3f} s ({len(readings)} readings)"
+            f"measured {voltage_V:.3f} V and {current_A:.4f} A; a reading takes {statistics.median(answers_s):.3f} s "
+            f"in the median and at most {max(answers_s):.3f} s ({len(readings)} readings)"
         )
 
     def reports_nothing() -> str:
@@ -220,7 +222,11 @@ def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guard
     finally:
         off = switch_off(supply, clock)
         guardian.disarm()
-        measured = f"{off.current_A:.4f} A measured, at most {off.limit_A:g} A counts as off" if off else "not measured"
+        measured = (
+            f"{off.current_A:.4f} A measured; the output counts as off at {off.limit_A:g} A or less"
+            if off
+            else "not measured"
+        )
         trial.steps.append(TrialStep("it switches off", True, measured))
 
 
@@ -236,6 +242,9 @@ def _measure_zero(trial: SupplyTrial, supply: PowerSupply, clock: Clock) -> None
             readings_A.append(supply.measure().current_A)
             clock.sleep(0.1)
         largest_A = max(readings_A, key=abs)
-        return f"mean {statistics.fmean(readings_A):.4f} A, largest {largest_A:.4f} A ({READINGS} readings)"
+        return (
+            f"mean of the measured currents {statistics.fmean(readings_A):.4f} A, largest current {largest_A:.4f} A "
+            f"({READINGS} readings)"
+        )
 
     _step(trial, "its meter without a current", shows)

@@ -29,10 +29,13 @@ from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 SIGNALS = (signal.SIGINT, *TERMINATION)
 SUSPEND = getattr(signal, "SIGTSTP", None)
 OFF_WITHIN_S = 30.0
-"""Longest time (s) for which the run alone tries to switch off; afterwards its guardian tries as well."""
+"""Longest time (s) for which the run alone tries to switch the coil off. Afterwards its guardian process tries as well.
+"""
 
 DOUBTED_AFTER_S = 0.5
-"""Time (s) of switching off after which the coil is reported as possibly on, if the ramp down or the line failed."""
+"""Time (s) of switching off after which the coil is reported as possibly on. This time applies if the ramp to zero or
+the line failed.
+"""
 
 _log = logging.getLogger(__name__)
 
@@ -132,8 +135,8 @@ class _SignalsHeeded:
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
             _log.info(
-                "while a state was stored, a second signal came or the current was wrong: "
-                "the coil is switched off at once"
+                "while a state was stored, a second signal to stop came or the current was wrong: the coil is "
+                "switched off at once"
             )
             if self._guardian:
                 self._guardian.allow(OFF_WITHIN_S)
@@ -254,11 +257,11 @@ def ramp_down_and_switch_off(
     try:
         coil.ramp_down(go_on_down)
     except _InHaste:
-        _log.info("a second signal came: the ramp down is left out")
+        _log.info("a second signal to stop came: the coil is switched off at once, without a ramp to zero")
         _off(coil, guardian, on_event)
     except InstrumentError as error:
         _off(coil, guardian, on_event, str(error))
-        raise InstrumentError(f"the coil is off, but the ramp down before it failed: {error}") from error
+        raise InstrumentError(f"the coil is off, but the ramp to zero before failed: {error}") from error
     except BaseException:
         _off(coil, guardian, on_event)
         raise

@@ -37,7 +37,8 @@ def instruments(
         bool,
         typer.Option(
             "--yes",
-            help="with --try: ask no questions; only if nothing is connected to the output of the supply",
+            help="with --try: ask no questions; give this option only if nothing is connected to the output of the "
+            "supply",
         ),
     ] = False,
 ) -> Result:
@@ -79,8 +80,8 @@ def emulate(
     supply: Annotated[
         str,
         typer.Argument(
-            help="name of the driver of the supply or sensor to emulate: korad, scpi, lakeshore-425, ...; or bench, to "
-            "emulate all instruments of RIG"
+            help="name of the driver of the supply or sensor to emulate: korad, scpi, lakeshore-425, ...; or the "
+            "word bench, to emulate all instruments of the rig in RIG"
         ),
     ],
     rig: Annotated[
@@ -89,7 +90,7 @@ def emulate(
     tcp: Annotated[
         int | None,
         typer.Option(
-            help="accept connections at this TCP port instead of a terminal device; 0 chooses a free port",
+            help="accept connections at this TCP port instead of making a pseudo-terminal; 0 chooses a free port",
             min=0,
             max=65535,
         ),
@@ -105,7 +106,9 @@ def emulate(
     after: Annotated[
         float,
         typer.Option(
-            metavar="SECONDS", min=0.0, help="time from switching on the output with a current until the fault begins"
+            metavar="SECONDS",
+            min=0.0,
+            help="time in seconds from switching on the output with a current until the fault begins",
         ),
     ] = 5.0,
     faults: Annotated[
@@ -114,7 +117,7 @@ def emulate(
             "--faults",
             is_eager=True,
             callback=_list_faults,
-            help="describe each fault, and what a correct program does in this case, and stop",
+            help="describe each fault and the reaction of a correct program, and end",
         ),
     ] = False,
     without_coil: Annotated[
@@ -253,7 +256,9 @@ def acquire(
             help="allow the run if the output of the supply is on before the run; the output is switched off first",
         ),
     ] = False,
-    note: Annotated[str, typer.Option(metavar="TEXT", help="text to store with the run in the dataset")] = "",
+    note: Annotated[
+        str, typer.Option(metavar="TEXT", help="text that is stored in the dataset together with the run")
+    ] = "",
     transcript: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="new file for a record of every message to and from the supply"),
@@ -347,8 +352,10 @@ def calibrate_coil(
     lines = [f"{a:8.4g} A {b:10.5g} mT" for a, b in zip(measured.current_A, measured.field_mT, strict=True)]
     lines += [
         f"at the magnet, measured with {line.probe}: {line.in_words}; the calibration of the rig has {before:g} mT/A",
-        f"the standard deviation of the readings from a straight line is {line.scatter_mT:.2g} mT; readings with "
-        f"increasing and with decreasing current differ by at most {measured.hysteresis_mT:.2g} mT",
+        (
+            f"the standard deviation of the readings from the fitted straight line is {line.scatter_mT:.2g} mT; "
+            f"readings with increasing and with decreasing current differ by at most {measured.hysteresis_mT:.2g} mT"
+        ),
     ]
     if not line.shared_is_stated:
         lines.append(

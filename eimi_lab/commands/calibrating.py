@@ -17,7 +17,8 @@ if TYPE_CHECKING:  # OpenCV is slow to import, and most commands do not need it
 
 def calibrate(
     images: Annotated[
-        list[Path] | None, typer.Argument(help="images of a board, or one image of the beam or of a ruler")
+        list[Path] | None,
+        typer.Argument(help="images of a calibration board, or one image of the beam or of a ruler"),
     ] = None,
     output: Annotated[
         Path | None,
@@ -55,8 +56,8 @@ def calibrate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="specimen.toml of the beam in the image; the width of this beam gives the scale. With --beam: "
-            "specimen.toml of the beam in that image",
+            help="specimen.toml of the beam in IMAGES; the known width of this beam gives the scale. With --beam: "
+            "specimen.toml of the beam in the image of --beam",
         ),
     ] = None,
     width_tolerance_mm: Annotated[
@@ -89,13 +90,17 @@ def calibrate(
     ] = None,
     axis_angle: Annotated[
         float,
-        typer.Option(metavar="DEG", help="direction of the straight beam, clockwise from +x of the image"),
+        typer.Option(
+            metavar="DEG",
+            help="direction of the straight beam in degrees, clockwise from +x of the image (to the right)",
+        ),
     ] = 90.0,
     gravity_angle: Annotated[
         float | None,
         typer.Option(
             metavar="DEG",
-            help="direction of gravity, clockwise from +x of the image; with --plumb-line, it may be an estimate",
+            help="direction of gravity in degrees, clockwise from +x of the image (to the right); with --plumb-line, "
+            "an estimate is enough",
             show_default="--axis-angle; 90 with --plumb-line",
         ),
     ] = None,
@@ -103,7 +108,8 @@ def calibrate(
         float | None,
         typer.Option(
             metavar="DEG",
-            help="direction of the field of a positive current, clockwise from +x of the image",
+            help="direction of the field of a positive current in degrees, clockwise from +x of the image (to the "
+            "right)",
             show_default="--axis-angle minus 90",
         ),
     ] = None,
@@ -153,7 +159,7 @@ def calibrate(
     if beam and specimen:
         calibration = calibration_file.with_measured_clamp(calibration, beam, load_specimen(specimen))
         x, y = calibration.clamp_midpoint_px
-        remarks.append(f"clamp at {x:.2f}, {y:.2f} px")
+        remarks.append(f"middle of the clamp: x = {x:.2f}, y = {y:.2f} px")
     if plumb_line:
         estimate = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
         calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, estimate)
@@ -162,7 +168,8 @@ def calibrate(
     if calibration.uncertainty:
         remarks.append(f"{calibration.pixels_per_mm:.4f} ± {calibration.uncertainty['pixels_per_mm']:.2g} px/mm")
         remarks.append(
-            f"axis at {calibration.axis_angle_deg:.3f} ± {calibration.uncertainty['axis_angle_deg']:.2g} degrees"
+            f"direction of the straight beam: {calibration.axis_angle_deg:.3f} ± "
+            f"{calibration.uncertainty['axis_angle_deg']:.2g} degrees"
         )
     content = {"calibration": output, "told": remarks, "values": calibration.model_dump(mode="json")}
     return Result([*remarks, output], content)

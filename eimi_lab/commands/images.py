@@ -312,7 +312,9 @@ def segment(
     with open_dataset(dataset) as opened:
         colours, ring_downs, creeps = opened.projection(), opened.ring_downs(), opened.creeps()
     lines = list(restated)
-    lines += [] if colours is None else [f"projection of the colours to grey values: {colours}"]
+    lines += (
+        [] if colours is None else [f"weights of the colours from which the program computes grey values: {colours}"]
+    )
     lines.append(
         f"{dataset}: edges of {total} state{'s' if total > 1 else ''}, {flagged} with flags, {unusable} unusable"
     )

@@ -107,11 +107,15 @@ def validate(
         str | None,
         typer.Option(
             metavar="solid|plane-strain|plane-stress",
-            help="section assumption; default: the section in the specimen file",
+            help="model of the cross-section; default: the section in the specimen file",
         ),
     ] = None,
     include_flagged: Annotated[
-        bool, typer.Option("--include-flagged", help="use also states with flags that make a state unusable")
+        bool,
+        typer.Option(
+            "--include-flagged",
+            help="also use the states that a fit leaves out by default because a flag makes them unusable",
+        ),
     ] = False,
     by_state: Annotated[
         bool, typer.Option("--by-state", help="also print the error and the deviation of every state")
@@ -267,7 +271,7 @@ def simulate(
         float | None,
         typer.Option(
             "--bulk-modulus-kPa",
-            help="bulk modulus in kPa, for the section models solid and plane-strain",
+            help="bulk modulus in kPa; only for the models of the cross-section solid and plane-strain",
             show_default="incompressible",
         ),
     ] = None,

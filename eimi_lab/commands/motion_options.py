@@ -43,7 +43,7 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="S",
-            help="for a motion: time in the file at which the beam was released or its load changed",
+            help="for a motion: time in the file, in seconds, at which the beam was released or its load changed",
             show_default="last frame with at least 97 % of the largest deflection",
         ),
     ] = None
@@ -55,12 +55,15 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(metavar="N", help="for a motion: weight that was taken from the tip at the release, in newtons"),
     ] = None
-    exposure: Annotated[float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame")] = None
+    exposure: Annotated[
+        float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame, in seconds")
+    ] = None
     row_time: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            help="for a motion: time between the exposures of two neighbouring rows of the sensor (rolling shutter)",
+            help="for a motion: time between the exposures of two neighbouring rows of the sensor, in seconds "
+            "(rolling shutter)",
         ),
     ] = None
 

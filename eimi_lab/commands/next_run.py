@@ -36,7 +36,8 @@ def plan(
         str,
         typer.Option(
             metavar="modulus|PARAMETER|LAW",
-            help="what the run should determine: the modulus, a parameter of the law, or whether LAW can be ruled out",
+            help="what the run should determine: the modulus, a parameter of the law, or whether the measurement can "
+            "rule out the law LAW",
         ),
     ] = "modulus",
     model: Annotated[
@@ -59,7 +60,7 @@ def plan(
     ] = None,
     both_polarities: Annotated[
         bool,
-        typer.Option("--both-polarities", help="consider also runs that repeat each state with the opposite current"),
+        typer.Option("--both-polarities", help="also consider runs that repeat each state with the opposite current"),
     ] = False,
     force: Force = False,
 ) -> Result:

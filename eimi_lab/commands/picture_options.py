@@ -42,7 +42,10 @@ class PictureOptions:
     ] = None
     channel: Annotated[
         str | None,
-        typer.Option(metavar="red|green|blue|grey", help="channel in which the beam differs most from its background"),
+        typer.Option(
+            metavar="red|green|blue|grey",
+            help="colour channel of the image in which the beam differs most from its background",
+        ),
     ] = None
     beam_colour: Annotated[
         str | None,

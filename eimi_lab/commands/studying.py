@@ -15,7 +15,8 @@ def discover(
     datasets: Annotated[list[Path], typer.Argument(help="datasets of beams of one material")],
     output: Output,
     tensile: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="tensile curve of the same material; may be repeated")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="tensile curve of the same material (CSV); may be repeated"),
     ] = None,
     tensile_window: Annotated[
         str,
@@ -27,7 +28,7 @@ def discover(
         list[str] | None,
         typer.Option(
             metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
-            help="term among which the program selects; may be repeated",
+            help="candidate term of the law; the program selects among the candidates; may be repeated",
             show_default="i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8",
         ),
     ] = None,
@@ -35,8 +36,8 @@ def discover(
     lot: Annotated[
         float,
         typer.Option(
-            help="relative standard deviation of the difference between the moduli of beam and tensile specimen, which "
-            "were cast separately",
+            help="relative standard deviation of the difference between the modulus of the beam and the modulus of "
+            "the tensile specimen, which were cast separately",
             min=0.0,
         ),
     ] = 0.02,
@@ -44,14 +45,18 @@ def discover(
         str | None,
         typer.Option(
             metavar="solid|plane-strain|plane-stress",
-            help="section assumption; default: the section in the specimen file",
+            help="model of the cross-section; default: the section in the specimen file",
         ),
     ] = None,
     include_flagged: Annotated[
-        bool, typer.Option("--include-flagged", help="use also states with flags that make a state unusable")
+        bool,
+        typer.Option(
+            "--include-flagged",
+            help="also use the states that a fit leaves out by default because a flag makes them unusable",
+        ),
     ] = False,
     seed: Annotated[
-        int, typer.Option(help="seed of the random numbers of the search for the first modulus", min=1)
+        int, typer.Option(help="seed of the random numbers of the search for the initial value of the modulus", min=1)
     ] = 1,
     force: Force = False,
 ) -> Result:

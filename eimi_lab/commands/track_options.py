@@ -30,7 +30,7 @@ class ImportOptions(MotionOptions):
         str | None, typer.Option(metavar="mm|cm|m|in|px", help="for tracked points: unit of the file and of --clamp")
     ] = None
     pixels_per_mm: Annotated[
-        float | None, typer.Option(help="for tracked points in px without --calibration: scale")
+        float | None, typer.Option(help="for tracked points in px without --calibration: scale in pixels per mm")
     ] = None
     sigma: Annotated[
         float | None,

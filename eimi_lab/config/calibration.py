@@ -91,8 +91,8 @@ class Calibration(Document):
     required with coil_constant_mT_per_A.
     """
     background_field_mT: Pair | None = None
-    """Field at the magnet without a current, such as that of the earth: the components to the right and down in the
-    picture.
+    """Field at the magnet without a current, such as the field of the earth: the components to the right and down in
+    the picture.
     """
     field: CoilShapeTable | None = None
     """The field of the coil as a function of position; by default the field is uniform."""
@@ -107,8 +107,8 @@ class Calibration(Document):
     nearer to the camera at the right of the picture, the second if it is nearer at the bottom. Needs stand_off_mm.
     """
     ruler_px: Annotated[tuple[Pair, Pair], Field(strict=False)] | None = None
-    """Two ticks of the ruler by which the scale was measured. A correction of camera_tilt_deg does not change the
-    distance between them.
+    """Positions of two ticks of the ruler with which the scale was measured. A correction of camera_tilt_deg does not
+    change the distance between these ticks.
     """
     telecentric: bool = False
     """true for a telecentric lens, which needs no stand_off_mm."""

@@ -48,8 +48,8 @@ class CoilShapeTable(Table):
     of a rectangular grid. A dataset contains the rows of the file.
     """
     gradient_per_m: Pair | None = None
-    """Relative change of the strength per metre along and across the beam. It can be given alone, or in addition to the
-    loops or the map.
+    """Relative change of the strength of the field per metre along and across the beam. The gradient can be given
+    alone, or in addition to the loops or the map.
     """
     against_current: Annotated[tuple[Pair, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
     """Currents (A) and readings of a gaussmeter (mT) from which `eimi calibrate-coil` computed the coil constant. They

@@ -27,7 +27,8 @@ class Interlock(Table):
     reading: str = Field(min_length=1)
     """Name of a sensor in [[sensors]]; or coil_current_A, coil_voltage_V or coil_power_W, which the supply measures."""
     minimum: float | None = None
-    """Smallest permitted value, in the unit of the reading. It also applies at zero current and before the run."""
+    """Smallest permitted value, in the unit of the reading. The bound also applies at zero current and before the run.
+    """
     maximum: float | None = None
     """Largest permitted value, in the unit of the reading."""
     longest_silence_s: float = Field(default=5.0, ge=LEAST_SILENCE_S)
@@ -54,7 +55,7 @@ class Interlock(Table):
         """
         bounds = [("at least", self.minimum), ("at most", self.maximum)]
         words = " and ".join(f"{bound} {value:g}" for bound, value in bounds if value is not None)
-        return f"{self.reading} {words}, silent for at most {self.longest_silence_s:g} s"
+        return f"{self.reading} {words}, without a reading for at most {self.longest_silence_s:g} s"
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:

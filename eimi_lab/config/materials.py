@@ -92,9 +92,9 @@ class TrueMaterials(Document):
     """The contents of materials.toml: the true materials, and the true properties of the bench, of a virtual rig."""
 
     silicone: dict[str, TrueMaterial]
-    """One table for each material. Its name is the value of specimen.material in the specimen file."""
+    """One table for each material. The name of the table is the value of specimen.material in the specimen file."""
     bench: TrueBench | None = None
-    """The true properties of the virtual bench that differ from its specimen file and its calibration."""
+    """The true properties of the virtual bench, where they differ from the specimen file and the calibration."""
 
 
 def load_materials(path: Path) -> TrueMaterials:

@@ -126,9 +126,13 @@ class Settle(Table):
     a beam at rest the ratio is 1.
     """
     pairs: int = Field(ge=1)
-    """Number of successive pairs of frames whose ratio must be below noise_ratio."""
+    """Number of successive pairs of frames whose mean squared difference, divided by the value that camera noise alone
+    causes, must be below noise_ratio.
+    """
     drift_window_s: float = Field(gt=0)
-    """Time between two further frames whose ratio must be below noise_ratio. This test detects creep."""
+    """Time between two further frames whose mean squared difference, divided by the value that camera noise alone
+    causes, must be below noise_ratio. This test detects creep.
+    """
     dwell_s: float = Field(default=0.0, ge=0, le=3600)
     """Shortest duration of a state after its current was set. To record creep, give about 60 s."""
     timeout_s: float = Field(gt=0)

@@ -95,8 +95,8 @@ class Camera(Table):
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
     source: int | str
-    """The number of a device, a path, a serial number, the IP address of a GigE camera, or the address of an emulated
-    coil.
+    """The camera: the number of a device, a path, a serial number, the IP address of a GigE camera, or the address of
+    an emulated coil.
     """
     exposure_s: float | None = Field(default=None, gt=0)
     """Exposure time. This and all other settings are written to the camera and read back. If a setting is absent, the

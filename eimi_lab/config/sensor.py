@@ -122,7 +122,9 @@ def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
             if other.name == sensor.name:
                 raise ValueError(f"{place}.name = {sensor.name!r}: another sensor has this name")
             if other.measures == sensor.measures != "other":
-                raise ValueError(f'{place}.measures = "{sensor.measures}": the sensor {other.name} measures it already')
+                raise ValueError(
+                    f'{place}.measures = "{sensor.measures}": the sensor {other.name} already measures this quantity'
+                )
         if sensor.is_coil:
             continue
         if simulated != (sensor.address == EMULATED):

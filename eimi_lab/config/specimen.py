@@ -109,7 +109,9 @@ class Beam(Table):
     x_mm and y_mm.
     """
     measured_with: str | None = Field(default=None, min_length=1)
-    """Name of the instrument that measured the lengths. Its error is the same for all specimens with this name."""
+    """Name of the instrument that measured the lengths. The error of the instrument is the same for all specimens with
+    this name.
+    """
 
 
 class Magnet(Table):

@@ -100,7 +100,7 @@ def _refuse_storage(path: Path, item: Any) -> None:
     row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize
     if row > MOST_BYTES or item.ndim > 4:
         raise InputError(
-            f"{path}: {item.name} claims a size of {item.shape}, which is more than the program reads; the file is "
-            "damaged, or is not a dataset"
+            f"{path}: {item.name} has the size {item.shape} according to the file, which is more than the program "
+            "reads; the file is damaged, or is not a dataset"
         )
     refuse_unpacked(row, f"{path}: {item.name} of {item.shape}")

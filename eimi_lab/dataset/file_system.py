@@ -16,7 +16,8 @@ NETWORK = frozenset(
     | {"fuse.sshfs", "fuse.glusterfs", "fuse.cephfs", "fuse.rclone", "fuse.davfs", "davfs"}
 )
 _DRIVE_REMOTE = 4
-"""The result of GetDriveTypeW for a network drive (Microsoft, Windows API, fileapi.h)."""
+"""The number with which the Windows function GetDriveTypeW reports a network drive (Microsoft, Windows API, fileapi.h).
+"""
 
 MOUNTS = Path("/proc/self/mounts")
 

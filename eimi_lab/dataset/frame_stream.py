@@ -22,7 +22,9 @@ from eimi_lab.dataset.frame_chunk import compressed, write_chunk
 from eimi_lab.dataset.layout import to_stored
 
 RING_BYTES = 512 << 20
-"""Default limit of the bytes of frames in memory: about 3 s of frames of 1.3 MB each, at 120 frames a second."""
+"""Default limit for the size (bytes) of all frames that wait in memory: about 3 s of frames of 1.3 MB each, at 120
+frames a second.
+"""
 
 COMPRESSING = 2
 """Number of threads that compress frames; they run in parallel, because igzip releases Python's interpreter lock."""
@@ -87,7 +89,8 @@ class FrameStream:
         """
         if image.shape != self._shape or image.dtype != self._dtype:
             raise ValueError(
-                f"the new frame is {image.shape} {image.dtype}, but the frames before are {self._shape} {self._dtype}"
+                f"the new frame has the shape {image.shape} and the type {image.dtype}, but the frames before have "
+                f"{self._shape} and {self._dtype}; all frames of a recording should be equal in both"
             )
         while not self._room.acquire(timeout=0.1):
             if meanwhile:

@@ -101,7 +101,7 @@ def import_frames(
         coloured = any(map(is_coloured, listing.images()))
         first = in_channels(next(listing.images()), coloured)
         largest = max(len(frames) for _, frames in by_state)
-        refuse_unpacked(largest * first.nbytes, f"{states}: {largest} frames of one state")
+        refuse_unpacked(largest * first.nbytes, f"{states}: one state has {largest} frames, which")
         _check_prompts(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
         # The mean of 8-bit frames is stored with 16 bits, so the dark frame and the flat field are converted too.
         stored = (lambda image: _mean([image])) if average else np.asarray
@@ -159,7 +159,7 @@ def _append_states(
             flags=flags,
         )
         number += len(kept)
-        report(f"{len(names)} frames at {load.field_mT:g} mT")
+        report(f"{len(names)} frames of the state at {load.field_mT:g} mT")
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:

@@ -56,8 +56,8 @@ FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
 KIND_ATTRIBUTE = "eimi_kind"
 START_ATTRIBUTE = "eimi_start_time"
-"""Name of the attribute with the start of the run. Its text has a fixed length, because HDF5 may allocate 4 GiB for a
-damaged text of variable length.
+"""Name of the attribute with the start of the run. The text of the attribute has a fixed length, because HDF5 may
+allocate 4 GiB for a damaged text of variable length.
 """
 PROGRAM = "eimi-lab"
 PROGRAM_URL = "https://doi.org/10.3389/frobt.2021.790571"
@@ -307,7 +307,9 @@ def get_start(entry: h5py.Group) -> str:
     if START_ATTRIBUTE in attributes and attributes.get_id(START_ATTRIBUTE).dtype.kind == "S":
         return bytes(attributes[START_ATTRIBUTE]).decode()
     if entry["start_time"].dtype.hasobject:
-        raise ValueError(f"the attribute {START_ATTRIBUTE} of the group entry/states is missing")
+        raise ValueError(
+            f"the attribute {START_ATTRIBUTE} of the group entry/states, the time at which the run began, is missing"
+        )
     return get_text(entry, "start_time")
 
 
@@ -334,7 +336,10 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
     text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
-        raise ValueError(f"{len(flags)} flags of a state need {len(text)} bytes; the file has room for {width}")
+        raise ValueError(
+            f"the {len(flags)} flags of a state need {len(text)} bytes as JSON, but a dataset has room for {width} "
+            "bytes"
+        )
     return text
 
 

@@ -31,7 +31,7 @@ def fate_of(path: Path, descriptor: int) -> str:
         return "was moved" if open_file.st_nlink else "was deleted"
     if os.path.samestat(open_file, file_at_path):
         return ""
-    return "was moved and another file has its name" if open_file.st_nlink else "was replaced"
+    return "was moved, and another file now has the name of the dataset" if open_file.st_nlink else "was replaced"
 
 
 def copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -> tuple[Path, WriterLock]:

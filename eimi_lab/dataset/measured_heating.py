@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 LEAST_READINGS = 6
 LEAST_RISE_K = 1.0
-"""Smallest range of the readings (K) for which they are compared with the thermal model."""
+"""Smallest range (K) of the measured temperatures for which they are compared with the thermal model."""
 
 SEARCHED = np.geomspace(0.1, 10.0, 201)
-"""Trial time constants, divided by the time constant in the rig file."""
+"""Time constants for which the thermal model is tried, divided by the time constant in the rig file."""
 
 DIFFERENT = 0.3
 """Largest relative difference of the fitted time constant from the time constant in the rig file that is not reported
@@ -88,8 +88,9 @@ class MeasuredHeating:
             return words
         speed = "faster" if self.best_time_constant_s < self.time_constant_s else "slower"
         return (
-            f"{words}; the coil warms {speed} than stated: thermal_time_constant_s = {self.best_time_constant_s:.3g} "
-            f"agrees within {self.best_rms_K:.2g} K, but the rig file has {self.time_constant_s:g}"
+            f"{words}; the coil warms {speed} than the rig file says: thermal_time_constant_s = "
+            f"{self.best_time_constant_s:.3g} would agree within {self.best_rms_K:.2g} K, but the rig file has "
+            f"{self.time_constant_s:g}"
         )
 
 

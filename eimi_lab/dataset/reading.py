@@ -120,7 +120,7 @@ class Dataset:
         except Exception as error:
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise InputError(
-                f"{self.path}: is damaged, or not what a dataset should be ({reason}); {self._if_damaged}"
+                f"{self.path}: is damaged, or does not have the contents of a dataset ({reason}); {self._if_damaged}"
             ) from error
 
     def _open(self, path: Path, file: h5py.File) -> None:
@@ -161,8 +161,8 @@ class Dataset:
             self.states: tuple[State, ...] = self._read_states()
         except OSError as error:
             raise InputError(
-                f"{path}: the tables of its states are damaged ({error}); `eimi recover` may repair them in a new "
-                "file, or use another copy of this file"
+                f"{path}: the tables of the states in the file are damaged ({error}); `eimi recover` may repair them "
+                "in a new file, or use another copy of this file"
             ) from error
 
     def _read_states(self) -> tuple[State, ...]:
@@ -170,7 +170,8 @@ class Dataset:
         indices = table["index"][()]
         if not np.array_equal(indices, np.arange(len(indices))):
             raise InputError(
-                f"{self.path}: the numbers of its states are damaged; `eimi recover` may repair them in a new file"
+                f"{self.path}: the numbers of the states in the file are damaged; `eimi recover` may repair them in a "
+                "new file"
             )
         angles = tip_force_angles(table, len(indices))
         sigmas, temperatures = (measured_column(table, name, len(indices)) for name in ("field_sigma", "temperature"))
@@ -243,7 +244,9 @@ class Dataset:
             frames = self._entry["data/frames"]
             count = int(rows[-1] + 1 - rows[0]) if len(rows) else 0
             claimed = count * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize
-            refuse_unpacked(claimed, f"{self.path}: state {state_index} claims {len(rows)} frames, which")
+            refuse_unpacked(
+                claimed, f"{self.path}: according to the file, state {state_index} has {len(rows)} frames, which"
+            )
             try:
                 images = frames[rows[0] : rows[-1] + 1]
             except OSError as error:
@@ -435,7 +438,9 @@ class Dataset:
     def points(self) -> tuple[TrackedPoints, ...]:
         """Return the tracked points of every state. Raises ValueError for a dataset of frames."""
         if self.kind != "points":
-            raise ValueError(f"{self.path} holds frames, not tracked points")
+            raise ValueError(
+                f"{self.path} holds frames of a camera and no tracked points; `edges()` gives the edges in the frames"
+            )
         with self._naming_damage():
             return read_points(self._entry, len(self.states))
 

@@ -220,7 +220,9 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
         return None
     frames, first = store["frames"], rows[0]
     claimed = (rows[-1] + 1 - first) * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize
-    refuse_unpacked(claimed, f"{store.file.filename}: {store.name} claims {len(rows)} frames, which")
+    refuse_unpacked(
+        claimed, f"{store.file.filename}: according to the file, {store.name} has {len(rows)} frames, which"
+    )
     images = frames[first : rows[-1] + 1][rows - first]
     return Recording(
         images if images.ndim == 3 else images[..., ::-1],

@@ -125,7 +125,7 @@ def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
     mended = mend_metadata(file) + _mend_all_chunks(file)
     if mended:
         states, lines = _attempt(file, crashed, path)
-        return states, [f"flipped bits that were corrected: {mended}", *lines]
+        return states, [f"single flipped bits in the file that were corrected: {mended}", *lines]
     if first:
         raise first
     return states, lines
@@ -136,7 +136,10 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
         with h5py.File(file, "r") as source:
             return _copy(source, crashed, path)
     except MemoryError as error:
-        raise InputError(f"{crashed}: cannot be read within the memory that the recovery may use") from error
+        raise InputError(
+            f"{crashed}: cannot be read with the memory that `eimi recover` may use; use a computer with more free "
+            "memory"
+        ) from error
     except HDF5_RAISES as error:
         if not _comes_from_hdf5(error):
             raise
@@ -175,7 +178,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
         lost += _rebuild_states(copy["entry"])
-        dataset = Dataset(crashed, copy, True, "its readable part is not a dataset")
+        dataset = Dataset(crashed, copy, True, "the part of the file that can be read is not a dataset")
         states = len(dataset.states)
         if dataset.kind == "points":  # also if the frames were lost; reading the points then raises InputError
             dataset.points()

@@ -129,7 +129,10 @@ def _find_all(
                 last_reliable = edge_set
             edge_sets.append(edge_set)
             flags = state.flags + edge_set.flags
-            report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {_in_words(flags)}")
+            report(
+                f"{len(edge_set.left.sigma_mm)} points on the left edge and {len(edge_set.right.sigma_mm)} on the "
+                f"right, {_in_words(flags)}"
+            )
     _search_again_beside_others(frames, projection, edge_sets)
     return clamp_judged_when_straight(
         [

@@ -74,7 +74,10 @@ def write_edges(
     with rewritten(path, size + BYTES_OF_A_STATE * len(edge_sets)) as entry:
         states = len(entry["states/index"])
         if states != len(edge_sets):
-            raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
+            raise ValueError(
+                f"{path}: {len(edge_sets)} sets of edges are given for {states} states; give one set of edges for "
+                "each state"
+            )
         drop_edges(entry)
         process = group(entry, GROUP, "NXprocess")
         _write(process, edge_sets)

@@ -108,7 +108,9 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
                 at += 1
             decoded, image = video.read() if at == number else (False, None)
             if not decoded or image is None:
-                raise InputError(f"{path}: has no frame {number} (counted from 0); it ends after {at} frames")
+                raise InputError(
+                    f"{path}: has no frame {number} (counted from 0), because the video ends after {at} frames"
+                )
             at += 1
             yield image
 

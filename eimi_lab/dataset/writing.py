@@ -65,7 +65,9 @@ from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
 HEAD_BYTES = 4096
-"""Number of bytes at the beginning of the file by which the writer notices that another program wrote into it."""
+"""Number of bytes at the beginning of the file that the writer compares, to notice that another program wrote into the
+file.
+"""
 
 
 def _ignore() -> None:
@@ -400,8 +402,9 @@ class DatasetWriter:
         images = np.stack([to_stored(frame.image) for frame in frames])
         if images.shape[1:] != self._frames.shape[1:] or images.dtype != self._frames.dtype:
             raise ValueError(
-                f"the new frames are {images.shape[1:]} {images.dtype}, "
-                f"but the frames before are {self._frames.shape[1:]} {self._frames.dtype}"
+                f"the new frames have the shape {images.shape[1:]} and the type {images.dtype}, but the frames before "
+                f"have {self._frames.shape[1:]} and {self._frames.dtype}; all frames of a dataset should be equal in "
+                "both"
             )
         return images
 
@@ -432,7 +435,8 @@ class DatasetWriter:
             old_lock.release()
         self._head = self._read_head()
         self._warn(
-            f"{taken_from} {fate} during the run; its {self._stored} states and all following states are in {self.path}"
+            f"{taken_from} {fate} during the run; the {self._stored} states stored so far and all following states "
+            f"are in {self.path}"
         )
 
     def _synchronise(self) -> None:

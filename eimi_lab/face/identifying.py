@@ -236,7 +236,8 @@ def fit(
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
         raise InputError(
-            f"fit: each = True and several seeds give several fits; give a list of laws, model = [{model!r}]"
+            "fit: with each = True or several seeds a law has several fits; give the law as a list, model = "
+            f"[{model!r}], to get all of them"
         )
     options = FitOptions(
         section=section,

@@ -93,8 +93,9 @@ def section_remark(evidence: Evidence) -> str | None:
         return None
     percent = 100 * expected_bias(specimen)
     return (
-        f"{evidence.path}: fitted in {specimen.section.replace('-', ' ')}; for this specimen the modulus is expected "
-        f"to be about {abs(percent):.0f} % too {'high' if percent > 0 else 'low'}; --section solid avoids this"
+        f"{evidence.path}: the cross-section is modelled in {specimen.section.replace('-', ' ')}; for this specimen "
+        f"the modulus is expected to be about {abs(percent):.0f} % too {'high' if percent > 0 else 'low'}; --section "
+        "solid avoids this error"
     )
 
 
@@ -104,8 +105,9 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
     if shape is None:
         return None
     return (
-        f"{evidence.path}: the states without load show that the beam is not as stated: {shape.in_words} at rest; the "
-        'fit starts from this shape (rest_shape = "straight" in the specimen\'s file prevents this)'
+        f"{evidence.path}: the states without load show that the beam at rest has another shape than the specimen "
+        f'file says: {shape.in_words}; the fit starts from the measured shape (rest_shape = "straight" in the '
+        "specimen file prevents this)"
     )
 
 
@@ -120,7 +122,8 @@ def compressibility_remark(evidence: Evidence) -> str | None:
     percent = 100 * compressibility_bias(evidence.experiment.model.specimen, ratio)
     return (
         f"{evidence.path}: poisson_ratio = {ratio:g} means a bulk modulus of {bulk_ratio(ratio):.3g} shear moduli; "
-        f"the fit takes the material as incompressible, for which the modulus is about {abs(percent):.1f} % too low"
+        f"the fit takes the material as incompressible, and its modulus is therefore about {abs(percent):.1f} % too "
+        "low"
     )
 
 

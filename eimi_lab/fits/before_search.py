@@ -81,8 +81,9 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
         remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
         remedies += [remedy.states] if remedy.states else []
     return (
-        f"{path}: no material explains this: as stated the smallest error is {cause.error_mm:.2g} mm, but only "
-        f"{cause.error_without_mm:.2g} mm without {cause.words}; {'; or, for imported pictures, '.join(remedies)}"
+        f"{path}: no material explains the measured shape of the beam: with the values in the files the smallest "
+        f"error is {cause.error_mm:.2g} mm, but only {cause.error_without_mm:.2g} mm without {cause.words}; "
+        f"{'; or, for imported pictures, '.join(remedies)}"
     )
 
 
@@ -106,7 +107,8 @@ def _check_currents(states: Sequence[State]) -> None:
     field = max(abs(state.field_mT) for state in states)
     if current > _MOST_A and field > _MOST_MT:
         raise InputError(
-            f"current_A of up to {current:g} A makes a field of {field:g} mT; current_A should be in ampere (not mA)"
+            f"current_A of up to {current:g} A makes a field of {field:g} mT, which is too strong for a coil; "
+            "current_A should be in ampere (not mA)"
         )
 
 
@@ -164,8 +166,8 @@ def check_width(dataset: Dataset) -> None:
     if width_mm is None or 1 / _WIDTH < width_mm / stated_mm < _WIDTH:
         return
     words = (
-        f"{dataset.path}: the beam in the picture is {width_mm / stated_mm:.2g} times as wide as stated: "
-        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, but width_mm = {stated_mm:g}"
+        f"{dataset.path}: the beam in the picture is {width_mm / stated_mm:.2g} times as wide as the specimen file "
+        f"says: {width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, but width_mm = {stated_mm:g}"
     )
     if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(

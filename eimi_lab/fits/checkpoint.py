@@ -149,7 +149,7 @@ class Checkpoint:
             except ValidationError as error:
                 raise InputError(f"{where}: {first_fault(error)}") from error
             if not 0 <= line.fit < fits:
-                raise InputError(f"{where}: fit: {line.fit} should be from 0 to {fits - 1}")
+                raise InputError(f"{where}: fit = {line.fit} should be from 0 to {fits - 1}")
             if isinstance(line, FinishedLine):
                 finished.append(line)
             else:
@@ -208,7 +208,8 @@ class GenerationLog:
         if self.generation <= len(self.logged):
             if not _same(generation, self.logged[self.generation - 1].search):
                 raise OtherSearch(
-                    f"generation {self.generation} differs from the logged generation by more than rounding"
+                    f"generation {self.generation} of the search differs by more than rounding errors from the "
+                    "generation in the checkpoint"
                 )
             return
         _append(

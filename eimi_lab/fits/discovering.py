@@ -104,13 +104,17 @@ def lines(discovery: Discovery, output: Path) -> list[str]:
     for law in discovery.alternatives[:_SHOWN]:
         names = SumOfTerms(law.terms).parameter_names
         parts = [
-            f"{name} {c / 1e3:.4g} kPa [{low / 1e3:.4g}, {high / 1e3:.4g}]"
+            f"{name} {c / 1e3:.4g} kPa, 95 % interval {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
             for name, c, (low, high) in zip(names, law.coefficients, law.intervals, strict=True)
         ]
-        printed.append(f"  {', '.join(parts)}; held-out error {law.held_out_error:.2f} times the noise")
+        printed.append(
+            f"  {', '.join(parts)}; the error on data that were left out of the fit is {law.held_out_error:.2f} times "
+            "the noise"
+        )
     if len(discovery.alternatives) > _SHOWN:
-        printed.append(f"  and {len(discovery.alternatives) - _SHOWN} more in {output}")
+        printed.append(f"  and {len(discovery.alternatives) - _SHOWN} further laws in {output}")
     printed += [
-        f"  {term.name} was left out: a curve exceeds the limiting stretch of this term" for term in discovery.left_out
+        f"  the term {term.name} was left out, because a curve exceeds the limiting stretch of this term"
+        for term in discovery.left_out
     ]
     return printed

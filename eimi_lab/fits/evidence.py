@@ -116,7 +116,7 @@ class Evidence:
         section = self.experiment.model.specimen.section
         notes = [f"Doubt: {words}." for words in self.doubts]
         if self.taken_as_exact:
-            notes.append(f"Taken as exact, because no uncertainty is stated: {', '.join(self.taken_as_exact)}.")
+            notes.append(f"Taken as exact, because no uncertainty is given: {', '.join(self.taken_as_exact)}.")
         caption = f"{self.path.name}, section {section}: {self.used.in_words()}"
         return html_table(caption, ("state", "field, mT", "tip force, N", "points"), rows, notes)
 
@@ -188,7 +188,9 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
     return Evidence(
         path,
         digest,
-        rest_shape.applied(experiment, f"states without load of {digest[:16]}") if rest_shape else experiment,
+        rest_shape.applied(experiment, f"the states without load of the dataset with SHA-256 {digest[:16]}")
+        if rest_shape
+        else experiment,
         states,
         _states_used(dataset, used),
         taken_as_exact(dataset),

@@ -53,7 +53,7 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
         raise InputError(f"{path}: --model {model}: should be one of the file's fits: {in_file}")
     if index is None and len(of_model) > 1:
         choices = ", ".join(f"--index {i} ({fit.model}{_window(fit)})" for i, fit in of_model.items())
-        raise InputError(f"{path}: holds {len(of_model)} fits of {model}; give one of {choices}")
+        raise InputError(f"{path}: holds {len(of_model)} fits of the law {model}; give one of {choices}")
     chosen = next(iter(of_model)) if index is None else index
     if chosen not in of_model:
         raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file contains {in_file}")

@@ -143,7 +143,9 @@ def fit_grid(
                     checkpoint.finish(index, done[index])
                 report(f"{tasks[index]}, mean error {1e3 * done[index].mean_error_mm:.2f} µm")
     except OtherSearch as error:
-        raise InputError(f"{checkpoint.path if checkpoint else ''}: cannot be resumed here: {error}") from error
+        raise InputError(
+            f"{checkpoint.path if checkpoint else ''}: the fit cannot be continued here: {error}"
+        ) from error
     return list(_with_replicates(tasks, done))
 
 

@@ -76,13 +76,13 @@ def what_was_fitted_beside(fit: FitRecord) -> list[str]:
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
-            f"{value.name}: deviation {_deviation(value.deviation)}, "
-            f"prior standard deviation {_scaled(value.prior_standard_deviation, value.deviation.unit)}"
+            f"{value.name}: fitted deviation from the given value {_deviation(value.deviation)}, prior standard "
+            f"deviation {_scaled(value.prior_standard_deviation, value.deviation.unit)}"
         )
     for curve in fit.tensile:
         lines.append(
-            f"{curve.name}: RMSE {_kPa(curve.rmse_Pa)} kPa, {_kPa(curve.rmse_alone_Pa)} kPa for the curve alone "
-            f"(weight {curve.weight:g}, {curve.rows} rows that count as "
+            f"{curve.name}: RMSE {_kPa(curve.rmse_Pa)} kPa, or {_kPa(curve.rmse_alone_Pa)} kPa if the law is fitted "
+            f"to this curve alone (weight {curve.weight:g}, {curve.rows} rows that count as "
             f"{curve.rows / curve.correlation_rows:.1f} independent rows)"
         )
     return lines
@@ -131,10 +131,10 @@ def budget_lines(fit: FitRecord) -> list[str]:
         )
     if modulus.interval_95_fit and fit.budget:
         low, high = modulus.interval_95_fit
-        lines.append(f"noise and mesh alone: [{low:.0f}, {high:.0f}] Pa at 95 %")
+        lines.append(f"95 % interval from noise and mesh error alone: [{low:.0f}, {high:.0f}] Pa")
     keys = [word for word in fit.taken_as_exact if word not in WHOLE_FILES]
     if keys:
-        lines.append(f"no uncertainty stated, so taken as exact: {', '.join(keys)}")
+        lines.append(f"taken as exact, because no uncertainty is given: {', '.join(keys)}")
     return [*lines, next_sentence(fit)] if fit.budget else lines
 
 
@@ -162,7 +162,7 @@ def next_sentence(fit: FitRecord) -> str:
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
         return f"Noise and mesh limit this interval. With about four times as many states {interval}."
-    return f"Measure better next: {fit.measure_next.words}; with half of this uncertainty {interval}."
+    return f"Measure better next: {fit.measure_next.words}. With half of this uncertainty {interval}."
 
 
 def _percent(value: float) -> str:

@@ -61,15 +61,18 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
         )
     held_out = fit.held_out_error_mm
     if not fit.budget:
-        words = "The interval contains noise and mesh error only: no uncertainty of the inputs is stated."
+        words = "The interval contains noise and mesh error only: no uncertainty of the inputs is given."
         return Grade("noise only", f"{no_doubt} {words}")
     if held_out is not None and held_out < _PREDICTED * fit.mean_error_mm:
         words = (
-            "The interval contains the stated uncertainties. The law predicted states that were left out of the fit."
+            "The interval contains the uncertainties that the files give. The law predicted states that were left "
+            "out of the fit."
         )
         untested = "" if missed else " It has not been tested on another specimen."
         return Grade("predicted unseen states", f"{no_doubt} {words}{untested}")
-    words = "The interval contains the stated uncertainties. The law has not predicted states outside the fit."
+    words = (
+        "The interval contains the uncertainties that the files give. The law has not predicted states outside the fit."
+    )
     return Grade("budget stated", f"{no_doubt} {words}")
 
 

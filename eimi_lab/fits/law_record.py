@@ -139,7 +139,11 @@ class LawRecord:
     def stretch_in_words(self) -> str:
         """Return a sentence with the largest stretch in the data and the limit of stability."""
         limit, checked = self.stability.stable_up_to_stretch, self.stability.checked_up_to_stretch
-        stable = f"up to {checked:g}, the largest that was checked" if limit is None else f"up to {limit:.3g} only"
+        stable = (
+            f"up to a stretch of {checked:g}, the largest stretch that was checked"
+            if limit is None
+            else f"up to {limit:.3g} only"
+        )
         return (
             f"Largest stretch in the data {self.max_stretch:.3f}; beyond this stretch the law is an extrapolation. "
             f"The law is {self.stability.criterion}-stable {stable}."

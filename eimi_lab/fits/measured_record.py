@@ -67,7 +67,7 @@ class MeasuredField(Record):
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"
-        no_share = "; the scale of the gaussmeter is taken as exact, because no uncertainty_share is stated"
+        no_share = "; the scale of the gaussmeter is taken as exact, because the rig file gives no uncertainty_share"
         exact = "" if self.scale_is_stated else no_share
         return (
             f"{self.source} measured at {self.currents} currents, "

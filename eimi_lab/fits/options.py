@@ -35,10 +35,16 @@ class FitOptions:
         str | None,
         typer.Option(
             metavar="solid|plane-strain|plane-stress",
-            help="section assumption; default: the section in the specimen file",
+            help="model of the cross-section; default: the section in the specimen file",
         ),
     ] = None
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False
+    include_flagged: Annotated[
+        bool,
+        typer.Option(
+            "--include-flagged",
+            help="also use the states that a fit leaves out by default because a flag makes them unusable",
+        ),
+    ] = False
     free: Annotated[
         list[str] | None,
         typer.Option(
@@ -61,19 +67,34 @@ class FitOptions:
     ] = None
     tensile_window: Annotated[
         str | None,
-        typer.Option(metavar="PERCENT|full", help="fit the tensile curves only up to this strain", show_default="50"),
+        typer.Option(
+            metavar="PERCENT|full",
+            help="largest strain of the tensile curves that is fitted, in per cent; full for the whole curves",
+            show_default="50",
+        ),
     ] = None
     tensile_weight: Annotated[
         float | None,
-        typer.Option(help="factor on the weight that the tensile curves have due to their noise", show_default="1"),
+        typer.Option(
+            help="factor by which the weight of the tensile curves is multiplied; without it, their noise determines "
+            "the weight",
+            show_default="1",
+        ),
     ] = None
     restarts: Annotated[
-        int, typer.Option(help="restarts of the search, each with twice the population", min=0, max=9)
+        int,
+        typer.Option(
+            help="number of restarts of the search; each restart has twice the population of the search before",
+            min=0,
+            max=9,
+        ),
     ] = 0
     bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also search with small populations")] = False
     time: Annotated[
         str,
-        typer.Option(metavar="none|prony", help="viscoelastic law, fitted to the recorded ring-downs and creep"),
+        typer.Option(
+            metavar="none|prony", help="viscoelastic law to fit; its data are the recorded ring-downs and creep"
+        ),
     ] = "none"
 
     @property
@@ -156,7 +177,10 @@ class FitOptions:
                 )
             for prior in self._nuisances:
                 if SOURCES[prior.kind].field and not dataset.experiment.loads.field_T.any():
-                    raise InputError(f"--free {prior.kind}: {dataset.path} has no state with a field")
+                    raise InputError(
+                        f"--free {prior.kind}: {dataset.path} has no state with a field, so that the data say nothing "
+                        "about this input"
+                    )
                 self._check_spread(prior, dataset)
 
     @staticmethod

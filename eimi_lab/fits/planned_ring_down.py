@@ -31,9 +31,9 @@ from eimi_fitting.time.small_effects import small_effects
 Array = NDArray[np.float64]
 
 FREQUENCY_SHARE = 5e-4
-"""Assumed relative standard uncertainty of a measured frequency, including the error of the mesh."""
+"""Assumed relative standard uncertainty of the measured frequency of a ring-down, including the error of the mesh."""
 RELAXATION_SHARE = 0.01
-"""Assumed relative standard uncertainty of the relaxation between a ring-down and the static states."""
+"""Assumed relative standard uncertainty of the relaxation of the modulus between a ring-down and the static states."""
 _LOSS = 0.1  # assumed for the effect of the air on the loss; it does not change the modulus
 _STEP = 1.05
 _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the magnetic load

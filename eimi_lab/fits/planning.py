@@ -164,7 +164,7 @@ class Goal:
     def in_words(self) -> str:
         """Return the heading of the column with the expected results: the goal, with the unit of the results."""
         if self.rival:
-            return f"{self.fit.model} against {self.rival.model}, expected difference of AIC"
+            return f"comparison of {self.fit.model} with {self.rival.model}, expected difference of AIC"
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
@@ -238,7 +238,10 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
         raise InputError(f"--states {states}: should be at most {len(currents)}, the number of currents to choose from")
     runs = [run for mounting in choices if (run := _planned(goal, mounting, rig, currents, states))]
     if not runs:
-        raise InputError("the beam has an equilibrium in too few states: set a lower limit, or choose another mounting")
+        raise InputError(
+            "the beam has a stable equilibrium at too few of the currents: set a lower current limit in the "
+            "protocol, or choose another mounting"
+        )
     best, *others = sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
     return [_with_ring_down(goal, best, rig), *others]
 
@@ -320,7 +323,10 @@ def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Riv
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]
     if len(pairs) < FEWEST_STATES:
-        raise ValueError(f"the beam has an equilibrium in {len(pairs)} pairs of states")
+        raise ValueError(
+            f"the beam has a stable equilibrium at both signs of the current for {len(pairs)} currents only, which "
+            "are too few"
+        )
     first, second = np.array(pairs).T
     if isinstance(criterion, Rivals):
         sums = {name: getattr(criterion, name) for name in ("square", "score", "normal")}
@@ -353,9 +359,10 @@ def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
         update={"name": f"{protocol.name}-planned", "current": states, "tip_force_N": run.mounting.tip_force_N}
     )
     return (
-        f"# Planned: {goal.in_words()}: {goal.value(run.expected)}; equally spaced currents: {goal.value(run.spaced)}\n"
-        f"# Mounting: {run.mounting.in_words()} (0 hangs down, 90 is level, 180 upright)\n" + to_toml(changed)
-    )
+        f"# Planned for the goal: {goal.in_words()}: {goal.value(run.expected)}; with equally spaced currents: "
+        f"{goal.value(run.spaced)}\n# Mounting: {run.mounting.in_words()} (direction of gravity in degrees: 0 hangs "
+        "down, 90 is level, 180 is upright)\n"
+    ) + to_toml(changed)
 
 
 def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
@@ -365,10 +372,13 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
     for run in runs:
         lines.append(f"{run.mounting.in_words():{width}}  {goal.value(run.expected):>10}  {goal.value(run.spaced):>14}")
     best = runs[0]
-    lines.append(f"best: {best.mounting.in_words()}, at {', '.join(f'{a:g}' for a in best.currents_A)} A")
+    lines.append(f"best run: {best.mounting.in_words()}, currents {', '.join(f'{a:g}' for a in best.currents_A)} A")
     effects = [f"{name} {effect:.2g} %" for name, effect in list(best.effects_percent.items())[:3] if effect > 0]
     if effects:
-        lines.append(f"largest sources of uncertainty, as standard deviations: {', '.join(effects)}")
+        lines.append(
+            "largest sources of uncertainty, each with the standard deviation of the modulus that it causes: "
+            f"{', '.join(effects)}"
+        )
     if best.ring_down:
         lines.append(best.ring_down.in_words)
     return lines

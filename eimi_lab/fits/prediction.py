@@ -175,7 +175,7 @@ def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
 
 def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None:
     if step.kind == "interval":
-        step_done(f"{outcome.in_words()}, interval of the error")
+        step_done(f"{outcome.in_words()}, interval of its mean error")
         return
     for prediction in outcome if step.kind == "together" else [outcome]:
         if prediction:

@@ -95,7 +95,8 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
     for other in datasets[1:]:
         if other.specimen != datasets[0].specimen:
             raise InputError(
-                f"{other.path}: its specimen is not that of {datasets[0].path}; --time prony needs one specimen"
+                f"{other.path}: the specimen of this dataset differs from the specimen of {datasets[0].path}; --time "
+                "prony needs datasets of one specimen"
             )
     if not any(one.has_recording for one in datasets):
         paths = ", ".join(str(one.path) for one in datasets)
@@ -129,7 +130,8 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
         field = current_A * dataset.field_line.mT_per_A
     if hanging_N and not dataset.gravity:
         raise InputError(
-            f"{dataset.path}: a weight of {hanging_N:g} N hangs from the tip, but the dataset was made without gravity"
+            f"{dataset.path}: a weight of {hanging_N:g} N hangs at the tip, but in this dataset gravity does not act "
+            "on the beam (gravity = false in the calibration, or --no-gravity)"
         )
     return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
 

@@ -368,9 +368,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         For each input, the text gives the change of the modulus that the usual uncertainty of the input would cause.
         """
         return "".join(
-            f"; {entry.words} taken as exact: an error of "
-            f"{entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} would change the "
-            f"modulus by {entry.effect_percent:.2g} %"
+            (
+                f"; {entry.words} taken as exact: an error of {entry.standard_uncertainty:g} "
+                f"{'degrees' if entry.unit == 'deg' else entry.unit} would change the modulus by "
+                f"{entry.effect_percent:.2g} %"
+            )
             for entry in self.if_uncertain
         )
 

@@ -60,11 +60,12 @@ class StatesUsed:
         if self.left_out:
             words += f"; left out: {_by_flag(self.left_out)}"
         if self.flagged:
-            words += f"; used in spite of flags: {_by_flag(self.flagged)}"
+            words += f"; used although they have flags: {_by_flag(self.flagged)}"
         if self.widened:
             widest = max(self.widened, key=lambda state: state.by_mm)
-            largest = f"by up to {widest.by_mm:.2g} mm in state {widest.state}"
-            words += f"; larger uncertainty of the points in {len(self.widened)} ({largest})"
+            largest = f"the largest increase is {widest.by_mm:.2g} mm in state {widest.state}"
+            number = f"{len(self.widened)} state{'s' * (len(self.widened) > 1)}"
+            words += f"; the uncertainty of the points was increased in {number} ({largest})"
         return words
 
 

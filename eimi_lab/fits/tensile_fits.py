@@ -43,7 +43,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
     try:
         fit = fit_tensile(LAWS[model], test.strain, test.stress_Pa, largest_strain=largest, relative=relative)
     except CannotFit as error:
-        window = "the whole curve" if window_percent is None else f"strains up to {window_percent:g} %"
+        window = "the whole curve" if window_percent is None else f"fit of the strains up to {window_percent:g} %"
         raise InputError(f"{test.path}: {window}: {error}") from error
     low, high = fit.initial_shear_modulus_interval_Pa
     used = test.stress_Pa[test.strain <= largest]
@@ -90,7 +90,8 @@ def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
     if fit.rmse_Pa > _MISFIT * stress_Pa:
         percent = 100 * fit.rmse_Pa / stress_Pa
         yield Doubt(
-            f"the residuals are {percent:.0f} % of the stress: the law cannot follow the shape of the curve",
+            f"the residuals are {percent:.0f} % of the stress (root mean square): the law cannot follow the shape of "
+            "the curve",
             kind="curve_shape",
         )
     if fit.initial_shear_modulus_interval_Pa[0] <= 0:
@@ -101,7 +102,7 @@ def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
         )
     if fit.stable_to is not None and fit.stable_to < 1 + fit.max_strain:
         yield Doubt(
-            f"not Drucker-stable beyond a stretch of {fit.stable_to:.2f}, though the curve goes to "
+            f"the law is not Drucker-stable beyond a stretch of {fit.stable_to:.2f}, but the curve extends to "
             f"{1 + fit.max_strain:.2f}: a simulation may fail there",
             kind="unstable",
         )

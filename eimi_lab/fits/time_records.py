@@ -88,18 +88,25 @@ def time_lines(time: LawOfTime) -> list[str]:
         f"Prony series of {len(time.prony)} term{'' if len(time.prony) == 1 else 's'}: {terms}",
         _extent("instantaneous shear modulus", time.instantaneous_shear_modulus),
         _extent("long-term shear modulus", time.long_term_shear_modulus),
-        f"the data determine the shear modulus to 5 % at times from {low:.2g} to {high:.2g} s after a sudden strain",
+        (
+            f"the data determine the shear modulus with an error of at most 5 % at times from {low:.2g} to {high:.2g} "
+            "s after a sudden strain"
+        ),
     ]
     if time.moment is not None:
         low, high = time.moment.interval_95
-        age = f" (static states after {time.static_age_s:.3g} s)" if time.static_age_s else ""
+        age = (
+            f" (static states: measured {time.static_age_s:.3g} s after the load was set, as a median)"
+            if time.static_age_s
+            else ""
+        )
         lines.append(
-            f"magnetic moment from static and dynamic states together{age}: {time.moment.value:.3f} "
-            f"[{low:.3f}, {high:.3f}] times the stated moment"
+            f"magnetic moment from static states and ring-downs together{age}: {time.moment.value:.3f} [{low:.3f}, "
+            f"{high:.3f}] times the given moment"
         )
     for entry in time.budget[:_LARGEST]:
         if entry.effect_percent > 0:
-            lines.append(f"{entry.words}: ± {entry.effect_percent:.2g} % of the dynamic modulus")
+            lines.append(f"source of uncertainty {entry.words}: ± {entry.effect_percent:.2g} % of the dynamic modulus")
     return [*lines, *(f"doubt: {words}" for words in time.doubts)]
 
 

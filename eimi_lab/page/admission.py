@@ -108,7 +108,9 @@ class Admission:
         headers = Headers(scope=scope)
         if headers.getlist("host") not in [[host] for host in self.hosts]:
             return PlainTextResponse(
-                "the address has another host name than this page; open the address that `eimi dashboard` printed", 421
+                "the address in the browser has another host name than this page; open the address that `eimi "
+                "dashboard` printed",
+                421,
             )
         reads = scope["type"] == "http" and scope["method"] in SAFE
         if reads and scope["path"] == INDEX:  # also from another origin: the redirect file

@@ -269,11 +269,14 @@ def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
     thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []
     name, material = (_typed(beam, key) for key in ("name", "material"))
     lines = [
-        '# Written by the page "Weights and a phone". The length runs from the clamp to the tip, the width is seen by',
-        "# the camera, and the depth lies along its line of sight.",
+        (
+            '# Written by the page "Weights and a phone". The length is the distance from the clamp to the tip. '
+            "The camera"
+        ),
+        "# sees the width. The depth is the size along the line of sight of the camera.",
         "[specimen]",
         f"name = {json.dumps(name or folder.name or 'beam')}",
-        f"material = {json.dumps(material or 'not stated')}",
+        f"material = {json.dumps(material or 'not given')}",
         *(f"{key} = {value:g}" for key, value in sizes.items()),
         "",
         "[tip_load]    # where the thread of the weights is attached",
@@ -326,7 +329,8 @@ def saved(
     weighed = [(name, _number(grams, name)) for name in names if _typed(grams, name)]
     if len({weight for _, weight in weighed}) < 2:
         raise InputError(
-            "at least two pictures with different weights are needed; type the grams in each picture, 0 for no weight"
+            "the folder needs at least two pictures with different weights; type the grams in each picture, 0 for no "
+            "weight"
         )
     calibration = measured.calibration
     if weighed[0][0] != names[0] and calibration.picture is not None and calibration.picture.along_px:

@@ -24,7 +24,9 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.pipes import never_wait_to_write, readable, received
 
 EVERY_S = 0.25
-"""Time (s) between two frames: short enough for focusing, but little work for a computer on which a fit runs."""
+"""Time (s) between two frames. This time is short enough for focusing, and leaves the processor free for a fit on the
+same computer.
+"""
 
 FRAME_WITHIN_S = 5.0
 GIVES_WAY = 5  # number that is added to the nice value

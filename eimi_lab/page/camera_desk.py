@@ -25,7 +25,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.pipes import handed_down
 
 OF_NO_RUN = 0
-"""Number that is sent with the frames of the live camera, in place of the number of a run."""
+"""Number that is sent with the frames of the live camera, where frames of a run have the number of the run."""
 
 CLOSED_WITHIN_S = 7.0  # a camera that hangs in a call gives up after 5.5 s
 LOOK_EVERY_S = 1.0

@@ -261,8 +261,9 @@ def check_host(host: str, open_to_network: bool) -> None:
     """
     if not _is_loopback(host) and not open_to_network:
         raise InputError(
-            f"--host {host}: other computers could reach this page over a connection without encryption; with the "
-            "token, they could see the pictures and switch the coil; use a tunnel (ssh -L), or add --open-to-network"
+            f"--host {host}: other computers could reach this page over a connection without encryption; a person "
+            "with the token could then see the pictures and switch the coil; use a tunnel (ssh -L), or add "
+            "--open-to-network"
         )
     if host in ("0.0.0.0", "::"):
         raise InputError(

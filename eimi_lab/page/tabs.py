@@ -94,7 +94,9 @@ class Tabs:
     def check_control(self, request: Request) -> None:
         """Raise InputError if a request does not come from the tab in control."""
         if not self.may_steer(request.headers.get(TAB_HEADER, "")):
-            raise InputError("this tab is not in control; take control first")
+            raise InputError(
+                'this browser tab only watches the run; take control first, with the button "Take control"'
+            )
 
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
         """Return a function that answers a request with the result of `act`, as JSON.
@@ -145,7 +147,9 @@ class Tabs:
         """Exchange messages with one tab over its WebSocket until the tab closes the WebSocket."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
-            await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already; close one of them")
+            await socket.close(
+                TRY_LATER, f"{MOST_TABS} browser tabs with this page are open already; close one of them"
+            )
             return
         tab = Tab(socket)
         self._open.add(tab)

@@ -23,7 +23,7 @@ ASSUMED_FREE_BYTES = 4 << 30
 SHARE_OF_FREE = 4
 """Number by which the free memory is divided. The quotient is the largest size of data that are unpacked at once."""
 _CRASHED = 0xC0000000
-"""Smallest exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
+"""Smallest exit status with which Windows reports that a process crashed (Microsoft, [MS-ERREF], NTSTATUS)."""
 WALL_WITHIN_S = 3600.0
 """Longest elapsed time (s) of a child process, because a child process may wait forever for a disk or a network."""
 
@@ -62,8 +62,8 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
         raise InputError(
-            f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; at most a quarter of the free "
-            f"memory is used, which is {most / 1e9:.2g} GB here"
+            f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; at most a quarter of the free memory of this "
+            f"computer is used, which is {most / 1e9:.2g} GB now"
         )
 
 
@@ -106,13 +106,15 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     if 0 <= done.returncode < _CRASHED:
         return done
     if sys.platform == "win32":
-        raise InputError(f"{path}: is damaged: the process that read it crashed ({done.returncode:#x})")
+        raise InputError(
+            f"{path}: is damaged: the process that read this file crashed (exit status {done.returncode:#x})"
+        )
     name = signal.Signals(-done.returncode).name
     if name == "SIGXCPU":
         raise InputError(f"{path}: reading the file took longer than {within_s:.0f} s of processor time")
     if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
         raise InputError(f"{path}: the process that read the file was ended by {name}; the memory may not suffice")
-    raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
+    raise InputError(f"{path}: is damaged: the process that read this file crashed (signal {name})")
 
 
 def child_arguments(count: int) -> list[str]:

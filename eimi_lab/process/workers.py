@@ -333,7 +333,7 @@ def cluster(address: str) -> Iterator[Executor]:
             yield pool
         except (KilledWorker, CancelledError) as error:
             raise ChildProcessError(
-                f"{address}: the cluster did not finish a task, because it lost its workers ({error})"
+                f"--scheduler {address}: the cluster did not finish a task, because its workers were lost ({error})"
             ) from error
         finally:
             pool.shutdown(wait=False)

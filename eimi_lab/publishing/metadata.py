@@ -19,7 +19,7 @@ from eimi_lab.publishing.contents import PublishedFile
 
 NAME = "ro-crate-metadata.json"
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
-NO_LICENCE = "No licence is stated: all rights are reserved."
+NO_LICENCE = "No licence is given: all rights are reserved."
 
 _SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*")  # the form of SPDX's short identifiers, such as CC-BY-4.0
 _SOFTWARE = f"#{PROGRAM}"
@@ -199,7 +199,7 @@ def _modulus(file: PublishedFile, number: int, fit: FitRecord | TensileRecord | 
     }
     if modulus.interval_95 is not None:
         node["minValue"], node["maxValue"] = modulus.interval_95
-        node["measurementTechnique"] = "The limits are those of the 95 % interval."
+        node["measurementTechnique"] = "The limits are the limits of the 95 % interval."
     return node
 
 

@@ -158,7 +158,7 @@ def _limit(fit: FitRecord, scatter: str) -> str:
         whole = [word for word in fit.taken_as_exact if word in WHOLE_FILES]
         inputs = f"The {' and the '.join(whole)}" if whole else "Some numbers of specimen or calibration"
         words += f" {inputs} {'are' if len(whole) != 1 or whole[0] == 'dimensions' else 'is'} taken as exact, "
-        words += "because no uncertainty is stated. The true interval is wider."
+        words += "because no uncertainty is given. The true interval is wider."
     for entry in fit.if_uncertain:
         unit = "degrees" if entry.unit == "deg" else entry.unit
         words += f" An error of {entry.standard_uncertainty:g} {unit} in the {entry.words} would change the modulus by "

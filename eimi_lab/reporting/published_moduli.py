@@ -39,7 +39,7 @@ class PublishedModulus:
 
 def _of_data_sheet(material: str, psi: float, series: str) -> PublishedModulus:
     modulus = psi * _PA_PER_PSI / _NEO_HOOKEAN_AT_100
-    how = f"stress at 100 % strain, {psi:g} psi, as a Neo-Hookean material"
+    how = f"Neo-Hookean law with the stress of the data sheet at 100 % strain, {psi:g} psi"
     return PublishedModulus(material, modulus, modulus, how, f"Smooth-On, technical bulletin of the {series} series")
 
 

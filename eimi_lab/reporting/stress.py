@@ -32,7 +32,10 @@ Array = NDArray[np.float64]
 _LARGEST_STRAIN = 1.0  # largest strain in a figure
 _BENDING_ALONE = 3.0  # without a tensile fit, the figure ends at this multiple of the largest strain in bending
 _DRAWS = 200  # draws per fit, evenly spread over the modulus: enough for an interval of 95 %
-BAND = "Bands contain 95 % of the draws of each fit. The bands of tensile fits end where the data end."
+BAND = (
+    "Bands contain 95 % of the laws that were drawn at random within the uncertainty of each fit. The bands of "
+    "tensile fits end where the data end."
+)
 
 
 @dataclass(frozen=True)

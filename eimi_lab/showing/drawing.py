@@ -38,7 +38,9 @@ STYLE: Any = {
     "path.simplify_threshold": 0.2,
 }
 styled = matplotlib.rc_context(STYLE)
-"""Decorator for functions that draw. It sets the style of all figures before any part of a figure is created."""
+"""Decorator for functions that draw. The decorator sets the style of all figures before any part of a figure is
+created.
+"""
 
 
 class Drawing(Figure):

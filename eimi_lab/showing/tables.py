@@ -38,4 +38,6 @@ def installed(package: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise ImportError(f"this needs {package}, which is not installed: pip install {package}") from error
+        raise ImportError(
+            f"this function needs the package {package}, which is not installed: pip install {package}"
+        ) from error

@@ -22,10 +22,11 @@ from eimi_lab.study.whole_study import Findings
 _SIMILAR = 1.25  # limit of the ratio of the largest to the smallest error of the laws
 _STEADY = 2.0  # limit of the ratio of the errors in the stronger and in the weaker half of the fields
 MEASURE = (
-    "Judged by mean errors over the unseen types without twist. Better: the worst law by bending has a smaller error "
-    "than the best tensile fit of all laws and windows. Similar: the largest error is at most "
-    f"{_SIMILAR:g} times the smallest. Steady: the error in the stronger half of the fields is at most {_STEADY:g} "
-    "times the error in the weaker half. ∞: no equilibrium on an unseen type."
+    "The claims are judged by mean errors over the types of specimen that were not used for the fits and do not "
+    "twist. Better: the worst law fitted to bending has a smaller error than the best tensile fit of all laws and "
+    f"windows. Similar: the largest error is at most {_SIMILAR:g} times the smallest. Steady: the error in the "
+    f"stronger half of the fields is at most {_STEADY:g} times the error in the weaker half. ∞: the beam has no "
+    "equilibrium on one of these types."
 )
 
 
@@ -58,16 +59,18 @@ def verdicts(findings: Findings) -> list[Verdict]:
 def _better(findings: Findings, key: str, section: str) -> Verdict:
     both = next(a for a in advantages(findings, untwisted(findings)) if (a.material, a.section) == (key, section))
     evidence = (
-        f"worst law by bending {number(both.bending_um[1])} µm, best by tension {number(both.tension_um)} µm "
-        f"({both.tension.law}, {both.tension.window})"
+        f"worst law fitted to bending {number(both.bending_um[1])} µm, best law fitted to tension "
+        f"{number(both.tension_um)} µm ({both.tension.law}, {both.tension.window})"
     )
-    evidence += f", {number(both.ratios[0], 2)} times as much" if both.ratios[0] else _lost(findings, key, section)
+    evidence += (
+        f", which is {number(both.ratios[0], 2)} times as much" if both.ratios[0] else _lost(findings, key, section)
+    )
     low, high = (number(1e-3 * modulus) for modulus in both.bending_modulus_Pa)
     evidence += (
         f". Initial moduli: bending {low} to {high} kPa, best tensile fit {number(1e-3 * both.tension.modulus_Pa)} "
         f"kPa, true {number(1e-3 * MATERIALS[key].modulus_Pa)} kPa"
     )
-    claim = "Laws by EIMI are better than the best conventional fit."
+    claim = "Laws identified by EIMI have smaller errors than the best conventional fit."
     return Verdict(claim, MATERIALS[key].name, section, both.ratios[0] > 1, evidence)
 
 
@@ -98,7 +101,7 @@ def _similar(findings: Findings, key: str, section: str) -> Verdict:
     errors = {law: float(np.mean([of_kind[law] for of_kind in by_kind])) for law in by_kind[0]}
     best, worst = min(errors, key=lambda law: errors[law]), max(errors, key=lambda law: errors[law])
     agrees = errors[worst] <= _SIMILAR * errors[best]
-    evidence = f"{number(errors[best])} µm ({best}) to {number(errors[worst])} µm ({worst})"
+    evidence = f"from {number(errors[best])} µm ({best}) to {number(errors[worst])} µm ({worst})"
     if np.isinf(errors[worst]):
         evidence += _lost(findings, key, section)
     elif not agrees:
@@ -122,14 +125,14 @@ def _steady(findings: Findings, key: str, section: str) -> Verdict:
     half = len(by_state) // 2
     weak, strong = float(by_state[:half].mean()), float(by_state[half:].mean())
     agrees = strong <= _STEADY * weak
-    evidence = f"weaker half of the fields {number(weak)} µm, stronger half {number(strong)} µm"
+    evidence = f"{number(weak)} µm in the weaker half of the fields, {number(strong)} µm in the stronger half"
     if not agrees:
         evidence += (
             ". Here only the law is wrong, apart from noise and mesh. The error of the law may grow with strain"
             if section == "solid"
             else ". The effect of the wrong section may grow with curvature"
         )
-    return Verdict("The error is steady with the field.", MATERIALS[key].name, section, agrees, evidence)
+    return Verdict("The error stays steady if the field increases.", MATERIALS[key].name, section, agrees, evidence)
 
 
 def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
@@ -144,9 +147,12 @@ def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
         + f"; {TWISTED} is turned by {TWIST_DEG:g}° at its tip in the strongest field"
     )
     if len(laws) < len(by_kind[TWISTED]):
-        evidence += f". Means over {', '.join(laws)} only: the other laws have no equilibrium on one of the types"
+        evidence += (
+            f". These are means over {', '.join(laws)} only, because the other laws have no equilibrium on one of the "
+            "types"
+        )
     agrees = all(mean[TWISTED] > value for kind, value in mean.items() if kind != TWISTED)
-    return [Verdict("Type 4, which twists, is worse.", MATERIALS[key].name, section, agrees, evidence)]
+    return [Verdict("The error is larger on type 4, which twists.", MATERIALS[key].name, section, agrees, evidence)]
 
 
 def in_words(findings: Findings) -> list[str]:
@@ -159,11 +165,12 @@ def in_words(findings: Findings) -> list[str]:
     for key in findings.inputs.extent.materials:
         flat, solid = compared[key, "plane-strain"], compared[key, "solid"]
         lines.append(
-            f"{MATERIALS[key].name}: in plane strain the best tensile fit has an error of "
-            f"{number(flat.tension_um)} µm, the laws by bending {number(flat.bending_um[0])} to "
-            f"{number(flat.bending_um[1])} µm; with the solid section {number(solid.tension_um)} µm against "
-            f"{number(solid.bending_um[0])} to {number(solid.bending_um[1])} µm. The best tensile fit is chosen by "
-            f"these errors. The median tensile fit has {number(flat.median_tension_um)} µm in plane strain and "
+            f"{MATERIALS[key].name}: in plane strain the best tensile fit has an error of {number(flat.tension_um)} "
+            f"µm, and the laws fitted to bending have errors from {number(flat.bending_um[0])} to "
+            f"{number(flat.bending_um[1])} µm; with the solid section the best tensile fit has "
+            f"{number(solid.tension_um)} µm, and the laws fitted to bending have {number(solid.bending_um[0])} to "
+            f"{number(solid.bending_um[1])} µm. The best tensile fit is the tensile fit with the smallest of these "
+            f"errors. The median tensile fit has {number(flat.median_tension_um)} µm in plane strain and "
             f"{number(solid.median_tension_um)} µm with the solid section."
         )
     return lines

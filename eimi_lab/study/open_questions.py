@@ -97,10 +97,10 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """
     off = 1 + MOMENT_OFF
     settings: tuple[tuple[str, float, float | None], ...] = (
-        (f"{100 * MOMENT_OFF:g} % off, freed to {100 * MOMENT_OFF:g} %", off, MOMENT_OFF),
-        ("as stated, exact", 1.0, None),
-        (f"{100 * MOMENT_OFF:g} % off, taken as exact", off, None),
-        (f"{100 * MOMENT_OFF:g} % off, freed to 20 %", off, 0.2),
+        (f"{100 * MOMENT_OFF:g} % stronger than given, freed with a prior of {100 * MOMENT_OFF:g} %", off, MOMENT_OFF),
+        ("as strong as given, taken as exact", 1.0, None),
+        (f"{100 * MOMENT_OFF:g} % stronger than given, taken as exact", off, None),
+        (f"{100 * MOMENT_OFF:g} % stronger than given, freed with a prior of 20 %", off, 0.2),
     )
     rows = []
     for words, factor, spread in settings[: extent.cases]:

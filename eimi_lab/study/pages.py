@@ -15,11 +15,22 @@ from eimi_lab.study.paper_tables import Table, all_tables
 from eimi_lab.study.whole_study import Findings
 
 _TITLES = {
-    "stress_strain.png": "Stress against strain (figure 1): laws by bending with the solid section, Yeoh by windows of "
-    "tension; grey: strains that occur in type 1",
-    "errors.png": "Errors by type (figure 7): boxes over the states; a law without equilibrium has no box",
-    "overlays.png": "The strongest state of each type (figure 8), and the tip of one edge, 1 mm across",
-    "error_by_field.png": "Error against field (figure 9): mean over the unseen types that do not twist",
+    "stress_strain.png": (
+        "Stress against strain (figure 1 of the paper): laws fitted to bending with the solid section, and Yeoh laws "
+        "fitted to tension up to several strains; grey: strains that occur in the specimen of type 1"
+    ),
+    "errors.png": (
+        "Errors by type of specimen (figure 7 of the paper): box plots over the states; a law without equilibrium "
+        "has no box"
+    ),
+    "overlays.png": (
+        "The state in the strongest field for each type of specimen (figure 8 of the paper), and the tip of one "
+        "edge, 1 mm across"
+    ),
+    "error_by_field.png": (
+        "Error against field (figure 9 of the paper): mean over the types of specimen that were not used for the "
+        "fits and do not twist"
+    ),
 }
 
 
@@ -54,12 +65,14 @@ def _page(
     laws = "\n".join(f"- {m.name}: {m.law.formula}, mu = {1e-3 * m.modulus_Pa:g} kPa, {m.numbers}" for m in hidden)
     parts = [
         "# The evaluation of Di Lecce et al. 2022 on hidden materials",
-        f"The laws are fitted to type 1 and validated on {', '.join(extent.unseen)}. The specimens are simulated as "
-        "solids. The measured edges are their outlines, without rendered frames, with normal noise of "
-        f"{1e3 * NOISE_MM:g} µm, the error of the edge finder on clean pictures. {TWISTED.capitalize()} is turned by "
-        f"up to {TWIST_DEG:g}° about its axis. Geometry, hidden materials and noise are chosen by this project, so the "
-        "numbers of the paper are not compared. The hidden materials differ from all fitted laws, and follow their "
-        "tensile curves exactly:",
+        (
+            f"The laws are fitted to specimens of type 1 and validated on {', '.join(extent.unseen)}. The specimens "
+            "are simulated as solids. The measured edges are the outlines of the simulated specimens, without "
+            f"rendered frames, with normal noise of {1e3 * NOISE_MM:g} µm, the error of the edge finder on clean "
+            f"pictures. {TWISTED.capitalize()} is turned by up to {TWIST_DEG:g}° about its axis. Geometry, hidden "
+            "materials and noise are chosen by this project, so the numbers of the paper are not compared. The "
+            "hidden materials differ from all fitted laws, and their tensile curves are exact:"
+        ),
         laws,
         "## The advantage over tensile fits in plane strain and with the solid section",
         *answers,

@@ -86,7 +86,9 @@ def searches(findings: Findings) -> Table:
         "not determined by the data",
     )
     note = "A parameter that the data do not determine may be at a bound of its search."
-    return Table("searches", "Searches on type 1 (table 4)", head, tuple(rows), note)
+    return Table(
+        "searches", "Searches for the laws on a specimen of type 1 (table 4 of the paper)", head, tuple(rows), note
+    )
 
 
 def _values(route: Route) -> str:
@@ -110,7 +112,7 @@ def parameters(findings: Findings, key: str) -> Table:
             rows.append((section, route.name, route.law, _values(route), number(route.modulus_Pa / 1e3), *cells))
     return Table(
         f"parameters_{key}",
-        f"Parameters and errors, {MATERIALS[key].name} (tables 5 and 6)",
+        f"Parameters and errors, {MATERIALS[key].name} (tables 5 and 6 of the paper)",
         ("section", "fitted to", "law", "parameters", "initial modulus, kPa", *(f"{k}, µm" for k in extent.types)),
         tuple(rows),
         f"Mean error and, in brackets, mean deviation. True initial modulus "
@@ -227,22 +229,23 @@ def advantage_table(findings: Findings) -> Table:
             )
     return Table(
         "advantage",
-        "Plane strain as published, and the solid",
+        "Advantage over tensile fits: plane strain, as in the paper, and the solid section",
         (
             "material",
             "section",
             "tensile curve",
             "bending, µm",
-            "error of the modulus by bending, %",
+            "error of the modulus fitted to bending, %",
             "best tensile fit",
             "tension, µm",
-            "error of the modulus of this fit, %",
-            "error by tension over error by bending, worst and best law",
+            "error of the modulus of this tensile fit, %",
+            "error by tension divided by error by bending, for the worst and the best law",
             "median of tension, µm",
         ),
         tuple(rows),
-        f"Mean error over {', '.join(kinds)}: for bending, of the best and the worst law; for tension, of the best of "
-        "all laws and windows, chosen by these errors, and the median. A pixel of the virtual rig is 40 µm.",
+        f"Mean error over {', '.join(kinds)}: for bending, of the best and of the worst law; for tension, of the best "
+        "fit of all laws and windows, which is chosen by these errors, and the median of all fits. A pixel of the "
+        "virtual rig is 40 µm.",
     )
 
 
@@ -281,7 +284,8 @@ def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in ordered
         ),
-        f"Neo-Hookean type 1 in six states. Casting silicones have K/µ above 1000; the search ends near 10000.{missed}",
+        "A Neo-Hookean specimen of type 1 in six states. Silicones for casting have K/µ above 1000; the largest K/µ "
+        f"of the search is near 10000.{missed}",
     )
 
 
@@ -294,7 +298,7 @@ def _moment(rows: Sequence[dict[str, Any]]) -> Table:
 
     return Table(
         "moment",
-        "The moment as an unknown",
+        "The magnetic moment as an unknown of the fit",
         (
             "magnet",
             "error of the modulus, %",
@@ -314,8 +318,9 @@ def _moment(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "Neo-Hookean type 1 in six states, solid section. Only gravity separates the effects of moment and modulus. "
-        "Gravity bends the beam back, so that the relative error of the modulus is larger than that of the moment.",
+        "A Neo-Hookean specimen of type 1 in six states, with the solid section. Only gravity separates the effects "
+        "of moment and modulus. Gravity bends the beam back, so that the relative error of the modulus is larger "
+        "than the relative error of the moment.",
     )
 
 
@@ -326,8 +331,8 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
         "Number of states for a modulus to one per cent",
         (
             "states",
-            *(f"± %, noise {words}" for words in noises),
-            "± % of a fit, noise 0.1 px",
+            *(f"predicted half-width, %, noise {words}" for words in noises),
+            "half-width of a fit, %, noise 0.1 px",
             "error of the modulus of this fit, %",
         ),
         tuple(
@@ -340,9 +345,9 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
             for row in rows
         ),
         f"{_enough(rows)} The table gives half-widths of 95 % intervals: predicted from the sensitivity of the edges "
-        "to the modulus, and those of a fit, which include the errors of mesh and section. The fields are equally "
-        "spaced from zero. The modulus varies as the width to the power −3. With a width of 3 mm and a standard "
-        "uncertainty of 0.02 mm, the interval is at least ± 3.9 % for any number of states.",
+        "to the modulus, and the half-widths of a fit, which include the errors of mesh and section. The fields are "
+        "equally spaced from zero. The modulus varies as the width to the power −3. With a width of 3 mm and a "
+        "standard uncertainty of 0.02 mm, the interval is at least ± 3.9 % for any number of states.",
     )
 
 
@@ -353,9 +358,9 @@ def _enough(rows: Sequence[dict[str, Any]]) -> str:
     """
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
     return (
-        f"{min(enough)} states are enough if all other inputs are exact."
+        f"{min(enough)} states are enough for an interval of ± 1 % if all other inputs are exact."
         if enough
-        else "None of these numbers of states is enough."
+        else "None of the numbers of states in the table is enough for an interval of ± 1 %."
     )
 
 
@@ -369,8 +374,15 @@ def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
 
     return Table(
         "optimisers",
-        "Optimisers: evaluations to a modulus within one per cent",
-        ("law", "optimiser", "to 1 %, median of runs", "fewest, most", "all evaluations", "smallest error, µm"),
+        "Optimisers: number of evaluations until the modulus is within one per cent",
+        (
+            "law",
+            "optimiser",
+            "evaluations to 1 %, median of the runs",
+            "fewest, most",
+            "all evaluations",
+            "smallest error, µm",
+        ),
         tuple(
             (
                 row["law"],
@@ -384,8 +396,8 @@ def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "The number is the evaluation after which the modulus of the best candidate stays within one per cent of "
-        "the modulus of the optimum. Gauss-Newton counts the evaluations for its derivatives. It has one run, because "
-        "it always starts in the middle. The smallest error is the error on the planar mesh of the search, before the "
-        "correction for the solid section.",
+        "The number is the evaluation after which the modulus of the best candidate stays within one per cent of the "
+        "modulus of the optimum. Gauss-Newton counts the evaluations for its derivatives. Gauss-Newton has one run, "
+        "because it always starts in the middle. The smallest error is the error on the planar mesh of the search, "
+        "before the correction for the solid section.",
     )

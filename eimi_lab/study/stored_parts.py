@@ -66,7 +66,9 @@ class StoredParts:
         try:
             return json.loads(file.read_text(encoding="utf-8"))
         except ValueError as error:
-            raise InputError(f"{file}: is not JSON ({error}); remove it to compute it again") from error
+            raise InputError(
+                f"{file}: is not JSON ({error}); remove this file, and the program computes the part of the study again"
+            ) from error
 
     def _write(self, name: str, content: Any) -> None:
         write_file(self._file(name), json.dumps(content, indent=1) + "\n", force=True)

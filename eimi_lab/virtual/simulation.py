@@ -93,7 +93,10 @@ class Simulation:
 
     def __repr__(self) -> str:
         beam, tip = self.model.specimen, float(self.tip_angle_deg[-1])
-        return f"<Simulation as {beam.section}: {len(self.field_mT)} states, tip at {tip:.2f} degrees in the last one>"
+        return (
+            f"<Simulation as {beam.section}: {len(self.field_mT)} states, the tip at {tip:.2f} degrees in the last "
+            "state>"
+        )
 
     def _repr_html_(self) -> str:
         columns = (self.field_mT, *self.tip_mm.T, self.tip_angle_deg, self.max_stretch)
@@ -146,7 +149,10 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
         if not finite:
             raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}")
     if set(values) != set(keys) or len(texts) != len(keys):
-        raise InputError(f"--parameter: {model} takes {', '.join(keys)}, each once; got {', '.join(texts) or 'none'}")
+        raise InputError(
+            f"--parameter: {model} has the parameters {', '.join(keys)}, each of which should be given once; given "
+            f"are {', '.join(texts) or 'none'}"
+        )
     return law, np.array([values[key] for key in keys])
 
 

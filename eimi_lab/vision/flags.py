@@ -100,7 +100,7 @@ CHECKS = (
     Check(
         name="MULTI_CONTOUR",
         finding="other_bodies",
-        quantity="number of other dark bodies within reach of the beam",
+        quantity="number of other dark bodies in the part of the picture that the beam can reach",
         limit=0.0,
         remedy="Remove every dark body except the beam and its clamp from in front of the back-light.",
         picture="a ball beside the beam",
@@ -198,7 +198,7 @@ CHECKS = (
     Check(
         name="DROPPED",
         finding="damaged_frames",
-        quantity="number of frames of a state that are damaged in the file (`eimi recover`)",
+        quantity="number of frames of a state that `eimi recover` found damaged in the file",
         limit=0.0,
         remedy="The file was damaged after it was written: measure the state again, and copy datasets to another disk.",
         severity=Severity.NOTE,
@@ -215,15 +215,16 @@ CHECKS = (
     Check(
         name="DUPLICATE",
         finding="repeated_images",
-        quantity="1 if the first image of a state is identical to the last image of the previous state (`eimi import`)",
+        quantity="1 if `eimi import` found that the first image of a state is identical to the last image of the "
+        "state before",
         limit=0.0,
         remedy="Import the right image: {image} is identical to the previous image, which belongs to another load.",
     ),
     Check(
         name="NOT_SETTLED",
         finding="settling_ratio",
-        quantity="mean squared difference of two frames at the end of the wait, divided by that of noise alone "
-        "(limit in the protocol)",
+        quantity="mean squared difference of two frames at the end of the wait, divided by the difference that noise "
+        "alone causes (limit in the protocol)",
         limit=1.2,
         remedy="Increase settle.timeout_s in the protocol, or shield the beam from draught and vibration.",
         picture="the beam moves from frame to frame",
@@ -234,9 +235,11 @@ CHECKS = (
     Check(
         name="NOT_SETTLED",
         finding="motion_ratio",
-        quantity="mean squared difference of two imported images of a state, divided by that of noise alone",
+        quantity="mean squared difference of two imported images of a state, divided by the difference that noise "
+        "alone causes",
         limit=1.2,  # the ratio is 1 at rest, 1.06 for a motion of 1/20 px and 2.3 for 1/5 px
-        remedy="Take the frames of a state after the beam has come to rest, and shield it from draught and vibration.",
+        remedy="Take the frames of a state after the beam has come to rest, and shield the beam from draught and "
+        "vibration.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=30.0,
         widens=_motion_px,

@@ -52,8 +52,8 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_sides",
-        quantity="share of the followed path on which the less sure edge is sure, if a gap is a tenth of the path or "
-        "longer",
+        quantity="share of the followed path on which the less clear edge was found with certainty, if one of its "
+        "gaps is a tenth of the path or longer",
         limit=0.7,
         below=True,
         remedy="See in the overlay which edge is lost, and put something of another colour behind the beam there.",
@@ -61,12 +61,12 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_patches",
-        quantity="share of the followed path on which the less sure edge is sure, if every gap is shorter than a tenth "
-        "of the path",
+        quantity="share of the followed path on which the less clear edge was found with certainty, if all of its "
+        "gaps are shorter than a tenth of the path",
         limit=0.7,
         below=True,
-        remedy="Check in the overlay that the sure places lie on the edge, put an even background behind the beam, and "
-        "light the beam from the sides.",
+        remedy="Check in the overlay that the followed lines lie on the edges of the beam, put an even background "
+        "behind the beam, and light the beam from the sides.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.4,
         widens=lambda share: 0.05 * (1.0 - share),
@@ -91,12 +91,12 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_faint",
-        quantity="mean evidence for the beam along the followed path, if both edges are sure on 95 % of it and it ends "
-        "near the tip",
+        quantity="mean evidence for the beam along the followed path, if both edges were found with certainty on 95 "
+        "% of it and the path ends near the tip",
         limit=0.2,
         below=True,
-        remedy="Check in the overlay that the edges are those of the beam, because the evidence is weak, and put "
-        "something even and of another colour behind the beam.",
+        remedy="Check in the overlay that the followed edges belong to the beam, because the evidence is weak, and "
+        "put something even and of another colour behind the beam.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.0,
         widens=lambda gain: 0.1 * (0.2 - gain),
@@ -105,7 +105,8 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_begin",
-        quantity="distance from the clamp to the first place at which both edges are sure, in beam widths",
+        quantity="distance from the clamp to the first place at which both edges were found with certainty, in beam "
+        "widths",
         limit=1.5,
         remedy="Check clamp_midpoint_px and axis_angle_deg: the beam should begin there, but its edges are unclear.",
     ),
@@ -154,8 +155,8 @@ FOLLOWED = (
         finding="followed_shadow",
         quantity="RMS distance between the edges and the borders of possible shadows, px",
         limit=0.0,
-        remedy="Check in the overlay that the edges are those of the beam, and not of its shadow or of a layer inside "
-        "the beam, and move the lamp, or move the background farther back.",
+        remedy="Check in the overlay that the followed edges belong to the beam, and not to its shadow or to a layer "
+        "inside the beam, and move the lamp, or move the background farther back.",
         picture="a beam on its own shadow",
         severity=Severity.DOUBTFUL,
         widens=lambda px: 0.5 * px,  # half the distance between the shadow's border and the beam's edge
@@ -206,7 +207,8 @@ FOLLOWED = (
         finding="followed_tip",
         quantity="1 if the edges were followed from the clamp; the tip is then not used",
         limit=0.0,
-        remedy="Nothing needs to be done: each edge ends at its last sure place, and a fit uses it up to this place.",
+        remedy="Nothing needs to be done: each followed edge ends at the last place at which it was found with "
+        "certainty, and a fit uses the edge up to this place.",
         severity=Severity.NOTE,
     ),
     Check(

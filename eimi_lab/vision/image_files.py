@@ -79,7 +79,7 @@ def read_image(path: Path) -> NDArray[Any]:
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise InputError(f"{path}: has a size of {size[0]} x {size[1]} px; at most {MOST_PIXELS:_} pixels are read")
     if size is not None:
-        refuse_unpacked(size[0] * size[1] * _BYTES_PER_PIXEL, f"{path}: a size of {size[0]} x {size[1]} px")
+        refuse_unpacked(size[0] * size[1] * _BYTES_PER_PIXEL, f"{path}: an image of {size[0]} x {size[1]} px")
     if is_stack(raw):
         raise InputError(
             f"{path}: is a stack of pictures; save each picture as a separate file, and list the files in states.csv"

@@ -145,7 +145,10 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
         if total is None:
             total = pixels.astype(np.float32)
         elif pixels.shape != total.shape:
-            raise ValueError(f"frame {count} has the shape {pixels.shape}; earlier frames have {total.shape}")
+            raise ValueError(
+                f"frame {count} has the shape {pixels.shape}, but earlier frames have {total.shape}; all frames of a "
+                "state should have the same shape"
+            )
         else:
             total += pixels
         count += 1

@@ -103,7 +103,7 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
         If there are fewer than two frames.
     """
     if len(frames) < 2:
-        raise ValueError("the noise is measured on at least two frames")
+        raise ValueError("the noise of the camera is measured on at least two frames, but fewer frames are given")
     first = frames[0].astype(np.float64)
     edges = np.unique(np.quantile(first, np.linspace(0, 1, LEVELS + 1)))
     level_index = np.clip(np.searchsorted(edges, first, side="right") - 1, 0, max(len(edges) - 2, 0)).ravel()

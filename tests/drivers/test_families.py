@@ -49,7 +49,9 @@ def test_a_trip_of_a_kepco_at_zero_current_is_noticed(bench_of):
         bench.supply.check()
 
 
-@pytest.mark.parametrize(("lost", "failed"), [(b"CURR 0.00\n", "verify: failed"), (b"MEAS:CURR?\n", "measure: failed")])
+@pytest.mark.parametrize(
+    ("lost", "failed"), [(b"CURR 0.00\n", "read back: failed"), (b"MEAS:CURR?\n", "measured current: failed")]
+)
 def test_a_lost_zero_command_of_a_kepco_is_reported(bench_of, lost, failed):
     bench = bench_of("kepco-bop in process")
     bench.energise()

@@ -52,7 +52,7 @@ def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.Monk
     far, near = os.openpty()  # no program reads from the far end
     try:
         line = SerialTransport(os.ttyname(near))
-        with pytest.raises(InstrumentTimeout, match="takes no more bytes"):
+        with pytest.raises(InstrumentTimeout, match="accepts no more bytes"):
             line.write(b"*IDN?\n" * 100_000)
     finally:
         os.close(near)

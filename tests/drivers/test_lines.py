@@ -157,7 +157,7 @@ def test_other_urls_are_refused_before_a_port_is_opened(opened: list[dict[str, A
 
 
 ERRORS: list[tuple[Exception, type[InstrumentError], str]] = [
-    (serial.SerialTimeoutException("full"), InstrumentTimeout, "the port takes no more bytes"),
+    (serial.SerialTimeoutException("full"), InstrumentTimeout, "the serial port accepts no more bytes"),
     (serial.SerialException("gone"), InstrumentDisconnected, "gone"),
     (OSError(5, "Input/output error"), InstrumentDisconnected, "Input/output error"),
     (TypeError("x"), InstrumentDisconnected, "the port is not open"),

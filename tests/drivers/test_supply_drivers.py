@@ -66,8 +66,8 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
     with pytest.raises(SwitchOffFailed) as caught:
         staged_bench.supply.safe_off()
     outcomes = str(caught.value)
-    for each in ("zero", "off", "verify"):
-        assert f"{each}: {'failed' if each == stage else 'done'}" in outcomes
+    for each, words in (("zero", "current to zero"), ("off", "output off"), ("verify", "read back")):
+        assert f"{words}: {'failed' if each == stage else 'done'}" in outcomes
     assert not staged_bench.coil.state.output
     assert staged_bench.coil.state.set_current_A == (0.7 if stage == "zero" else 0.0)
 
@@ -75,7 +75,9 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
 def test_a_lost_off_command_is_found_by_the_read_back(staged_bench):
     staged_bench.energise()
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.supply.name]["off"]))
-    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*reports that the output is on"):
+    with pytest.raises(
+        SwitchOffFailed, match=r"zero: done; output off: .*; read back: failed .*reports that the output is on"
+    ):
         staged_bench.supply.safe_off()
     assert staged_bench.coil.state.set_current_A == 0.0
     staged_bench.line.inject(None)

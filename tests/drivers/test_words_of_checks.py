@@ -269,7 +269,7 @@ CAMERAS_IN_WORDS: list[tuple[str, type, str]] = [
     (
         "gives_frames_in_order",
         grabbing(lambda frame: replace(frame, image=frame.image[: 1 + frame.number % 2])),
-        "all frames should have the same shape, but differ",
+        "all frames should have the same shape, but their shapes differ",
     ),
     (
         "gives_frames_in_order",

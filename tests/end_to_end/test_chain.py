@@ -112,7 +112,7 @@ def test_every_result_names_the_omitted_states(demonstration, done, tmp_path):
     ) == 3  # the text is printed for the dataset, for the fit, and in the methods
     model = ["--model", "neo-hookean"]
     all_the_same = done("fit", "flagged.h5", "--include-flagged", *plane, *model, "-o", "all.json", folder=tmp_path)
-    used = "6 of 6 states used; used in spite of flags: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
+    used = "6 of 6 states used; used although they have flags: DEFOCUS in 2 (states 1, 2), SATURATED in 1 (state 2)"
     assert any(used in line for line in all_the_same)
 
 
@@ -129,7 +129,7 @@ def test_the_example_of_the_readme_runs(demonstration, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert "<td>initial shear modulus</td>" in done.stdout
-    assert "These data fix" in done.stdout
+    assert "These data determine" in done.stdout
     assert "initial_shear_modulus" in done.stdout
 
 

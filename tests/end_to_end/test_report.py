@@ -53,7 +53,7 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
     first_pages, appendix = page.split('<h1 class="appendix"')
     for words in ("Can the modulus be believed?", "error by field", "Causes of the"):
         assert words in first_pages
-    for words in ("The result of each fit", "Each fit on each specimen", "of each fit minus that of", "SHA-256"):
+    for words in ("The result of each fit", "Each fit on each specimen", "of each fit minus the error of", "SHA-256"):
         assert words in appendix
     # The report shows the errors that `eimi validate` writes.
     fits = ("--fit", "fits.json", "--fit", "tensile.json")

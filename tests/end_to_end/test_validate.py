@@ -140,7 +140,9 @@ def test_a_missing_package_is_named(folder: Path, monkeypatch: pytest.MonkeyPatc
     for package in ("pandas", "xarray"):
         monkeypatch.setitem(sys.modules, package, None)
     (fit,) = read_fits_file(folder / "fits.json").fits
-    with pytest.raises(ImportError, match="this needs pandas, which is not installed: pip install pandas"):
+    with pytest.raises(
+        ImportError, match="this function needs the package pandas, which is not installed: pip install pandas"
+    ):
         fit.to_pandas()
     with open_dataset(folder / "unseen.h5") as dataset, pytest.raises(ImportError, match="pip install xarray"):
         dataset.to_xarray()

@@ -169,7 +169,7 @@ def test_an_estimated_width_has_its_given_uncertainty_as_the_prior():
     assert freed.deviation.value == pytest.approx(0.03, abs=2e-3)
     assert fit.initial_shear_modulus.value == pytest.approx(TRUTH_PA, rel=0.005)
     assert [entry.source for entry in fit.budget] == ["remanence"]
-    with pytest.raises(ValueError, match="depth: dataset 0 states no standard uncertainty"):
+    with pytest.raises(ValueError, match="depth: dataset 0 gives no standard uncertainty"):
         fitted(experiment(noisy_edges()), free=(NuisancePrior("depth"),))
 
 

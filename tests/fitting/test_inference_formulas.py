@@ -218,24 +218,27 @@ def correlated(rho: float) -> Any:
 
 
 def test_the_statement_about_the_unknowns() -> None:
-    whole = "fix every parameter of this law, the initial shear modulus to ±2 %."
-    assert said() == f"These data and the stated priors {whole}"
+    whole = "determine every parameter of this law; the 95 % interval of the initial shear modulus is ±2 %."
+    assert said() == f"These data and the given priors {whole}"
     assert said(names=("mu", "alpha"), correlation=np.eye(2)) == f"These data {whole}"
-    assert (
-        said(names=("mu", "alpha"), correlation=np.eye(2), priors=True) == f"These data and the stated priors {whole}"
-    )
+    assert said(names=("mu", "alpha"), correlation=np.eye(2), priors=True) == f"These data and the given priors {whole}"
     best = (Direction("mu with alpha", 0.01),)
     assert said(eigen=best).endswith(" The best determined combination is mu with alpha.")
     assert "best determined" not in said(eigen=(Direction("mu", 0.01),))
     assert "best determined" not in said(eigen=best, not_fixed=("alpha",))
     rough = said(remaining=(0.01, 0.3, 0.5))
-    assert "fix only mu; the initial shear modulus is known to ±2 %, alpha only to within 34 % of its range." in rough
+    assert (
+        "determine only mu; the 95 % interval of the initial shear modulus is ±2 %, and alpha is known only to "
+        "within 34 % of the range of the search."
+    ) in rough
     assert said(remaining=(0.01, 0.25, 0.5)) == said()
     lopsided = said(modulus=Quantity(50e3, "Pa", (40e3, 65e3)))
-    assert "to -20 % to +30 %." in lopsided
+    assert "is -20 % to +30 %." in lopsided
     three = said(names=("mu", "a", "b", "scale"), law_coordinates=3, correlation=np.eye(4), not_fixed=("b",))
-    assert three.startswith("These data and the stated priors fix mu and a; the initial shear modulus is known to ±2 %")
-    assert three.endswith("; they do not fix b, whose intervals are set by the bounds of the search.")
+    assert three.startswith(
+        "These data and the given priors determine mu and a; the 95 % interval of the initial shear modulus is ±2 %"
+    )
+    assert three.endswith("; they do not determine b, whose intervals are set by the bounds of the search.")
 
 
 @pytest.mark.parametrize(
@@ -246,7 +249,10 @@ def test_a_correlated_nuisance_is_named(rho: float, words: str | None) -> None:
     if words is None:
         assert "correlated" not in text
     else:
-        assert f" mu and scale are correlated by {rho:+.3f}: the data fix their {words}, and the prior on scale" in text
+        assert (
+            f" mu and scale are correlated by {rho:+.3f}: the data determine their {words} only, and the prior on scale"
+            in text
+        )
     assert ("combination" in said(correlation=correlated(rho), ratios=())) is (words is not None)
 
 

@@ -70,7 +70,7 @@ def test_a_tensile_curve_separates_c10_from_c01():
     without = identify("mooney-rivlin", [bent], seed=1)
     with_curve = identify("mooney-rivlin", [bent], seed=1, tensile=[curve])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
-    assert "fix only 2(C10+C01)" in without.identifiability.statement
+    assert "determine only 2(C10+C01)" in without.identifiability.statement
     assert without.identifiability.directions[0].words == "2(C10+C01)"
     assert with_curve.identifiability.not_fixed == ()
     assert with_curve.values == pytest.approx(truth, rel=0.05)
@@ -92,7 +92,7 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     low, high = moment.deviation.interval_95
     assert 0.5 * (high - low) == pytest.approx(1.96 * 0.02, rel=0.1)
     assert freed.identifiability.correlation[0][1] > 0.99
-    assert "the data fix their ratio" in freed.identifiability.statement
+    assert "the data determine their ratio only" in freed.identifiability.statement
 
 
 def test_with_gravity_the_data_determine_the_magnetic_moment():
@@ -167,7 +167,7 @@ def test_edges_that_no_material_explains_are_refused(kind: str):
     good = edges_of("neo-hookean", [46e3])
     points = np.ascontiguousarray(change(good.observed.points_mm))
     bad = replace(good, observed=replace(good.observed, points_mm=points))
-    with pytest.raises(refusal, match="no material explains this") as raised:
+    with pytest.raises(refusal, match="no material explains the measured shape of the beam") as raised:
         identify("neo-hookean", [bad], seed=1, most_generations=30)
     assert raised.value.experiment == 0
 
@@ -178,7 +178,7 @@ def test_residuals_far_above_the_stated_noise_are_a_doubt():
     longer = replace(good, observed=replace(good.observed, points_mm=1.03 * good.observed.points_mm))
     far, scale = identify("neo-hookean", [longer], seed=1).doubts
     assert (far.dataset, far.state) == (scale.dataset, scale.state) == (0, None)
-    assert "times the stated uncertainty of the measured places" in far.words
+    assert "times the given uncertainty of the measured places" in far.words
     assert scale.words.startswith("these causes of the residuals cannot be told apart: ")
     words = re.search(r"scale of the picture \(\+(\S+) %, probability (\S+),", scale.words)
     assert words

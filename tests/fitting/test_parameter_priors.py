@@ -91,7 +91,7 @@ def test_a_prior_determines_parameters_that_the_data_do_not_distinguish():
     with_prior = identify("mooney-rivlin", [experiment], priors=[Prior("C10", 16e3, 200.0)])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
     assert with_prior.identifiability.not_fixed == ()
-    assert with_prior.identifiability.statement.startswith("These data and the stated priors fix")
+    assert with_prior.identifiability.statement.startswith("These data and the given priors determine")
     low, high = with_prior.parameters["C10"].interval_95
     assert low < 16e3 < high
     assert high - low == pytest.approx(2 * 1.96 * 200.0, rel=0.1)

@@ -81,15 +81,25 @@ def test_directions_name_a_determined_sum_or_ratio():
 @pytest.mark.parametrize(
     ("interval", "remaining", "not_fixed", "expected"),
     [
-        ((49.8e3, 50.2e3), (0.001, 0.05), (), "fix every parameter of this law, the initial shear modulus to ±0.4 %."),
-        ((40e3, 65e3), (0.1, 0.05), (), "the initial shear modulus to -20 % to +30 %."),
+        (
+            (49.8e3, 50.2e3),
+            (0.001, 0.05),
+            (),
+            "determine every parameter of this law; the 95 % interval of the initial shear modulus is ±0.4 %.",
+        ),
+        ((40e3, 65e3), (0.1, 0.05), (), "the 95 % interval of the initial shear modulus is -20 % to +30 %."),
         (
             (49.8e3, 50.2e3),
             (0.001, 0.3),
             (),
-            "fix only mu; the initial shear modulus is known to ±0.4 %, ratio only",
+            "determine only mu; the 95 % interval of the initial shear modulus is ±0.4 %, and ratio is known only",
         ),
-        ((49.8e3, 50.2e3), (0.001, 0.9), ("ratio",), "they do not fix ratio, whose intervals are set by the bounds"),
+        (
+            (49.8e3, 50.2e3),
+            (0.001, 0.9),
+            ("ratio",),
+            "they do not determine ratio, whose intervals are set by the bounds",
+        ),
         ((1856.0, 158872.0), (0.4, 0.05), ("mu",), "which may lie anywhere from 1856 to 1.589e+05 Pa."),
     ],
 )
@@ -98,7 +108,7 @@ def test_the_statement_on_a_parameter_follows_its_interval(interval, remaining, 
     assert is_open(modulus) == ("mu" in not_fixed)
     words = statement(("mu", "ratio"), 2, not_fixed, np.eye(2), (), (), remaining, modulus)
     assert expected in words
-    assert ("fix every" in words) == (max(remaining) < 0.25)
+    assert ("determine every" in words) == (max(remaining) < 0.25)
 
 
 def test_information_criteria_follow_their_definition():

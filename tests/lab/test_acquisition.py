@@ -267,7 +267,7 @@ def test_a_ramp_that_fails_is_followed_by_switching_off(setup: Any) -> None:
             raise InstrumentDisconnected("memory: unplugged")
 
     setup.camera.event = deaf_to_set_points
-    with pytest.raises(SwitchOffFailed, match=r"zero: failed.*off: done.*verify: done"):
+    with pytest.raises(SwitchOffFailed, match=r"zero: failed.*off: done.*read back: done"):
         setup.run()
     assert not setup.coil.state.output
     assert setup.stored() == [0.0, 0.1]
@@ -315,7 +315,7 @@ def test_the_dataset_states_its_files_and_instruments(setup: Any) -> None:
 def test_a_protocol_that_would_overheat_the_coil_is_refused(setup: Any) -> None:
     messages: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)
-    assert any(line.startswith("coil: at most ") for line in messages)
+    assert any(line.startswith("coil: heated to at most ") for line in messages)
     hot = CoilRating(continuous_current_A=0.1, thermal_time_constant_s=30.0)
     setup.rig = setup.rig.model_copy(update={"coil": hot})
     for attempt in (setup.run, lambda: dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)):

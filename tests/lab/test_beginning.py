@@ -102,7 +102,8 @@ def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures
         (
             "fits.json",
             b"{}",
-            "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; --fit takes a fit",
+            "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; give a fits.json with "
+            "--fit",
         ),
         ("beam.toml", b"[specimen]", "is a TOML file, not a dataset"),
         ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset from a table"),

@@ -233,11 +233,11 @@ BAD = {
     "two ways": ((*BOARD, "--specimen", "type1"), "give exactly one of --board"),
     "clamp outside": (
         ("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "9", "--clamp-midpoint-px", "400", "40"),
-        "blank.png: is 400 x 100 px; --clamp-midpoint-px 400 40 is not in it",
+        "blank.png: is 400 x 100 px; --clamp-midpoint-px 400 40 is outside the image",
     ),
     "clamp beside the beam's picture": (
         ("--specimen", "type1", "--clamp-midpoint-px", "-3.5", "40"),
-        "blank.png: is 400 x 100 px; --clamp-midpoint-px -3.5 40 is not in it",
+        "blank.png: is 400 x 100 px; --clamp-midpoint-px -3.5 40 is outside the image",
     ),
     "kind": (("--board", "chess"), "board = 'chess' should be one of"),
     "small": (("--board", "circles", "--rows", "2"), "should have 4 to 60"),

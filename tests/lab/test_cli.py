@@ -135,7 +135,7 @@ def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> Non
     done = eimi(*ACQUIRE, "virtual", "--dry-run", "-v", cwd=files)
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
-    assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"
+    assert lines[1] == "limits of the supply: 1 A, 10 V; each ramp changes the current by 10 A/s"
     assert "state 3: 0.3 A, 1.41 mT, 2 frames" in lines
     assert re.fullmatch(r" +[0-9.]+ s  > ISET1:0\.300", next(line for line in lines if "ISET1:0.300" in line))
     assert lines[-2].endswith("> VOUT1?")  # at its end the run measures the current of the output that is off

@@ -298,4 +298,7 @@ def test_the_current_goes_to_zero_within_its_time(
 
 def test_the_words_without_contact_are_those_of_the_driver() -> None:
     assert without_contact(Supply()) == "it stays on"
-    assert without_contact(object()) == "not known of this driver"
+    assert (
+        without_contact(object())
+        == "nobody knows what the output does, because the driver of the supply does not report it"
+    )

@@ -88,7 +88,8 @@ def test_a_picture_without_a_beam_is_compared_as_an_image(setup: Any) -> None:
     remarks: list[str] = []
     setup.run(remark=remarks.append)
     printed_motion = re.search(
-        r"at 0\.3 A no tip is visible; the image differs from the image in cycle 1 by ([\d.]+) times", remarks[0]
+        r"at 0\.3 A the tip of the beam is not visible; the image differs from the image in cycle 1 by ([\d.]+) times",
+        remarks[0],
     )
     assert printed_motion
     assert float(printed_motion[1]) == pytest.approx(1.0, abs=0.05)

@@ -23,8 +23,8 @@ from tests.lab.conftest import BEGAN_S
 
 STAYS = "nothing switches the output off, it stays as it was set"
 WATCHDOG = (
-    "the supply's own watchdog switches every output off 10 s after the last message; "
-    "armed in the supply: over-voltage protection 10 % above the limit"
+    "the supply's own watchdog switches every output off 10 s after the last message; switched on in the supply: "
+    "over-voltage protection 10 % above the limit"
 )
 
 

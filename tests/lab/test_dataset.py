@@ -154,7 +154,7 @@ def test_stored_edges_are_read_back_and_replace_earlier_ones(files: Path, frame:
             assert np.array_equal(dataset.images(1)[0], frame(10))
     assert [file.name for file in files.glob("*.h5")] == ["run.h5"]
     assert not list(files.glob(".run*"))
-    with pytest.raises(ValueError, match="1 edge sets for 3 states"):
+    with pytest.raises(ValueError, match="1 sets of edges are given for 3 states"):
         write_edges(path, [edge_set(1)])
     with DatasetWriter.resume(path) as writer:
         writer.append_state([Frame(frame(30), 130, 3.0)], current_A=0.3, field_mT=1.41)
@@ -198,7 +198,9 @@ def test_damaged_tables_are_refused_in_one_line_and_rebuilt_by_recovery(
         raw.seek(where.byte_offset)
         raw.write(bytes([255]) * where.size)
     with (
-        pytest.raises(InputError, match=r"run\.h5: the tables of its states are damaged \(.+\); `eimi recover`"),
+        pytest.raises(
+            InputError, match=r"run\.h5: the tables of the states in the file are damaged \(.+\); `eimi recover`"
+        ),
         open_dataset(path),
     ):
         pass

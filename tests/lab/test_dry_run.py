@@ -110,7 +110,7 @@ class Ours(KoradSupply):
     stand_in = "kepco-bop" if bipolar else "korad"
     assert (
         "messages to the supply: not shown, because the driver ours comes from another package and has no emulator "
-        f"here; the times are those of {stand_in}"
+        f"here; the times are those of a supply with the driver {stand_in}"
     ) in lines
     assert sum(" stored: " in line for line in lines) == len(setup.protocol.currents_A)
     assert lines[-1].startswith("duration: ")
@@ -162,9 +162,9 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
     worst = hottest(setup.protocol, setup.rig.coil)
     assert steps[:-2] == [
         "short on small with rig bench: 10 states",
-        "limits: 1 A, 10 V; ramps of 10 A/s",
-        f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}",
-        "interlock: coil_voltage_V at most 8, silent for at most 5 s",
+        "limits of the supply: 1 A, 10 V; each ramp changes the current by 10 A/s",
+        f"coil: heated to at most {100 * worst.share:.0f} % of the allowed heat, at the end of {worst.stage}",
+        "interlock: coil_voltage_V at most 8, without a reading for at most 5 s",
         "conditioning: 3 cycles to 0.5 A and back to 0",
         *[f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in range(6)],
         "… 2 states between …",
@@ -175,7 +175,7 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
     assert steps[-2].startswith("only the run checks the interlocks (coil_voltage_V); ")
     between = [f"state {index}: {index / 10:g} A, {0.47 * index:.4g} mT, 2 frames" for index in (6, 7)]
     assert [line for line in details if line in between] == between
-    assert details[2] == "messages to the supply, in the language of korad:"
+    assert details[2] == "messages to a supply with the driver korad:"
     printed: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, printed.append)
     assert not any("states between" in line for line in printed)

@@ -63,10 +63,10 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
     [
         (BEGUN, "the run begins: p on s with rig r, 2 states"),
         (replace(BEGUN, resumes=True), "the run continues: p on s with rig r, 2 states"),
-        (RING_DOWN, "ring-down 1 of 2 from 0.9 A: 1200 frames at 120 Hz, 1 lost, LATE"),
-        (replace(RING_DOWN, flags=()), "ring-down 1 of 2 from 0.9 A: 1200 frames at 120 Hz, 1 lost"),
-        (OutputSwitched(on=True), "the output was switched on"),
-        (OutputSwitched(on=False), "the output was switched off"),
+        (RING_DOWN, "ring-down 1 of 2 from 0.9 A: 1200 frames at 120 Hz, 1 frame lost, LATE"),
+        (replace(RING_DOWN, flags=()), "ring-down 1 of 2 from 0.9 A: 1200 frames at 120 Hz, 1 frame lost"),
+        (OutputSwitched(on=True), "the output of the supply was switched on"),
+        (OutputSwitched(on=False), "the output of the supply was switched off"),
         (Settled(state=1, waited_s=2.5, at_rest=True), "state 1: the beam settled after 2.5 s"),
         (Settled(state=1, waited_s=2.5, at_rest=False), "state 1: the beam did not settle within 2.5 s"),
         (StateStored(state=1, current_A=0.1, waited_s=2.5, flags=()), "0.1 A, settled after 2.5 s"),
@@ -75,7 +75,7 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
             "0.1 A, did not settle within 2.5 s, NOT_SETTLED, DROPPED",
         ),
         (StateStoredBefore(state=0, current_A=0.25), "0.25 A, stored before"),
-        (PauseRequested(), "the run pauses when the present state is stored"),
+        (PauseRequested(), "the run will pause after the present state is stored"),
         (
             Paused(state=1, states=2, dataset="run.h5"),
             "paused before state 1: the coil is off, and 1 of 2 states are in run.h5; Enter continues the run, "
@@ -85,10 +85,10 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
             Paused(state=1, states=2, dataset="run.h5", swap_leads=True),
             f"the next states reverse the current: the coil is off, {SWAP}",
         ),
-        (Resumed(state=1), "the run continues; it first passes through the previous states"),
+        (Resumed(state=1), "the run continues; the current first passes through the set-points of the previous states"),
         (StopRequested(signal="SIGINT"), "the run was asked to stop by SIGINT"),
         (SuspendRefused(), "Ctrl-Z is refused, because the coil would stay on; Ctrl-C ends the run with the coil off"),
-        (PageGone(), "the page is gone; the run ends with the coil off"),
+        (PageGone(), "the program of the page that started the run has ended; the run ends with the coil off"),
         (Warned(message="µ"), "warning: µ"),
         (
             FramesLost(state=2, frames=3, reasons={"missing packets": 2, "no packet": 1}),
@@ -103,7 +103,7 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
             "2 frames were lost during state 0 (2 with x); none of them is stored",
         ),
         (VOLTAGE, "interlock coil_voltage_V: 12.5 measured, above maximum = 12"),
-        (replace(VOLTAGE, value=None), "interlock coil_voltage_V: there is no reading"),
+        (replace(VOLTAGE, value=None), "interlock coil_voltage_V: the sensor gives no reading"),
         (replace(VOLTAGE, value=float("nan")), "interlock coil_voltage_V: nan measured, above maximum = 12"),
         (
             replace(VOLTAGE, value=0.5, minimum=1.0),
@@ -140,16 +140,22 @@ SWAP = "swap its two leads at the supply before state 1; Enter continues the run
         ),
         (
             OffNotConfirmed(by="run", reason="silent", trying_process=7),
-            "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try: silent",
+            (
+                "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try to switch the coil off: "
+                "silent"
+            ),
         ),
         (
             OffNotConfirmed(by="guardian", reason="silent", takeover="run_died", trying_process=7),
-            "the run died; THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try: silent",
+            (
+                "the run died; THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try to switch "
+                "the coil off: silent"
+            ),
         ),
         (
             OffNotConfirmed(by="guardian", reason="silent", takeover="run_died", run_killed=True),
-            "the run died and was ended; THE COIL MAY STILL BE ON, switch it off by hand, no process tries any more: "
-            "silent",
+            "the run died and was ended; THE COIL MAY STILL BE ON, switch it off by hand, and no process tries any "
+            "more to switch it off: silent",
         ),
         (
             GuardianTookOver(takeover="run_could_not_switch_off", address="COM3"),
@@ -192,8 +198,8 @@ def test_a_run_that_stands_still_is_described_with_the_time_that_counts() -> Non
         ),
         (
             ShapeChange(current_A=0.3, since_cycle=1, difference_ratio=1.234),
-            "at 0.3 A no tip is visible; the image differs from the image in cycle 1 by 1.23 times the difference due "
-            "to noise",
+            "at 0.3 A the tip of the beam is not visible; the image differs from the image in cycle 1 by 1.23 times "
+            "the difference due to noise",
         ),
     ],
 )

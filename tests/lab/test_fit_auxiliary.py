@@ -183,7 +183,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         for text in (card.read_text(), message):
             assert "not measured" in text
             assert "C10, C01" in text
-            assert "times the stated uncertainty of the measured places" in text
+            assert "times the given uncertainty of the measured places" in text
             assert f"Largest stretch in the data {fit.max_stretch:.3f}" in text
             assert fit.modulus_in_words() in text
         assert f"C10 95 % interval {low:.6g} to {high:.6g} Pa, not measured" in card.read_text()
@@ -226,7 +226,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         ),
         (
             ("--tensile", "wrong_unit.csv", "--tensile-weight", "1e6"),
-            "no material explains this and the tensile curves",
+            "no material explains the measured shape of the beam and the tensile curves",
         ),
     ],
 )
@@ -255,7 +255,10 @@ def garbled_state(places):
     ("change", "state"),
     [
         (garbled_state, "state 2"),
-        (lambda places: places * [1, -1], "no material explains this: as stated"),
+        (
+            lambda places: places * [1, -1],
+            "no material explains the measured shape of the beam: with the values in the files",
+        ),
         (lambda places: 1.5 * places, "state"),
         (lambda places: places + np.random.default_rng(0).normal(0, 4, places.shape), "state"),
     ],
@@ -267,7 +270,7 @@ def test_a_fit_to_wrong_data_is_refused(tmp_path: Path, run, change, state: str)
     assert status == 2
     line = message.splitlines()[-1]
     assert f"strip.h5: {state}" in line
-    assert "no material explains this" in line
+    assert "no material explains the measured shape of the beam" in line
     assert not (tmp_path / "fits.json").exists()
 
 
@@ -279,6 +282,6 @@ def test_a_doubt_is_written_into_the_result(tmp_path: Path, run) -> None:
     for doubt in fit["doubts"]:
         assert (doubt["dataset"], doubt["state"]) == (0, None)
     far, scale = (doubt["words"] for doubt in fit["doubts"])
-    assert "times the stated uncertainty of the measured places" in far
+    assert "times the given uncertainty of the measured places" in far
     assert "scale of the picture (+0.4" in scale
     assert json.loads((tmp_path / "fits.json").read_text())["comparison"] == []

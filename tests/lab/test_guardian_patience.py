@@ -320,7 +320,7 @@ def test_a_failed_stage_is_forgiven_only_if_the_output_is_off_in_the_end(
     else:
         off, remark = _try_once(ward, was_on)
         assert off == Off(0.0, off_limit_A(cast(PowerSupply, supply)))
-        assert remark == "; a stage of switching off failed (zero: failed; off: done; verify: failed)"
+        assert remark == "; one step of switching the supply off failed (zero: failed; off: done; verify: failed)"
     assert was_on == {True}
     assert supply.closed
 

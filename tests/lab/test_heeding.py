@@ -189,7 +189,7 @@ def test_the_end_of_a_run_ramps_down_switches_off_and_disarms(run: Heeding) -> N
 
 
 def test_a_failed_ramp_down_is_told_after_the_coil_is_off(run: Heeding) -> None:
-    with pytest.raises(InstrumentError, match="the coil is off, but the ramp down before it failed: cut"):
+    with pytest.raises(InstrumentError, match="the coil is off, but the ramp to zero before failed: cut"):
         ended(run, ramp_down=InstrumentError("cut"))
     assert run.done() == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
     with pytest.raises(ZeroDivisionError):
@@ -462,7 +462,7 @@ def test_the_supply_is_opened_under_its_lock_and_its_guardian_and_closed_before_
             assert sensor.sensor.at_rest_A == 0.25
     assert did == [
         ("lock", "COM3"),
-        ("awake", "a run with current in a coil"),
+        ("awake", "a run is in progress and a current flows in a coil"),
         ("guardian", Ward("korad", "COM3", 1.5, 12.0, "", 0.03), 7),
         ("supply", "korad", "COM3", transcript),
         *([] if is_coil else ["close sensor text-line"]),

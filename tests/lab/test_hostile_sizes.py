@@ -169,4 +169,4 @@ def test_a_c3d_file_that_crashes_its_reader_is_refused_in_one_line(
     options = ("--format", "c3d", "--states", files / "states.csv", "--specimen", files / "specimen.toml")
     status, message = run("import", files / "capture.c3d", *options, "-o", files / "out.h5")
     assert (status, message.count("\n")) == (2, 1), message
-    assert "capture.c3d: is damaged: the process that read it crashed (SIGSEGV)" in message
+    assert "capture.c3d: is damaged: the process that read this file crashed (signal SIGSEGV)" in message

@@ -61,7 +61,7 @@ def test_frames_of_a_video_are_imported_by_number(run: Run, files: Path, frame: 
         dark = [float(np.flatnonzero(dataset.images(k)[-1][48] < 100).mean()) for k in (0, 1)]
     assert dark == pytest.approx([63.5 + 4.0, 63.5 + 8.0], abs=1.0)
     for rows, expected in (
-        ("1,0\n9,1", "run.avi: has no frame 9 (counted from 0); it ends after "),
+        ("1,0\n9,1", "run.avi: has no frame 9 (counted from 0), because the video ends after "),
         ("1,0\n1,1", "listed once; row 2"),
         ("a,0\n1,1", "whole number"),
     ):
@@ -176,8 +176,9 @@ def test_a_fit_uses_doubtful_states_with_larger_uncertainties_and_leaves_out_unu
     evidence = load_evidence(out)
     assert [state.index for state in evidence.states] == [0, 1, 3]
     assert (
-        "left out: DEFOCUS in 1 (state 2); used in spite of flags: SATURATED in 1 (state 1), CALIBRATION_STALE in 1 "
-        "(state 3); larger uncertainty of the points in 1 (by " in evidence.used.in_words()
+        "left out: DEFOCUS in 1 (state 2); used although they have flags: SATURATED in 1 (state 1), "
+        "CALIBRATION_STALE in 1 (state 3); the uncertainty of the points was increased in 1 state (the largest "
+        "increase is " in evidence.used.in_words()
     )
     observed = evidence.experiment.observed
     assert isinstance(observed, EdgeObservation)

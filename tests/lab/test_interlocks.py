@@ -81,7 +81,7 @@ def test_a_missing_reading_ends_the_run_as_a_reading_out_of_bounds_does() -> Non
         interlocks.check_silence(105.1)
     (event,) = events
     assert in_words(event).startswith("interlock coil_voltage_V")
-    with pytest.raises(BeyondInterlock, match="there is no reading"):
+    with pytest.raises(BeyondInterlock, match="the sensor gives no reading"):
         interlocks.refuse_to_begin({})
     with pytest.raises(BeyondInterlock, match="nan measured"):
         interlocks.check({"coil_voltage_V": float("nan")}, 106.0)

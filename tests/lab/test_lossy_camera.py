@@ -141,7 +141,7 @@ def test_a_run_ends_when_its_camera_disappears_and_resumes_with_the_same_camera_
     with served(serial_number=serial_number):
         if serial_number != "EIMI01":
             with pytest.raises(
-                InputError, match=r"cannot be resumed: the instruments differ: .*EIMI01.* before, .*EIMI02"
+                InputError, match=r"cannot be resumed: the run began with other instruments: .*EIMI01.* then, .*EIMI02"
             ):
                 measure(resume=True)
         else:

@@ -109,7 +109,7 @@ def test_a_wrong_time_constant_is_named(true_s: float, word: str) -> None:
     assert heating is not None
     assert heating.contradicts
     assert heating.best_time_constant_s == pytest.approx(true_s, rel=0.1)
-    assert f"the coil warms {word} than stated" in heating.in_words
+    assert f"the coil warms {word} than the rig file says" in heating.in_words
 
 
 def test_a_temperature_that_hardly_changes_gives_no_verdict_on_the_model_of_the_heat() -> None:

@@ -104,7 +104,10 @@ def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
 def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str, remedy: str) -> None:
     status, line = fit(tmp_path, run, **stated)
     assert status == 2
-    assert "beam.h5: no material explains this: as stated the smallest error is" in line
+    assert (
+        "beam.h5: no material explains the measured shape of the beam: with the values in the files the smallest "
+        "error is"
+    ) in line
     assert f"mm without {cause}; " in line
     assert remedy in line
     assert not (tmp_path / "fits.json").exists()
@@ -129,8 +132,8 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
 @pytest.mark.parametrize(
     ("key", "stated", "expected"),
     [
-        ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as stated: 2"),
-        ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as stated"),
+        ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as the specimen file says: 2"),
+        ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as the specimen file says"),
         (
             "width_mm = 2.0\ndepth_mm = 2.0",
             "width_mm = 0.8\ndepth_mm = 2.0",

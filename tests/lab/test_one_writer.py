@@ -171,7 +171,7 @@ FATES: dict[str, Callable[[Path], object]] = {
     "was deleted": Path.unlink,
     "was moved": lambda path: path.rename(path.with_name("moved.h5")),
     "was replaced": lambda path: os.replace(path.with_name("specimen.toml"), path),
-    "was moved and another file has its name": lambda path: (
+    "was moved, and another file now has the name of the dataset": lambda path: (
         path.rename(path.with_name("moved.h5")),
         path.write_text("something else"),
     ),
@@ -194,7 +194,8 @@ def test_a_run_whose_file_is_deleted_continues_in_a_new_file(
         assert writer.path == beside
         message = capsys.readouterr().err
         assert message == (
-            f"eimi: warning: {path} {fate} during the run; its 3 states and all following states are in {beside}\n"
+            f"eimi: warning: {path} {fate} during the run; the 3 states stored so far and all following states are in "
+            f"{beside}\n"
         )
         with open_dataset(beside) as dataset:  # stored before the next state is written
             assert len(dataset.states) == 3

@@ -59,7 +59,7 @@ def test_a_paused_run_switches_off_and_returns_through_the_same_currents(setup: 
     assert [line.split(",")[0] for line in messages] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert setup.is_off()
-    assert remarks[0] == "the run pauses when the present state is stored"
+    assert remarks[0] == "the run will pause after the present state is stored"
     assert remarks[1] == (
         f"paused before state 2: the coil is off, and 2 of 4 states are in {setup.path}; "
         "Enter continues the run, Ctrl-C ends it"
@@ -219,7 +219,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
     os.close(keys)
     assert off == [True]
     assert "eimi: press p and Enter to pause the run with the coil off; press Ctrl-C to end the run" in messages[:2]
-    assert "eimi: the run continues; it first passes through the previous states" in messages
+    assert "eimi: the run continues; the current first passes through the set-points of the previous states" in messages
     assert not coil.state.output
     with open_dataset(bench / "run.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2, 0.3]

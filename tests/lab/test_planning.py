@@ -195,9 +195,12 @@ def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_
     assert [
         " ".join(row.split()).removeprefix(run.mounting.in_words()).strip() for run, row in zip(runs, rows, strict=True)
     ] == values
-    assert best.endswith("at 0.1, 0.25 A")
-    assert best.startswith(f"best: type1, gravity at {angles[0]:g}°")
-    assert sources == "largest sources of uncertainty, as standard deviations: coil constant 0.4 %"
+    assert best.endswith("currents 0.1, 0.25 A")
+    assert best.startswith(f"best run: type1, gravity at {angles[0]:g}°")
+    assert sources == (
+        "largest sources of uncertainty, each with the standard deviation of the modulus that it causes: coil "
+        "constant 0.4 %"
+    )
     planned_runs = planning.content(goal, runs)["runs"]
     assert [(run["gravity_angle_deg"], run["expected"], run["equally_spaced"]) for run in planned_runs] == [
         (angle, expected[angle], 10.0 * expected[angle]) for angle in angles

@@ -108,11 +108,19 @@ def test_a_loop_of_pictures_begins_again_with_the_state_after_the_last_picture(o
 @pytest.mark.parametrize(
     ("pictures", "rule", "said"),
     [
-        (40, {"picture_a_state": False, "loop": False}, "has 40 pictures; the run uses at least 28, and more while"),
-        (28, {"picture_a_state": False, "loop": False}, "has 28 pictures; the run uses at least 28, and more while"),
+        (
+            40,
+            {"picture_a_state": False, "loop": False},
+            "has 40 pictures; the run uses at least 28 pictures, and more while",
+        ),
+        (
+            28,
+            {"picture_a_state": False, "loop": False},
+            "has 28 pictures; the run uses at least 28 pictures, and more while",
+        ),
         (27, {"picture_a_state": False, "loop": True}, "settle; the recording starts again after its last picture"),
         (27, {"picture_a_state": False, "loop": False}, "set picture_a_state = true to use one picture for each state"),
-        (4, {"picture_a_state": True, "loop": False}, "has 4 pictures; the run uses 4, one for each state"),
+        (4, {"picture_a_state": True, "loop": False}, "has 4 pictures; the run uses 4 pictures, one for each state"),
         (3, {"picture_a_state": True, "loop": False}, "one for each state; set loop = true to start again after the"),
         (3, {"picture_a_state": True, "loop": True}, "state; the recording starts again after its last picture"),
     ],

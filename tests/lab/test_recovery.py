@@ -99,13 +99,13 @@ HOSTILE: dict[str, Callable[[h5py.File], object]] = {
     "is kept in another file": lambda file: swap_by(
         file, "entry/data/time", lambda at: file.create_dataset(at, (8,), "f8", external=[("/etc/passwd", 0, 64)])
     ),
-    "claims a size of": lambda file: swap_by(
+    "according to the file, which is more than the program reads": lambda file: swap_by(
         file, "entry/data/time", lambda at: file.create_dataset(at, (10**15,), "f8", chunks=(64,))
     ),
     "is of type object": lambda file: swap_by(
         file, "entry/data/time", lambda at: file.create_dataset(at, (8,), h5py.string_dtype())
     ),
-    "is damaged, or not what a dataset should be": lambda file: swap_by(
+    "is damaged, or does not have the contents of a dataset": lambda file: swap_by(
         file, "entry/states/current", lambda at: file.create_group(at)
     ),
     "is an HDF5 file, but not a dataset": lambda file: file.__delitem__("entry/states"),
@@ -177,7 +177,7 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
 def test_an_error_of_eimi_recover_does_not_advise_the_user_to_use_eimi_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
-    with pytest.raises(InputError, match="its readable part is not a dataset") as raised:
+    with pytest.raises(InputError, match="the part of the file that can be read is not a dataset") as raised:
         recover(two["finished"], two["crashed"].with_name("out.h5"))
     assert "eimi recover" not in str(raised.value)
 

@@ -90,7 +90,7 @@ def test_a_fit_prints_the_effect_of_a_given_poisson_ratio():
     )
     assert compressibility_remark(evidence) == (
         "run.h5: poisson_ratio = 0.48 means a bulk modulus of 24.7 shear moduli; the fit takes the material as "
-        "incompressible, for which the modulus is about 1.3 % too low"
+        "incompressible, and its modulus is therefore about 1.3 % too low"
     )
     assert compressibility_remark(replace(evidence, poisson_ratio=0.5)) is None
 

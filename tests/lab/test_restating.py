@@ -130,7 +130,7 @@ def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -
     fit = ("fit", data, "--model", "neo-hookean", "--section", "plane-stress", "-o", fits, "--force")
     status, message = run(*fit)
     assert status == 2
-    assert "the beam in the picture is 0.5 times as wide as stated" in message
+    assert "the beam in the picture is 0.5 times as wide as the specimen file says" in message
     assert f"eimi segment {data} --specimen specimen.toml" in message
     (tmp_path / "specimen.toml").write_text(text)
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0

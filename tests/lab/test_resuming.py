@@ -92,11 +92,14 @@ def test_a_resumed_run_sets_the_same_currents_as_the_first(setup: Any) -> None:
         ),
         (
             lambda setup: setattr(setup.camera, "identify", lambda: Identity("drawn", "another", "memory")),
-            "the instruments differ: korad: .* drawn: a drawn beam at memory before, .* drawn: another at memory now",
+            (
+                "the run began with other instruments: korad: .* drawn: a drawn beam at memory then, .* drawn: "
+                "another at memory now"
+            ),
         ),
         (
             lambda setup: setattr(setup.camera, "draw", lambda seed, shift: np.full((48, 64), seed % 250, np.uint8)),
-            r"the frames differ: \(96, 128\) uint8 before, \(48, 64\) uint8 now",
+            r"another size or type: \(96, 128\) uint8 at the beginning of the run, \(48, 64\) uint8 now",
         ),
         (lambda setup: setup.path.unlink(), "no such file to resume"),
     ],

@@ -219,7 +219,7 @@ def test_a_stream_reports_the_frames_that_it_could_not_write(tmp_path: Path) -> 
     image = np.zeros((8, 8), np.uint8)
     with h5py.File(tmp_path / "s.h5", "w", libver="latest") as file:
         stack = frame_stack(file, "frames", image)
-        with FrameStream(stack) as stream, pytest.raises(ValueError, match="the frames before are"):
+        with FrameStream(stack) as stream, pytest.raises(ValueError, match="but the frames before have"):
             stream.put(image[:4])
     with h5py.File(tmp_path / "s.h5", "r") as file:  # the file is open for reading only
 

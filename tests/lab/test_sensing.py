@@ -134,7 +134,10 @@ def test_a_thermometer_cannot_measure_a_field(setup: Any) -> None:
         (HALL.replace('"hall"', '"Hall probe"'), "sensors.0.name"),
         (HALL.replace("lakeshore-425", "lakeshore"), "'lakeshore' is not a driver; .* did you mean 'lakeshore-4"),
         (HALL + "\n" + HALL, "another sensor has this name"),
-        (HALL + "\n" + HALL.replace('"hall"', '"other"'), 'measures = "field": the sensor hall measures it already'),
+        (
+            HALL + "\n" + HALL.replace('"hall"', '"other"'),
+            'measures = "field": the sensor hall already measures this quantity',
+        ),
         (HALL.replace("/dev/ttyHALL", "virtual"), "address = 'virtual' should be that of an instrument"),
         (HALL.replace('"hall"', '"coil_current_A"'), "sensors.0.name"),
         (ROOM + "\nat_magnet = 2.0", "at_magnet = 2 should be the ratio of two fields"),

@@ -67,10 +67,14 @@ def test_the_files_of_a_simulation_agree_with_each_other(
     ("model", "parameters", "expected"),
     [
         ("hooke", ["mu_Pa=1"], "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),
-        ("neo-hookean", ["mu=1"], "takes mu_Pa, each once; got mu=1"),
+        ("neo-hookean", ["mu=1"], "has the parameters mu_Pa, each of which should be given once; given are mu=1"),
         ("neo-hookean", ["mu_Pa=soft"], "--parameter mu_Pa=soft: should be KEY=NUMBER"),
         ("neo-hookean", ["mu_Pa=nan"], "--parameter mu_Pa=nan: should be KEY=NUMBER"),
-        ("yeoh", ["C10_Pa=1", "C10_Pa=1", "C30_Pa=1"], "takes C10_Pa, C20_Pa, C30_Pa, each once"),
+        (
+            "yeoh",
+            ["C10_Pa=1", "C10_Pa=1", "C30_Pa=1"],
+            "has the parameters C10_Pa, C20_Pa, C30_Pa, each of which should be given once",
+        ),
     ],
 )
 def test_wrong_parameters_are_refused_in_one_line(model: str, parameters: list[str], expected: str) -> None:

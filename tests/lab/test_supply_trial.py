@@ -218,17 +218,26 @@ def test_every_step_of_a_trial_has_its_outcome(
     assert [(step.check, step.passed, step.outcome) for step in trial.steps] == [
         ("it identifies itself", True, identity.text),
         ("its output is off", True, "off"),
-        ("a current above the limit is refused", True, "refused, nothing sent (1.01 A)"),
-        ("set-points are taken", True, "1 V and 0.1 A read back"),
-        ("the output switches on", True, "protections and watchdog read back; the output is on"),
+        ("a current above the limit is refused", True, "the driver refused 1.01 A and sent nothing to the supply"),
+        ("set-points are taken", True, "the supply reads back 1 V and 0.1 A"),
+        (
+            "the output switches on",
+            True,
+            "the supply reads back its protections and its watchdog; the output is on",
+        ),
         (
             "it measures voltage and current",
             True,
-            "1.000 V, 0.0000 A; a reading takes 0.000 s, at most 0.000 s (20 readings)",  # one in 0.2 s, for 4 s
+            # one reading in 0.2 s, for 4 s
+            "measured 1.000 V and 0.0000 A; a reading takes 0.000 s in the median and at most 0.000 s (20 readings)",
         ),
         ("errors and trips", True, "none"),
-        ("it switches off", True, "0.0000 A measured, at most 0.02 A counts as off"),
-        ("its meter without a current", True, "mean 0.0000 A, largest 0.0000 A (10 readings)"),
+        ("it switches off", True, "0.0000 A measured; the output counts as off at 0.02 A or less"),
+        (
+            "its meter without a current",
+            True,
+            "mean of the measured currents 0.0000 A, largest current 0.0000 A (10 readings)",
+        ),
     ]
     assert trial.passed
     assert not coil.state.output
@@ -247,7 +256,7 @@ def test_a_meter_may_show_up_to_the_off_limit(
 ) -> None:
     trial, coil, _ = simulated(offset_A=-0.015)
     assert (trial.passed, coil.state.output) == (True, False)
-    assert trial.steps[-1].outcome == "mean -0.0150 A, largest -0.0150 A (10 readings)"
+    assert trial.steps[-1].outcome == "mean of the measured currents -0.0150 A, largest current -0.0150 A (10 readings)"
     for offset_A in (0.03, -0.03):  # the meter of a supply whose output is off shows no such current
         with pytest.raises(SwitchOffFailed, match=f"{abs(offset_A):.2f}"):
             simulated(offset_A=offset_A)

@@ -139,4 +139,4 @@ def test_datasets_of_different_specimens_are_not_fitted_together(run: Run, impor
     datasets = (imported, folder / "longer.h5")
     code, message = run("fit", *datasets, "--model", "neo-hookean", "--time", "prony", "-o", folder / "fits.json")
     assert code == 2
-    assert "longer.h5: its specimen is not that of" in message
+    assert "longer.h5: the specimen of this dataset differs from the specimen of" in message

@@ -193,7 +193,7 @@ def test_each_state_has_one_picture_on_request(pictures: Path) -> None:
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures)
     assert ended.status == 0, ended.lines
-    assert ended.lines[0] == "eimi: camera.source = 'shots' has 4 pictures; the run uses 4, one for each state"
+    assert ended.lines[0] == "eimi: camera.source = 'shots' has 4 pictures; the run uses 4 pictures, one for each state"
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 3]
 
 
@@ -204,7 +204,7 @@ def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) 
         rig(pictures, supply, camera)
         ended = acquire(pictures)
     assert ended.lines[0].endswith(
-        "has 3 pictures; the run uses 4, one for each state; the recording starts again after its last picture"
+        "has 3 pictures; the run uses 4 pictures, one for each state; the recording starts again after its last picture"
     )
     (pictures / "f_3.png").rename(pictures / "shots" / "f_3.png")
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 0]
@@ -215,11 +215,11 @@ def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) 
     [
         (
             "",
-            "the run uses at least 28, and more while it waits for the beam to settle; set picture_a_state",
+            "the run uses at least 28 pictures, and more while it waits for the beam to settle; set picture_a_state",
         ),
         (
             ", playback = { picture_a_state = true }",
-            "has 3 pictures; the run uses 4, one for each state; set loop = true",
+            "has 3 pictures; the run uses 4 pictures, one for each state; set loop = true",
         ),
     ],
 )

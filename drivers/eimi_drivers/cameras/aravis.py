@@ -186,7 +186,7 @@ class AravisCamera:
             if camera.serial_number == self.source:
                 return camera.identifier
         listed = ", ".join(f"{camera.serial_number} ({camera.model})" for camera in attached) or "none"
-        raise InstrumentDisconnected(f"no camera has this serial number; attached: {listed}")
+        raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _controls(self) -> bool:
         if not self._gige:
@@ -273,7 +273,7 @@ class AravisCamera:
             The frame has another size than the region, or a pixel format that cannot be decoded.
         """
         if self._closed:
-            raise InstrumentDisconnected(f"{self._label}: the camera was closed")
+            raise InstrumentDisconnected(f"{self._label}: the camera was closed; open the camera again")
         with labelled(self._label):
             return self._next_frame(timeout_s)
 
@@ -357,8 +357,8 @@ class AravisCamera:
             aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(width), byref(height))
             if self.settings.region is not None and (width.value, height.value) != self.settings.region[2:]:
                 raise ReplyNotUnderstood(
-                    f"frame {number} has {width.value} x {height.value} pixels, "
-                    f"but the region is {self.settings.region}"
+                    f"frame {number} has {width.value} x {height.value} pixels, but the region in the settings is "
+                    f"{self.settings.region} (left, top, width, height)"
                 )
             size = c_size_t()
             address = aravis.buffer_get_data(buffer, byref(size))

@@ -101,7 +101,7 @@ class BaslerCamera:
             if self.source in {str(place), device.GetSerialNumber()}:
                 return factory.CreateDevice(device)
         attached = ", ".join(device.GetSerialNumber() for device in devices) or "none"
-        raise InstrumentDisconnected(f"Basler camera {self.source}: not found; attached: {attached}")
+        raise InstrumentDisconnected(f"Basler camera {self.source}: not found; attached Basler cameras: {attached}")
 
     @contextmanager
     def _errors_named(self) -> Iterator[None]:
@@ -253,7 +253,10 @@ class BaslerCamera:
     def _no_frame(self, timeout_s: float) -> InstrumentError:
         if self._removed():
             return InstrumentDisconnected(f"Basler camera {self.source}: the camera was unplugged")
-        return InstrumentTimeout(f"Basler camera {self.source}: no frame within {timeout_s:g} s")
+        return InstrumentTimeout(
+            f"Basler camera {self.source}: no frame within {timeout_s:g} s; check the trigger and the cable of the "
+            "camera"
+        )
 
     def close(self) -> None:
         """Stop the acquisition and release the camera. Closing twice is allowed."""

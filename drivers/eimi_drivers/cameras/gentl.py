@@ -152,7 +152,7 @@ class GenTLCamera:
             if self.source in (device.serial_number, device.id_):
                 return device
         listed = ", ".join(f"{device.serial_number} ({device.model})" for device in devices) or "none"
-        raise InstrumentDisconnected(f"no camera has this serial number; attached: {listed}")
+        raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _node(self, *names: str) -> Any:
         """Return the first feature in `names` that can be read from the camera; None if no feature can be read."""
@@ -284,7 +284,7 @@ class GenTLCamera:
             The frame has another size than the region, or a pixel format that cannot be decoded.
         """
         if self._closed:
-            raise InstrumentDisconnected(f"{self._label}: the camera was closed")
+            raise InstrumentDisconnected(f"{self._label}: the camera was closed; open the camera again")
         until_s = time.monotonic() + timeout_s
         with self._errors_named():
             if self._triggered:
@@ -302,7 +302,9 @@ class GenTLCamera:
                 if not self._to_skip:
                     return frame
                 self._to_skip -= 1
-        raise InstrumentTimeout(f"{self._label}: no complete frame within {timeout_s:g} s")
+        raise InstrumentTimeout(
+            f"{self._label}: no complete frame within {timeout_s:g} s; check the trigger and the cable of the camera"
+        )
 
     def _fetched(self, timeout_s: float) -> Any:
         """Return the buffer of the next complete frame; None if no complete frame arrives within `timeout_s` (s)."""
@@ -323,7 +325,8 @@ class GenTLCamera:
         number, size = int(buffer.frame_id), (int(buffer.width), int(buffer.height))
         if self.settings.region is not None and size != self.settings.region[2:]:
             raise ReplyNotUnderstood(
-                f"frame {number} has {size[0]} x {size[1]} pixels, but the region is {self.settings.region}"
+                f"frame {number} has {size[0]} x {size[1]} pixels, but the region in the settings is "
+                f"{self.settings.region} (left, top, width, height)"
             )
         offset = 0
         with suppress(self._errors):  # some producers do not report the offset

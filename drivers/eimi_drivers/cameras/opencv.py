@@ -262,12 +262,12 @@ class OpenCVCamera:
             frame = self._waiting.popleft() if self._waiting else None
             self._changed.notify_all()
             if self._closing:
-                raise InstrumentDisconnected(f"{self.source}: the camera was closed")
+                raise InstrumentDisconnected(f"{self.source}: the camera was closed; open the camera again")
             if frame is not None:
                 return frame
             if self._failure is not None:
                 raise type(self._failure)(str(self._failure)) from self._failure
-            raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s")
+            raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s; check the cable of the camera")
 
     def close(self) -> None:
         """Release the device. Closing twice is allowed.

@@ -94,7 +94,10 @@ class Fault(Enum):
         "notices the trip, does not switch on again, and reports the trip",
     )
     BROWNOUT = (
-        f"the mains fail briefly: nothing answers for {RESTARTS_WITHIN_S:g} s, then the supply is as after power-up",
+        (
+            f"the mains fail briefly: nothing answers for {RESTARTS_WITHIN_S:g} s, then the supply has the settings "
+            "that it has after power-up"
+        ),
         "notices that the output is off without a command, and does not continue as if the output were on",
     )
 

@@ -90,7 +90,7 @@ class Series:
 
 _OVP, _OCP = "over-voltage protection tripped", "over-current protection tripped"
 _SENSE = "a fault at the sense terminals switched the output off"
-_FATAL = "a fault switched the output off; it is cleared only by switching the mains of the supply off"
+_FATAL = "a fault switched the output off; the fault is cleared only if the mains of the supply are switched off"
 
 SERIES: Mapping[str, Series] = {
     "QL": Series(

@@ -57,7 +57,7 @@ def armed_in_words(protections: str) -> str:
     The text `without_contact` describes what the output does if the cable is pulled or the computer fails.
     `protections` describes the armed protections, the protections inside the supply that the driver has switched on.
     """
-    return f"; armed in the supply: {protections}" if protections else ""
+    return f"; switched on in the supply: {protections}" if protections else ""
 
 
 _Value = TypeVar("_Value")
@@ -382,16 +382,16 @@ class SupplyBase(ABC):
             except Exception as error:  # a fault of a driver must not end the attempts
                 failed = error
         raise SwitchOffFailed(
-            f"{self._link.address}: zero: done; off: done; verify: done; measure: failed ({type(failed).__name__}: "
-            f"{failed})"
+            f"{self._link.address}: switching off the supply: current to zero: done; output off: done; read back: "
+            f"done; measured current: failed ({type(failed).__name__}: {failed})"
         ) from failed
 
     def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
-            ("zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
-            ("off", lambda: self._send_output(False)),
-            ("zero", lambda: self._verify_current(0.0)),
-            ("verify", lambda: self._verify_output(False)),
+            ("current to zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
+            ("output off", lambda: self._send_output(False)),
+            ("current to zero", lambda: self._verify_current(0.0)),
+            ("read back", lambda: self._verify_output(False)),
         )
         outcomes: dict[str, str] = {}
         first: Exception | None = None
@@ -407,7 +407,7 @@ class SupplyBase(ABC):
         if first is None:
             return None
         listed = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
-        failed = SwitchOffFailed(f"{self._link.address}: {listed}")
+        failed = SwitchOffFailed(f"{self._link.address}: switching off the supply: {listed}")
         failed.__cause__ = first
         return failed
 

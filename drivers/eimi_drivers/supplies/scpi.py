@@ -195,7 +195,8 @@ class ScpiSupply(SupplyBase):
             self._raise_reported_errors()
             if not (answer := self._mode(question)).startswith(beginnings):
                 raise SetPointNotTaken(
-                    f"{self._link.address}: {message} was sent, but the answer to {question} is {answer}"
+                    f"{self._link.address}: {message} was sent, but the answer to {question} is {answer}; the supply "
+                    "did not accept the message"
                 )
 
     def _mode(self, question: str) -> str:

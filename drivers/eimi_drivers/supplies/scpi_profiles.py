@@ -97,7 +97,10 @@ KEYSIGHT_N6900 = Profile(
         Register("STAT:QUES1:COND?", _N6900_TRIPS),
         Register(
             "STAT:QUES2:COND?",
-            ((1, "a protection that its user defined switched it off"), (8, "current sharing failed")),
+            (
+                (1, "a protection that the user of the supply defined switched the output off"),
+                (8, "current sharing failed"),
+            ),
         ),
     ),
     watchdog=KEYSIGHT_WATCHDOG,

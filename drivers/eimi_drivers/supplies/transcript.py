@@ -171,7 +171,10 @@ class ReplayedTransport:
         if self._next < len(self._events):
             number, kind, text = self._events[self._next]
             count = len(self._events) - self._next
-            raise TranscriptMismatch(f"{count} events never happened, the first in line {number}: {kind} {text}")
+            raise TranscriptMismatch(
+                f"{count} events of the transcript never happened, the first of which is in line {number}: {kind} "
+                f"{text}"
+            )
 
 
 def escaped(raw: bytes) -> str:

@@ -216,7 +216,9 @@ class SerialTransport:
         try:
             yield
         except serial.SerialTimeoutException as error:
-            raise InstrumentTimeout(f"{self.address}: the port takes no more bytes; is the instrument on?") from error
+            raise InstrumentTimeout(
+                f"{self.address}: the serial port accepts no more bytes; is the instrument on?"
+            ) from error
         except (OSError, TerminalError) as error:  # SerialException is an OSError; TerminalError is not
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
         except (TypeError, AttributeError) as error:  # pyserial raises these errors if it could not reopen the port

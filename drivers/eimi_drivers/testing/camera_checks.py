@@ -74,7 +74,10 @@ def gives_frames_in_order(bench: CameraBench) -> None:
     frames = _grab(bench.camera)
     for frame in frames:
         _is_a_frame(frame)
-    claim(len({frame.image.shape for frame in frames}) == 1, "all frames should have the same shape, but differ")
+    claim(
+        len({frame.image.shape for frame in frames}) == 1,
+        "all frames should have the same shape, but their shapes differ",
+    )
     numbers = [frame.number for frame in frames]
     claim(all(a < b for a, b in pairwise(numbers)), f"frame numbers should increase, but are {numbers}")
     stamps_s = [frame.timestamp_s for frame in frames]

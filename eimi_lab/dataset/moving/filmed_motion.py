@@ -195,7 +195,7 @@ def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Ite
     for number, image in enumerate(images):
         yield image
         if sys.stderr.isatty():
-            report(f"frame {number + 1} of {total}")
+            report(f"frame {number + 1} of {total} frames")
 
 
 def _tell_view(path: Path, view: SteadyView | None, film: Film) -> None:

@@ -149,7 +149,8 @@ def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, 
         )
     if len(chosen) > MOST_POINTS:
         tell(
-            f"note: {source}: {MOST_POINTS} of {len(chosen)} points were taken, evenly spaced in the order of the file"
+            f"note: {source}: only {MOST_POINTS} of {len(chosen)} points are used; they are evenly spaced in the "
+            "order of the file"
         )
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_POINTS).round().astype(int)]
     return chosen

@@ -47,7 +47,7 @@ def table_of_searches(fits: Sequence[ShownFit]) -> Table:
             shown.label,
             str(fit.generations),
             str(fit.evaluations),
-            f"{fit.discarded.unconverged} not converged, {fit.discarded.unstable} unstable",
+            f"{fit.discarded.unconverged} candidates did not converge, {fit.discarded.unstable} were unstable",
             f"{1e3 * fit.polish.mean_error_before_mm:.2f} to {1e3 * fit.polish.mean_error_after_mm:.2f} µm",
             f"{1e3 * fit.mean_error_mm:.2f} µm",
             fit.stop,

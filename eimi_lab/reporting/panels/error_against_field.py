@@ -69,7 +69,7 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
         axes.set_ylim(bottom=0)
     label(axes, "" if several else words, "error, µm")
     for differences in below_axes:
-        label(differences, words, f"error minus that of\n{predictions[0].fitted_law.fit.model}, µm")
+        label(differences, words, f"error minus the error\nof {predictions[0].fitted_law.fit.model}, µm")
     legend_of_fits(drawing, [s.fitted_law for s in predictions])
     return drawing
 
@@ -107,7 +107,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
         first = contents.simulated[0].fitted_law.label
         caption += (
             " The fits of one state are drawn slightly apart, so that all can be seen. Below: the error of each fit "
-            f"minus that of {first}."
+            f"minus the error of {first}."
         )
     return {"picture": Picture("error_against_field", drawn_errors(contents.simulated), "error by state", caption)}
 

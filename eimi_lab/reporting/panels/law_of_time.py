@@ -62,7 +62,10 @@ def _picture(time: LawOfTime, label: str) -> Picture:
     else:
         creep.text(0.5, 0.5, "no creep was recorded", transform=creep.transAxes, ha="center")
     return Picture(
-        "law_of_time", figure, "ring-down, frequency and loss by amplitude, mu(t), creep", f"{label}. {_CAPTION}"
+        "law_of_time",
+        figure,
+        "four plots: ring-down, frequency and loss factor against amplitude, shear modulus against time, creep",
+        f"{label}. {_CAPTION}",
     )
 
 

@@ -32,8 +32,8 @@ _NOTE = (
 )
 _INTERVALS = (
     "Intervals of bending fits include the scatter of the measured edges or points, the error of the mesh, and all "
-    "uncertainties in the files of specimen, calibration and rig. The section assumption and all numbers without a "
-    "stated uncertainty are taken as exact."
+    "uncertainties in the files of specimen, calibration and rig. The model of the cross-section and all numbers "
+    "without an uncertainty are taken as exact."
 )
 
 

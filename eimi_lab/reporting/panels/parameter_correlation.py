@@ -69,7 +69,7 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
         return None
     caption = (
         "Correlation of the errors of all unknowns of a fit. Where a correlation is near ±1, the data determine a "
-        "combination of the two unknowns, but not each unknown alone."
+        "combination of the two unknowns, but not the value of each unknown."
     )
     if len(fits) > _MOST:
         caption += f" Shown are the first {_MOST} of {len(fits)} fits."

@@ -82,10 +82,10 @@ PANEL = ReportPanel(
 <ul>
 {% for label, words in sentences %}<li><b>{{ label }}</b>: {{ words }}</li>{% endfor %}
 {% for label, words in exact %}
-<li><b>{{ label }}</b>: taken as exact, because no uncertainty is stated: {{ words }}.</li>
+<li><b>{{ label }}</b>: taken as exact, because no uncertainty is given: {{ words }}.</li>
 {% endfor %}
 </ul>
-{% if not picture %}<p class="note">No uncertainty above 0 is stated: the intervals include noise and mesh
+{% if not picture %}<p class="note">No uncertainty above 0 is given: the intervals include noise and mesh
 only.</p>{% endif %}
 """,
     values=_values,

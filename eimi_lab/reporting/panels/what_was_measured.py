@@ -58,7 +58,10 @@ def _of_specimen(contents: DatasetContents) -> Facts:
         ("specimen", f"{beam.name}, {beam.material}"),
         (
             "length × width × depth",
-            f"{sizes} mm, section assumption: {section or contents.evidence.experiment.model.specimen.section}",
+            (
+                f"{sizes} mm, model of the cross-section: "
+                f"{section or contents.evidence.experiment.model.specimen.section}"
+            ),
         ),
         ("density", f"{beam.density_kg_m3:g}{uncertain('density_kg_m3')} kg/m³"),
     ]
@@ -73,7 +76,7 @@ def _of_specimen(contents: DatasetContents) -> Facts:
 def _of_rig(contents: DatasetContents) -> Facts:
     text = contents.dataset.text("rig")
     if text is None:
-        return [("rig", "not stated: the data were imported")]
+        return [("rig", "unknown, because the data were imported")]
     name = parse_table(text, "rig").get("name", "")
     return [("rig", str(name)), *(("instrument", line) for line in contents.dataset.instruments())]
 

@@ -302,7 +302,7 @@ def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, f
     """Raise InputError if the middle of the clamp lies outside an image of the given width and height (px)."""
     if not all(0 <= place < extent for place, extent in zip(midpoint_px, size, strict=True)):
         x, y = midpoint_px
-        raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is not in it")
+        raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is outside the image")
 
 
 def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
@@ -414,7 +414,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     if calibration.calibrated_on is not None:
         lines.append(f"calibrated_on = {calibration.calibrated_on.isoformat()}")
     if uncertain is not None:
-        lines += ["", "[uncertainty]    # standard uncertainties of the numbers above; add those that you know"]
+        lines += ["", "[uncertainty]    # standard uncertainties of the numbers above; add all others that you know"]
         lines += [f"{name} = {value:.3g}" for name, value in uncertain.items()]
     text = "\n".join(lines) + "\n"
     parse(Calibration, text, path)

@@ -17,7 +17,9 @@ DIAGONAL_35MM = 43.2666
 over the diagonal of this frame as the phone has over its own (CIPA DCG-001, 2005)."""
 FOCAL_LENGTH_SHARE = 0.03
 """Assumed relative standard uncertainty of a focal length from Exif. The focal length in Exif is rounded to 1 mm of
-about 26 mm, and is valid for focus at infinity. It ignores that the correction of the distortion crops the picture."""
+about 26 mm, and is valid for focus at infinity. The focal length in Exif does not take into account that the correction
+of the distortion crops the picture.
+"""
 _SAME_SHAPE = 0.01  # relative difference of two ratios of width to height
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: inch (Exif 2.3, 4.6.5), cm, mm, µm
 
@@ -60,10 +62,10 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
     if all(exif_size) and abs(max(exif_size) / min(exif_size) * min(size) / max(size) - 1.0) > _SAME_SHAPE:
         return None
     if equivalent_mm:
-        source = f"focal length of {equivalent_mm:g} mm, 35 mm equivalent, from Exif"
+        source = f"focal length of {equivalent_mm:g} mm (35 mm equivalent) from the Exif data of the picture"
         return FocalLength(equivalent_mm / DIAGONAL_35MM * math.hypot(*size), source)
     if focal_mm and per_unit and all(exif_size):
-        source = f"focal length of {focal_mm:g} mm and resolution of the sensor from Exif"
+        source = f"focal length of {focal_mm:g} mm and resolution of the sensor from the Exif data of the picture"
         return FocalLength(focal_mm * per_unit / unit_mm * max(size) / max(exif_size), source)
     return None
 

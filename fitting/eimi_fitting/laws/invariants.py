@@ -175,4 +175,4 @@ class InvariantLaw(InvariantEnergy):
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Raise NotInSolver, because no finite-element program is known to have the law."""
-        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")
+        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}; choose another program")

@@ -102,4 +102,4 @@ class MooneyRivlin(InvariantLaw):
                 )
                 return CardConstants("MooneyRivlin", {"c1": c10, "c2": c01, "k0": bulk}, notes=[note])
             case _:
-                raise NotInSolver(f"the mooney-rivlin law cannot be exported to {solver}")
+                raise NotInSolver(f"the mooney-rivlin law cannot be exported to {solver}; choose another program")

@@ -76,4 +76,4 @@ class NeoHookean(InvariantLaw):
                     ],
                 )
             case _:
-                raise NotInSolver(f"the neo-hookean law cannot be exported to {solver}")
+                raise NotInSolver(f"the neo-hookean law cannot be exported to {solver}; choose another program")

@@ -245,7 +245,7 @@ class Ogden:
                     ],
                 )
             case _:
-                raise NotInSolver(f"the ogden law cannot be exported to {solver}")
+                raise NotInSolver(f"the ogden law cannot be exported to {solver}; choose another program")
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:

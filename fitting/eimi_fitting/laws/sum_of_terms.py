@@ -296,4 +296,4 @@ class SumOfTerms:
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Raise NotInSolver, because no finite-element program has a law with a sum of such terms."""
-        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")
+        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}; choose another program")

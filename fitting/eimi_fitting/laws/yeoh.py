@@ -129,6 +129,8 @@ class Yeoh(InvariantLaw):
                     notes=[f"written as an energy expression, because {note}"],
                 )
             case "sofa":
-                raise NotInSolver("sofa has no yeoh law; it has neo-hookean, mooney-rivlin and one-term ogden")
+                raise NotInSolver(
+                    "sofa has no yeoh law; the laws of sofa are neo-hookean, mooney-rivlin and one-term ogden"
+                )
             case _:
-                raise NotInSolver(f"the yeoh law cannot be exported to {solver}")
+                raise NotInSolver(f"the yeoh law cannot be exported to {solver}; choose another program")

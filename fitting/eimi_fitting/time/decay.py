@@ -230,7 +230,10 @@ def _first_frequency(signals: Signals, label: str) -> float:
     peak = float(frequency[best])
     around = (np.abs(frequency / max(peak, 1e-9) - 1) < 0.15) & allowed
     if not weighted.any() or power[around].max() < 8 * background:
-        raise NoVibration(f"{label}: no vibration is clearly larger than the noise")
+        raise NoVibration(
+            f"{label}: no vibration is clearly larger than the noise; record a larger amplitude, or move the camera "
+            "nearer to the beam"
+        )
     return float(frequency[np.argmax(np.where(around, power, 0.0))])
 
 

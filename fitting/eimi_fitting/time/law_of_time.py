@@ -43,7 +43,9 @@ _STEP = 1e-4  # step of the finite differences, in units of the unknowns
 _FAILED = 1e3  # residual of a candidate without an equilibrium
 _NEAR_EVIDENCE = 1.0  # the fewest terms are taken whose ln Z is within this of the largest
 FREE_LOAD = 0.3
-"""Prior standard deviation of the logarithm of the factor on magnetic loads, if no file gives that of the moment."""
+"""Prior standard deviation of the logarithm of the factor on magnetic loads, if no file gives an uncertainty of the
+moment.
+"""
 EXACT_LOAD = 1e-4
 """Smallest prior standard deviation of the logarithm of the factor on the magnetic loads."""
 _OF_MOMENT = ("moment", "remanence")

@@ -235,7 +235,7 @@ def result_of(
         stated = NORMAL_95 * float(np.hypot.reduce([0.0, *load_sigmas.values()]))
         if abs(np.log(moment.value)) > np.hypot(half_width, stated):
             doubts_found.append(
-                f"static states and motions agree only if the magnetic moment is {moment.value:.3f} times the stated "
+                f"static states and motions agree only if the magnetic moment is {moment.value:.3f} times the given "
                 f"moment (95 % interval {moment.interval_95[0]:.3f} to {moment.interval_95[1]:.3f})"
             )
     rows = optimum.problem.rows(at).shape[1]

@@ -39,20 +39,24 @@ def test_the_line_of_a_fit_has_the_modulus_with_its_interval_and_the_error_in_mi
 def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
     lines = remarks(fit)
     assert "bulk modulus 7000 [5000, 9000] kPa" in lines
-    assert "moment: deviation 1.1 % [-2 %, 4 %], prior standard deviation 5 %" in lines
+    assert "moment: fitted deviation from the given value 1.1 % [-2 %, 4 %], prior standard deviation 5 %" in lines
     assert any(
         line.startswith(
-            "curve.csv: RMSE 0.35 kPa, 0.21 kPa for the curve alone (weight 0.5, 40 rows that count as 10.0"
+            "curve.csv: RMSE 0.35 kPa, or 0.21 kPa if the law is fitted to this curve alone (weight 0.5, 40 rows "
+            "that count as 10.0"
         )
         for line in lines
     )
     assert "width ± 0.02 mm: ± 3 % of the modulus" in lines
     assert "2 smaller sources together: ± 0.5 % of the modulus" in lines
-    assert "noise and mesh alone: [49000, 52000] Pa at 95 %" in lines
+    assert "95 % interval from noise and mesh error alone: [49000, 52000] Pa" in lines
     assert any("the interval would be [45000, 57000] Pa" in line for line in lines)
     in_degrees = replace(fit.freed[0], deviation=Quantity(0.2, "deg", (0.1, 0.4)), prior_standard_deviation=0.3)
     lines = remarks(replace(fit, freed=(in_degrees,)))
-    assert "moment: deviation 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg" in lines
+    assert (
+        "moment: fitted deviation from the given value 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg"
+        in lines
+    )
 
 
 def test_the_comparison_of_laws_has_each_criterion_in_its_column(choices: tuple[Choice, ...]) -> None:
@@ -124,8 +128,8 @@ def test_a_fit_of_two_datasets_keeps_dataset_and_index_of_each_state(fitted: Fit
 def test_states_left_out_are_subtracted_from_the_total() -> None:
     used = StatesUsed(16, (FlaggedState(2, ("DEFOCUS",)), FlaggedState(7, ("DEFOCUS",))), (), (WidenedState(3, 0.02),))
     assert used.in_words() == (
-        "14 of 16 states used; left out: DEFOCUS in 2 (states 2, 7); "
-        "larger uncertainty of the points in 1 (by up to 0.02 mm in state 3)"
+        "14 of 16 states used; left out: DEFOCUS in 2 (states 2, 7); the uncertainty of the points was increased in "
+        "1 state (the largest increase is 0.02 mm in state 3)"
     )
 
 

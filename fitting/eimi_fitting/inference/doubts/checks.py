@@ -73,9 +73,9 @@ class NotExplained(Exception):
         self._arguments = (experiment, state, error_mm, deflection_mm, curves)
         super().__init__(
             f"the smallest error of this state is {error_mm:.3g} mm (root mean square), but the largest deflection of "
-            f"the beam is {deflection_mm:.3g} mm: "
-            f"no material explains this{' and the tensile curves' if curves else ''}; check the edges of this state, "
-            "the sign of the field, the scale of the picture, the specimen and the calibration"
+            f"the beam is {deflection_mm:.3g} mm: no material explains the measured shape of the "
+            f"beam{' and the tensile curves' if curves else ''}; check the edges of this state, the sign of the "
+            "field, the scale of the picture, the specimen and the calibration"
             + (", and material, unit and weight of the curves" if curves else "")
         )
 
@@ -252,7 +252,7 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     """Return a doubt for each mistake in the stated loads that more than doubles the error."""
     return tuple(
         Doubt(
-            f"check the stated loads for {slip.words}: without it the mean error would be about "
+            f"check the loads in the files for {slip.words}: without this mistake the mean error would be about "
             f"{slip.error_without_mm:.2g} mm instead of {slip.error_mm:.2g} mm",
             slip.experiment,
             kind="loads",
@@ -326,8 +326,8 @@ def _causes_in_words(causes: Sequence[Cause]) -> str:
     def described(one: Cause) -> str:
         value = f"{100 * one.value:+.2g} %" if one.unit == "1" else f"{one.value:+.2g} {one.unit}"
         return (
-            f"{possible[one.name].words} ({value}, probability {one.probability:.2f}, would change the modulus by "
-            f"{one.shift_percent:+.2g} %)"
+            f"{possible[one.name].words} ({value}, probability {one.probability:.2f}, which would change the modulus "
+            f"by {one.shift_percent:+.2g} %)"
         )
 
     if others := rivals(causes):
@@ -365,8 +365,9 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
         ratio = _noise_ratio(experiment, misfit)
         if ratio > _OF_NOISE:
             words = (
-                f"the residuals are {ratio:.0f} times the stated uncertainty of the measured places: law, geometry, "
-                "scale or loads differ from those of the specimen, and the intervals do not contain this error"
+                f"the residuals are {ratio:.0f} times the given uncertainty of the measured places: the law, the "
+                "geometry, the scale or the loads of the fit differ from the specimen, and the intervals do not "
+                "contain this error"
             )
             result.append(Doubt(words, index, kind="beyond_noise"))
         for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > _OF_NOISE * stated)):

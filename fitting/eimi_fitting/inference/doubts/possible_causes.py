@@ -377,7 +377,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "moment",
         "moment",
         (0.05,),
-        "the field of the magnet at a stated distance, or a bending test with weights in place of the field",
+        "the field of the magnet at a known distance, or a bending test with weights in place of the field",
     ),
     PossibleCause(
         "field_gradient",

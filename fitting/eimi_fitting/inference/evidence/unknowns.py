@@ -258,7 +258,7 @@ def nuisances(
         for group in shared(prior.kind, stated or [()] * datasets):
             spread = group.standard_uncertainty if prior.spread is None else prior.spread
             if not spread:
-                reason = "states an uncertainty of 0" if spread == 0 else "states no standard uncertainty"
+                reason = "gives an uncertainty of 0" if spread == 0 else "gives no standard uncertainty"
                 raise ValueError(
                     f"{prior.kind}: dataset {group.datasets[0]} {reason}; give a standard deviation above 0 to free it"
                 )

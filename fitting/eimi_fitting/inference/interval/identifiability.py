@@ -204,7 +204,7 @@ def statement(
         The summary.
     """
     law_names = names[:law_coordinates]
-    data = "These data" if len(law_names) == len(names) and not priors else "These data and the stated priors"
+    data = "These data" if len(law_names) == len(names) and not priors else "These data and the given priors"
     fixed = [name for name in law_names if name not in not_fixed]
     rough = {
         name: share for name, share in zip(law_names[1:], remaining[1:], strict=False) if _ROUGH < share <= NOT_FIXED
@@ -212,26 +212,31 @@ def statement(
     if names[0] in not_fixed:
         low, high = modulus.interval_95
         words = (
-            f"{data} fix no parameter of this law: not even the size of its initial shear modulus, "
-            f"which may lie anywhere from {low:.4g} to {high:.4g} Pa."
+            f"{data} determine no parameter of this law, not even its initial shear modulus, which may lie anywhere "
+            f"from {low:.4g} to {high:.4g} Pa."
         )
     elif not not_fixed and not rough:
-        words = f"{data} fix every parameter of this law, the initial shear modulus to {_percent(modulus)}."
+        words = (
+            f"{data} determine every parameter of this law; the 95 % interval of the initial shear modulus is "
+            f"{_percent(modulus)}."
+        )
     else:
         firm = [name for name in fixed if name not in rough]
-        words = f"{data} fix {'only ' if len(firm) == 1 else ''}{' and '.join(firm)}"
-        words += f"; the initial shear modulus is known to {_percent(modulus)}"
+        words = f"{data} determine {'only ' if len(firm) == 1 else ''}{' and '.join(firm)}"
+        words += f"; the 95 % interval of the initial shear modulus is {_percent(modulus)}"
         for name, share in rough.items():
-            words += f", {name} only to within {100 * _OF_RANGE * share:.0f} % of its range"
+            words += f", and {name} is known only to within {100 * _OF_RANGE * share:.0f} % of the range of the search"
         if not_fixed:
-            words += f"; they do not fix {', '.join(not_fixed)}, whose intervals are set by the bounds of the search"
+            words += (
+                f"; they do not determine {', '.join(not_fixed)}, whose intervals are set by the bounds of the search"
+            )
         words += "."
     for name, rho in zip(names[law_coordinates:], correlation[0, law_coordinates:], strict=True):
         if abs(rho) > _CORRELATED:
             combination = "ratio" if rho > 0 and name in ratios else "combination"
             words += (
-                f" {names[0]} and {name} are correlated by {rho:+.3f}: the data fix their {combination}, "
-                f"and the prior on {name} fixes the rest."
+                f" {names[0]} and {name} are correlated by {rho:+.3f}: the data determine their {combination} only, "
+                f"and the prior on {name} determines the rest."
             )
     if len(fixed) > 1 and eigen and eigen[0].words not in names:
         words += f" The best determined combination is {eigen[0].words}."

@@ -113,8 +113,10 @@ class Noise:
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
         """Return one sentence for each uncertain source of the problem that the intervals do not contain."""
         return tuple(
-            f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: "
-            "no equilibrium was found for a deviation from its stated value"
+            (
+                f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
+                "was found for a deviation from the given value"
+            )
             for group in sources_of(problem)
             if group not in {source.shared for source in self.sources}
         )

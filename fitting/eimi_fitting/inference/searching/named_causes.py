@@ -40,7 +40,7 @@ Slip = Literal[
     "force_too_large",
     "gravity_absent",
 ]
-"""The keys of the mistakes in stated loads that are recognised."""
+"""The keys of the mistakes in the given loads that are recognised."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class NamedCause(Exception):
         self.experiment, self.slip = experiment, slip
         self.error_mm, self.error_without_mm = error_mm, error_without_mm
         super().__init__(
-            f"no material explains this: the smallest error is {error_mm:.2g} mm, and without {self.words} "
-            f"{error_without_mm:.2g} mm"
+            f"no material explains the measured shape of the beam: the smallest error is {error_mm:.2g} mm, and "
+            f"without {self.words} only {error_without_mm:.2g} mm"
         )
 
     @property
