@@ -72,13 +72,19 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     moved &= np.stack(
         [_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)]
     )
-    moved = binary_opening(moved, np.ones((1, window), dtype=bool))
-    if not moved.any():
+    opening = np.ones((1, window), dtype=bool)
+    dark = binary_opening(moved, opening)
+    if not dark.any():
         return colour_seams
+    dark |= clear & (dark.mean(axis=1, keepdims=True) > _ALONG_IT)
+    of_surroundings = [
+        _has_hue_of_surroundings(unrolled, *pair, window) for pair in zip(body.edge, colour_seams.edge, strict=True)
+    ]
+    moved = binary_opening(moved & np.stack(of_surroundings), opening)
     moved |= clear & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
-    shadow = np.where(moved, shift, 0.0)
+    shadow = np.where(dark, shift, 0.0)
     for edge, border, places in zip(body.edge, colour_seams.edge, moved, strict=True):
-        if places.any() and _is_layer(unrolled, edge, border, places, window):
+        if places.any() and _is_rim(unrolled, edge, border, places, window):
             places[:] = False
     left, right = (_merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
     return Seams(
@@ -89,15 +95,32 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     )
 
 
-def _is_layer(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between an edge and a border outside the edge belongs to the beam.
+def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
+    """Return whether the region between an edge and a border outside the edge has nearly the colour of the beam.
 
-    Three mean colours are compared: inside the edge, in the middle of the region, and outside the border. All three are
-    measured away from the blur of the edge and of the border. The region belongs to the beam on one of two conditions:
+    The rim of a translucent beam is such a region.
+    """
+    colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
+    at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
+    return bool(at_edge < _LEAST_BODY_STEP * at_border)
 
-    - The region has nearly the colour of the beam, like the rim of a translucent beam.
-    - The hue of the region differs from the hue of the surroundings by more than half as much as the hue of the beam
-      does. A shadow has nearly the hue of the surroundings. The beam throws only a part of its colour into the shadow.
+
+def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
+    """Return, at each of n stations, whether the region between an edge and a border has a hue like the surroundings.
+
+    The hue of the region differs from the hue of the surroundings by less than half as much as the hue of the beam
+    does. A shadow has such a hue, because the beam throws only a part of its colour into the shadow.
+    """
+    colours = _three_colours(unrolled, edge, border, window)
+    hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
+    of_body, of_region = (np.linalg.norm(hue - hues[2], axis=1) for hue in hues[:2])
+    return np.asarray(of_region < _HALF * of_body)
+
+
+def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
+    """Return the mean colours inside an edge, in the region between the edge and a border, and outside the border.
+
+    Each has the shape (n, channels). All are measured away from the blur of the edge and of the border.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
@@ -107,11 +130,7 @@ def _is_layer(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDAr
         (inward >= 0.25 * gap) & (inward <= 0.75 * gap),
         (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1]),
     )
-    colours = [_colours_of(unrolled, band, window)[moved] for band in bands]
-    at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
-    hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
-    of_body, of_region = (np.median(np.linalg.norm(hue - hues[2], axis=1)) for hue in hues[:2])
-    return bool(at_edge < _LEAST_BODY_STEP * at_border or of_region > _HALF * of_body)
+    return [_colours_of(unrolled, band, window) for band in bands]
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
