@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 DEGREE = 6
 _NODES = 129
 _STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
+_USUAL_STIFF = 2e-4  # the same for the return to a usual curve
+_USUAL_ROOT = 0.05  # weight per point of the usual root
 
 _OF_NODES = chebyshev.chebvander((2.0 * np.arange(_NODES - 1) + 1.0) / (_NODES - 1.0) - 1.0, DEGREE)
 """The Chebyshev polynomials midway between neighbouring nodes of the arc length, shape (nodes - 1, DEGREE + 1)."""
@@ -60,8 +62,13 @@ class BeamCurve:
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
         return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
 
-    def moved(self, along_px: Array, offset_px: Array, weight: Array) -> BeamCurve:
+    def moved(
+        self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None
+    ) -> BeamCurve:
         """Return the curve after one least-squares step toward p points beside the curve.
+
+        The points hardly determine the ends of the curve. Without a usual curve, these ends keep their direction.
+        With a usual curve, they return to its root and direction, so that errors of many steps do not add up.
 
         Parameters
         ----------
@@ -71,6 +78,8 @@ class BeamCurve:
             Distance of each point from the curve, along the normal of the curve.
         weight : ndarray, shape (p,)
             Weight of each point; 0 for a point that is not used.
+        usual : BeamCurve, optional
+            A curve near which the beam is expected.
         """
         nodes, _ = self._integrated
         direction = _OF_NODES @ self.coefficients
@@ -84,8 +93,16 @@ class BeamCurve:
         jacobian = np.column_stack([normals @ across, np.einsum("pa,pak->pk", normals, moved[at])])
         weighted = jacobian * weight[:, None]
         scale = np.maximum(np.abs(jacobian).max(axis=0), 1e-9)
-        stiff = _STIFF * max(weight.sum(), 1.0) * scale**2 * np.concatenate([[1.0], np.arange(DEGREE + 1) ** 2])
-        change_of = np.linalg.solve(weighted.T @ jacobian + np.diag(stiff + 1e-12), weighted.T @ offset_px)
+        total, degrees = max(weight.sum(), 1.0), np.arange(DEGREE + 1)
+        if usual is None:
+            stiff = _STIFF * total * scale**2 * np.concatenate([[1.0], degrees**2])
+            wanted = np.zeros(len(stiff))
+        else:
+            stiff = total * scale**2 * np.concatenate([[_USUAL_ROOT], _USUAL_STIFF * degrees**3])
+            wanted = np.append((usual.root_px - self.root_px) @ across, usual.coefficients - self.coefficients)
+        change_of = np.linalg.solve(
+            weighted.T @ jacobian + np.diag(stiff + 1e-12), weighted.T @ offset_px + stiff * wanted
+        )
         return BeamCurve(self.root_px + change_of[0] * across, self.coefficients + change_of[1:], self.length_px)
 
     def extrapolated(self, before: BeamCurve, share: float) -> BeamCurve:

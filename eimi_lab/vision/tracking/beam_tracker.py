@@ -7,7 +7,7 @@ surroundings. Third, the curve is moved to the middle between the two edges. Onl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -118,6 +118,9 @@ class BeamTracker:
         self._contrast = float(np.median(contrasts[best]))
         if self._contrast <= 0.0:
             raise ValueError("the beam does not contrast with its surroundings")
+        beam, curve = self._on_edges(self._grey(image, 1.0), self._curve, 0.0, None)
+        if beam.is_seen:  # the root then lies on the centre line, also if the clamp is stated a few px beside it
+            self._first = self._curve = curve
 
     @property
     def outline_px(self) -> Array:
@@ -148,10 +151,9 @@ class BeamTracker:
             self._before = None
             missing = np.full((STATIONS, 2), np.nan)
             return SeenBeam(missing, missing, missing)
-        beam, curve = self._on_edges(grey, band, self._smear_px(band))
+        beam, curve = self._on_edges(grey, band, self._smear_px(band), self._first)
         if beam.is_seen:
-            # The points hardly determine the root, and a sudden motion would leave it beside the clamp.
-            self._before, self._curve = self._curve, replace(curve, root_px=self._first.root_px)
+            self._before, self._curve = self._curve, curve
         else:
             self._before = None
         return beam
@@ -195,10 +197,10 @@ class BeamTracker:
             weight = (contrast > _FAINT * self._contrast).astype(float)
             if weight.mean() < _FEWEST:
                 return None
-            moved = curve.moved(self._along_px, shift, weight)
+            moved = curve.moved(self._along_px, shift, weight, self._first)
             off = np.abs(shift - _across(moved.at(self._along_px)[0], *curve.at(self._along_px)))
             weight *= off <= max(3.0 * float(np.median(off[weight > 0])), 2.0)
-            curve = curve.moved(self._along_px, shift, weight)
+            curve = curve.moved(self._along_px, shift, weight, self._first)
             if again or np.abs(shift[weight > 0]).max() < 0.5 * self._half_px.min():
                 break
             reach = min(reach, 0.5)
@@ -221,7 +223,17 @@ class BeamTracker:
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
-    def _on_edges(self, grey: NDArray[Any], curve: BeamCurve, smear_px: float) -> tuple[SeenBeam, BeamCurve]:
+    def _on_edges(
+        self, grey: NDArray[Any], curve: BeamCurve, smear_px: float, usual: BeamCurve | None
+    ) -> tuple[SeenBeam, BeamCurve]:
+        """Return the edges near a curve, and the curve moved to the middle between the edges.
+
+        smear_px: the motion since the last frame. usual: see `BeamCurve.moved`.
+        """
+
+        def through(curve: BeamCurve, offset: Array, is_usable: NDArray[np.bool_]) -> BeamCurve:
+            return curve.moved(self._along_px, np.where(is_usable, offset, 0.0), is_usable.astype(float), usual)
+
         reach = _REACH_PX + 0.5 * smear_px
         for _ in range(3):
             places, normals = curve.at(self._along_px)
@@ -231,12 +243,12 @@ class BeamTracker:
             is_usable = np.isfinite(offset)
             if is_usable.mean() < _FEWEST:
                 break
-            moved = curve.moved(self._along_px, np.where(is_usable, offset, 0.0), is_usable.astype(float))
+            moved = through(curve, offset, is_usable)
             deviations = offset - _across(moved.at(self._along_px)[0], places, normals)
             off = np.abs(deviations - np.nanmedian(deviations)) > _OFF_CURVE_PX
             left[off], right[off], middle[off] = np.nan, np.nan, np.nan
             is_usable &= ~off
-            curve = curve.moved(self._along_px, np.where(is_usable, offset, 0.0), is_usable.astype(float))
+            curve = through(curve, offset, is_usable)
             if np.nanmax(np.abs(offset)) < _CLOSE_PX:
                 break
         sides = (left, right) if self._left_sign > 0 else (right, left)
