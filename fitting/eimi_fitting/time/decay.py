@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from eimi_fitting.time.channels import Signals, TooFewFrames
+from eimi_fitting.time.decay_checks import doubts_of, is_better, refusal_of, spoilt_until_s
 from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, wave, with_more_modes
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ _FEWEST_PERIODS = 5.0
 _FEWEST_FRAMES = 12
 _END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
 _MOST_WINDOWS = 8
+_LASTING = 0.8  # ratio of the powers in the two halves of a recording; a decaying vibration has a smaller one
 _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is over 3 times the usual one
 
 
@@ -162,31 +164,55 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     first, last, doubts = _segment(signals, frequency, length_mm, label, is_stepped)
     part = signals.between(first, last)
     if len(part.time_s) < _FEWEST_FRAMES or (last - first) * frequency < _FEWEST_PERIODS:
+        told = "".join(f" ({doubt.removeprefix(f'{label}: ')})" for doubt in doubts)
         raise NoVibration(
             f"{label}: {(last - first) * frequency:.1f} periods in {len(part.time_s)} frames have an amplitude below "
             f"{MOST_AMPLITUDE:.0%} of the beam's length, but at least {_FEWEST_PERIODS:g} periods in {_FEWEST_FRAMES} "
-            "frames are needed"
+            f"frames are needed{told}"
         )
+    fitted, windows, used = _fitted(part, frequency, hangs)
+    spoilt_s = spoilt_until_s(fitted)
+    if spoilt_s is not None and (last - spoilt_s) * frequency > _FEWEST_PERIODS:
+        later = _fitted(part.between(spoilt_s, np.inf), frequency, hangs)
+        if is_better(later[0], fitted):
+            doubts.append(
+                f"{label}: the first {spoilt_s - first:.2g} s are no free vibration, as when the hand still touches the "
+                "beam; these frames are not used"
+            )
+            first, (fitted, windows, used) = spoilt_s, later
+    if used < len(windows):
+        doubts.append(
+            f"{label}: the loss rises from {windows[0].loss:.3g} to {max(w.loss for w in windows):.3g} while the "
+            f"amplitude falls, as when the hanging weight swings like a pendulum; only the first "
+            f"{windows[used - 1].to_s - first:.2g} s were used"
+        )
+        windows = tuple(replace(w, is_used=i < used) for i, w in enumerate(windows))
+    refusal = refusal_of(fitted, label)
+    if refusal:
+        raise NoVibration(refusal)
+    doubts += doubts_of(fitted, label)
+    return _result(fitted, windows, label, doubts, hangs)
+
+
+def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], int]:
+    """Return the fitted vibrations, the time windows, and the number of windows that are used.
+
+    part: the signals in which the beam vibrates freely; frequency: of the largest vibration, in Hz; hangs: see
+    `decay_of`.
+    """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)
     windows = _windows(fitted)
     used = _material_windows(windows, hangs)
     if used < len(windows):
-        end = windows[used - 1].to_s
-        doubts.append(
-            f"{label}: the loss rises from {windows[0].loss:.3g} to {max(w.loss for w in windows):.3g} while the "
-            f"amplitude falls, as when the hanging weight swings like a pendulum; only the first {end - first:.2g} s "
-            "were used"
-        )
-        windows = tuple(replace(w, is_used=i < used) for i, w in enumerate(windows))
-        fitted = ModalFit.of(part.between(-np.inf, end), fitted.modes[:1], False)
+        fitted = ModalFit.of(part.between(-np.inf, windows[used - 1].to_s), fitted.modes[:1], False)
     else:
         fitted = with_more_modes(fitted)
     bent = ModalFit.of(fitted.signals, fitted.modes, True)
     if used == len(windows) and fitted.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2:
         fitted = bent
-    return _result(fitted, windows, label, doubts, hangs)
+    return fitted, windows, used
 
 
 def _dense(signals: Signals) -> Signals:
@@ -226,6 +252,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
     # The power of creep falls with the square of the frequency. Multiplied by this square, a vibration is a peak.
     weighted = np.where(allowed, np.maximum(power - 30 * background, 0.0) * frequency**2, 0.0)
     weighted[frequency > 0.8 * frequency[-1]] = 0.0
+    lasting = weighted * _lasting(fast, size)
+    weighted = weighted - lasting if (weighted - lasting).any() else weighted
     best = int(np.argmax(weighted))
     peak = float(frequency[best])
     around = (np.abs(frequency / max(peak, 1e-9) - 1) < 0.15) & allowed
@@ -235,6 +263,20 @@ def _first_frequency(signals: Signals, label: str) -> float:
             "nearer to the beam"
         )
     return float(frequency[np.argmax(np.where(around, power, 0.0))])
+
+
+def _lasting(values: Array, size: int) -> Array:
+    """Return, for each frequency of a spectrum, the share of the power that lasts through a recording, from 0 to 1.
+
+    The share is the power in the second half of the n frames, divided by that in the first half. It is 1 for the hum of
+    a motor or of a lamp. values: (n, r); size: number of values from which the spectrum is computed.
+    """
+    half = len(values) // 2
+    taper = np.hanning(half)[:, None]
+    early, late = (
+        (np.abs(np.fft.rfft(part * taper, size, axis=0)) ** 2).sum(axis=1) for part in (values[:half], values[-half:])
+    )
+    return np.where(late > _LASTING * early, 1.0, 0.0)
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:

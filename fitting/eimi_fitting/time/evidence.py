@@ -35,6 +35,7 @@ _LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
 _REST_SHAPE = 0.005  # share of the length by which a beam that is stated as straight at rest may be bent or turned
 _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and the places of the points
 _CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
+_RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
 _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
 
 
@@ -174,8 +175,7 @@ class LoadHistory:
             if sound.sum() < 2 or np.ptp(theta[sound]) < 1e-3 * max(largest, 1e-6):
                 curves.append(LoadCurve.of_gravity(gravity))
                 continue
-            order = np.argsort(theta[sound])
-            curves.append(LoadCurve(theta[sound][order], (moduli * theta)[sound][order]))
+            curves.append(LoadCurve.through(theta[sound], (moduli * theta)[sound]))
         return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
 
 
@@ -202,6 +202,9 @@ class CreepEvidence:
         Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
     label : str
         Origin of the recording, for messages.
+    shown : tuple of ndarray, or None
+        True rotations and the measured rotations that belong to them, see `slow_motion.shown_rotations`; None if the
+        true rotations are measured.
     """
 
     history: LoadHistory
@@ -209,15 +212,23 @@ class CreepEvidence:
     rotation: Array
     sigma: Array
     label: str
+    shown: tuple[Array, Array] | None = None
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the computed rotation of the tip at the k times for P candidates, (P, k) in rad."""
-        return creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
+        """Return the rotation that would be measured at the k times for P candidates, (P, k) in rad."""
+        true = creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
+        if self.shown is None:
+            return true
+        nodes, values = self.shown
+        first = np.clip(np.searchsorted(nodes, true) - 1, 0, len(nodes) - 2)
+        slopes = np.diff(values) / np.diff(nodes)
+        return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the residuals of the rotation minus their weighted mean, see `Evidence.residuals`."""
         gap = self.predicted(instantaneous_Pa, series, load_log) - self.rotation
-        sigma = np.hypot(self.sigma, _CREEP_ERROR * np.ptp(self.rotation))
+        error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
+        sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
         weight = 1 / sigma**2
         return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
 

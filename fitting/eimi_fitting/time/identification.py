@@ -39,7 +39,7 @@ from eimi_fitting.time.law_of_time import (
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.result import LawOfTime, result_of
 from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam, RingTable
-from eimi_fitting.time.slow_motion import displacement_per_rad, slow_rotations
+from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations, slow_rotations
 from eimi_fitting.time.terms import Terms
 
 Array = NDArray[np.float64]
@@ -296,7 +296,8 @@ def _creeps(
             continue
         loads = _stacked([load for _, load in before] + [recorded.loads])
         history = LoadHistory.of(beam, middle_Pa, loads, [*(begin for begin, _ in before), 0.0])
-        evidence.append(CreepEvidence(history, *slow, label=motion.label))
+        shown = shown_rotations(beam, middle_Pa, motion.rest_mm, signals, per_rad)
+        evidence.append(CreepEvidence(history, *slow, label=motion.label, shown=shown))
     evidence.sort(key=lambda one: -float(np.ptp(one.rotation)))
     return tuple(evidence[:_MOST_CREEP_ROWS])
 

@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from eimi_fitting.laws.prony import Prony
 
@@ -26,6 +27,7 @@ _FIRST_STEP_S = 2e-3  # length of the first time step after a change of the load
 _STEPS_PER_DECADE = 8  # after the last change of the load
 _EARLIER_STEPS_PER_DECADE = 4
 _NEWTON_STEPS = 2
+_NODES = 65  # of a curve
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,15 @@ class LoadCurve:
 
     rotation: Array
     moment: Array
+
+    @staticmethod
+    def through(rotation: Array, moment: Array) -> LoadCurve:
+        """Return the curve through the moments (Pa rad) at a few rotations (rad), by a cubic spline."""
+        order = np.argsort(rotation)
+        if len(order) < 4:
+            return LoadCurve(rotation[order], moment[order])
+        even = np.linspace(rotation[order[0]], rotation[order[-1]], _NODES)
+        return LoadCurve(even, CubicSpline(rotation[order], moment[order])(even))
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.time.channels import Signals
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 _MOST_BINS = 16
 _FEWEST_FRAMES = 2
 _RINGS_S = 3.0  # without a fitted vibration, the beam counts as ringing for this time
+_SHAPES, _NODES = 9, 97  # computed shapes, and places at which they are interpolated
+_LEAST_TURN = 1e-3  # rad
 _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the displacement for a rotation
 
 
@@ -43,10 +46,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
         Positions (x, y) of the points at rest.
     """
     model = beam.planar()
-    inside = np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf])
-    straight = model.grid.straightened(inside)
-    half = 0.5 * model.grid.strip.straight.width_mm
-    places = model.grid.strip.at_rest(np.clip(straight, [0.0, -half], [beam.specimen.length_mm, half]))
+    places = _places(beam, rest_mm)
 
     def difference(
         moduli: Array, of_loads: Loads, states: tuple[int, int], rows: tuple[int, int]
@@ -66,6 +66,56 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
         )
         change, turn = difference(np.array([modulus_Pa]), small, (0, 1), (0, 0))
     return change / turn if abs(turn) > 1e-7 else np.zeros_like(change)
+
+
+def shown_rotations(
+    beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
+) -> tuple[Array, Array] | None:
+    """Return which rotation `slow_rotations` would measure for each true rotation of the tip of a loaded beam.
+
+    `slow_rotations` divides by one displacement per rad. For a beam that is bent by its loads, the displacement per rad
+    changes while the beam creeps. At 50 degrees it changes by 1 % if the rotation changes by 0.1 degrees.
+
+    Parameters
+    ----------
+    beam : RingingBeam
+        The beam with the loads after the step.
+    modulus_Pa : float
+        A typical shear modulus. The rotations belong to moduli between 0.4 and 2.5 times this modulus.
+    rest_mm : ndarray, shape (p, 2)
+        Positions (x, y) of the points at rest.
+    signals : Signals
+        All frames after the step.
+    per_rad_mm : ndarray, shape (p, 2)
+        The argument of `slow_rotations`.
+
+    Returns
+    -------
+    tuple of ndarray, or None
+        True rotations in rad, increasing, and the rotations that would be measured, up to a constant. None if the
+        rotation does not depend on the modulus.
+    """
+    model = beam.planar()
+    places = _places(beam, rest_mm)
+    moduli = modulus_Pa * np.geomspace(0.4, 2.5, _SHAPES)
+    shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
+    sound = shapes.status[:, 0] == 0
+    angle = np.radians(model.tip_angle_deg(shapes))[sound, 0]
+    if sound.sum() < 4 or np.ptp(angle) < _LEAST_TURN:
+        return None
+    moved = model.positions(shapes, places)[sound, 0][:, signals.points, signals.axis]
+    gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
+    order = np.argsort(angle)
+    even = np.linspace(angle.min(), angle.max(), _NODES)
+    return even, CubicSpline(angle[order], ((moved / signals.sigma_mm) @ gain / (gain @ gain))[order])(even)
+
+
+def _places(beam: RingingBeam, rest_mm: Array) -> Array:
+    """Return the places of p points (p, 2) of the beam at rest, each moved to the nearest place inside the beam."""
+    grid = beam.planar().grid
+    straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
+    half = 0.5 * grid.strip.straight.width_mm
+    return np.asarray(grid.strip.at_rest(np.clip(straight, [0.0, -half], [beam.specimen.length_mm, half])))
 
 
 def slow_rotations(
