@@ -26,11 +26,19 @@ def with_law_of_time(
 ) -> FitRecord:
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
-    The viscoelastic law is fitted to all motions and to the static states of the first dataset that has states. Raises
-    InputError if no ring-down can be used.
+    The viscoelastic law is fitted to all motions and to the modulus of the static fit. The ages of the static states
+    are those of the first dataset with states; a doubt names the other datasets. Raises InputError if no ring-down can
+    be used.
     """
     static = static_states(evidence[0], record)
-    return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
+    time = _identified(record.model, np.array(record.values()), motions, static, seed)
+    if len(evidence) > 1:
+        others = ", ".join(str(one.path) for one in evidence[1:])
+        time = replace(time, doubts=(*time.doubts, (
+            f"the times of the static states are taken from {evidence[0].path} only; the states of {others} count only "
+            "through the modulus of the static fit"
+        )))  # fmt: skip
+    return replace(record, time=time)
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:

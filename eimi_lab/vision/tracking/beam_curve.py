@@ -62,9 +62,7 @@ class BeamCurve:
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
         return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
 
-    def moved(
-        self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None
-    ) -> BeamCurve:
+    def moved(self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None) -> BeamCurve:
         """Return the curve after one least-squares step toward p points beside the curve.
 
         The points hardly determine the ends of the curve. Without a usual curve, these ends keep their direction.

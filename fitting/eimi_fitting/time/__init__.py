@@ -3,6 +3,8 @@
 measured        `Motion`, a recorded ring-down or creep
 channels        the signals of a motion, cleaned of gaps and outliers
 decay           frequencies and losses of a ring-down
+decay_windows   frequency and loss of a ring-down in time windows
+decay_checks    whether the fitted vibrations describe a ring-down
 modal_fit       damped vibrations, fitted to the signals of a ring-down
 exposure        the amplitudes of a decay, corrected for the exposure of the frames
 ringing         the frequencies at which a specimen rings, for any modulus and relaxation

@@ -8,15 +8,14 @@ windows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from eimi_fitting.time.channels import Signals, TooFewFrames
 from eimi_fitting.time.decay_checks import doubts_of, is_better, refusal_of, spoilt_until_s
-from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, wave, with_more_modes
+from eimi_fitting.time.decay_windows import Window, material_windows, windows_of
+from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, with_more_modes
 
 Array = NDArray[np.float64]
 
@@ -25,7 +24,6 @@ MOST_AMPLITUDE = 0.05
 _FEWEST_PERIODS = 5.0
 _FEWEST_FRAMES = 12
 _END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
-_MOST_WINDOWS = 8
 _LASTING = 0.8  # ratio of the powers in the two halves of a recording; a decaying vibration has a smaller one
 _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is over 3 times the usual one
 
@@ -53,35 +51,6 @@ class RingMode:
         """The complex rate s = -delta + i omega in 1/s."""
         omega = 2 * np.pi * self.frequency_Hz
         return complex(-0.5 * self.loss * omega, omega)
-
-
-@dataclass(frozen=True)
-class Window:
-    """Frequency and loss factor in one time window of a ring-down.
-
-    Attributes
-    ----------
-    from_s, to_s : float
-        Start and end of the window.
-    amplitude_mm : float
-        Amplitude at the middle of the window, in the channel with the largest amplitude. A channel is one coordinate of
-        one point.
-    frequency_Hz, loss : float
-        Frequency and loss factor.
-    frequency_sigma_Hz, loss_sigma : float
-        Standard uncertainties of frequency and loss factor due to noise.
-    is_used : bool
-        Whether the window is used to identify the material.
-    """
-
-    from_s: float
-    to_s: float
-    amplitude_mm: float
-    frequency_Hz: float
-    loss: float
-    frequency_sigma_Hz: float
-    loss_sigma: float
-    is_used: bool = True
 
 
 @dataclass(frozen=True)
@@ -176,8 +145,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
         later = _fitted(part.between(spoilt_s, np.inf), frequency, hangs)
         if is_better(later[0], fitted):
             doubts.append(
-                f"{label}: the first {spoilt_s - first:.2g} s are no free vibration, as when the hand still touches the "
-                "beam; these frames are not used"
+                f"{label}: the first {spoilt_s - first:.2g} s are no free vibration, as when the hand still touches "
+                "the beam; these frames are not used"
             )
             first, (fitted, windows, used) = spoilt_s, later
     if used < len(windows):
@@ -203,8 +172,8 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)
-    windows = _windows(fitted)
-    used = _material_windows(windows, hangs)
+    windows = windows_of(fitted)
+    used = material_windows(windows, hangs)
     if used < len(windows):
         fitted = ModalFit.of(part.between(-np.inf, windows[used - 1].to_s), fitted.modes[:1], False)
     else:
@@ -259,8 +228,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
     around = (np.abs(frequency / max(peak, 1e-9) - 1) < 0.15) & allowed
     if not weighted.any() or power[around].max() < 8 * background:
         raise NoVibration(
-            f"{label}: no vibration is clearly larger than the noise; record a larger amplitude, or move the camera "
-            "nearer to the beam"
+            f"{label}: no vibration from {2.5 / span:.2g} to {0.8 * frequency[-1]:.3g} Hz is clearly larger than the "
+            "noise; record a larger amplitude, move the camera nearer to the beam, or record more frames per second"
         )
     return float(frequency[np.argmax(np.where(around, power, 0.0))])
 
@@ -355,70 +324,6 @@ def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
     fewest = 3 * _FEWEST_PERIODS / fitted.frequency_Hz
     last = max(signals.time_s[over[0]] if len(over) else np.inf, signals.time_s[0] + fewest)
     return signals.between(-np.inf, float(last))
-
-
-def _windows(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return the frequency and loss factor of a ring-down in time windows of equal duration.
-
-    The amplitude falls to about a half from the start to the end of a window. Windows with an uncertain fit are left
-    out.
-    """
-    time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
-    period = 1 / fitted.frequency_Hz
-    halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
-    longest = (time[-1] - time[0]) / (4 * period)
-    count = int(np.clip(min(max(round(halvings), 2), longest), 1, _MOST_WINDOWS))
-    frames = len(time) / count
-    if frames < 12:
-        count = max(1, len(time) // 12)
-    ends = np.linspace(time[0], time[-1], count + 1)
-    signals = fitted.signals.reduced
-    windows = []
-    for first, last in pairwise(ends):
-        rows = (time >= first) & (time <= last)
-        t, z = time[rows] - first, signals[rows]
-        if len(t) < 10:
-            continue
-        slow = np.vander(t / max(float(t[-1]), 1e-9), 3)
-
-        def residuals(x: Array, t: Array = t, z: Array = z, slow: Array = slow) -> Array:
-            psi = exponent(t, x, np.zeros(0))
-            orthogonal, _ = np.linalg.qr(np.column_stack([*wave(psi), *wave(2 * psi), slow]))
-            return np.asarray((z - orthogonal @ (orthogonal.T @ z)).ravel())
-
-        solved = least_squares(residuals, fitted.modes[0], method="lm", x_scale=[1e-3, 1e-2], diff_step=1e-6)
-        spread = np.sqrt((solved.fun**2).sum() / max(solved.fun.size - 2 - 4 * z.shape[1], 1))
-        sigma = spread * np.sqrt(np.diag(np.linalg.pinv(solved.jac.T @ solved.jac)))
-        frequency = float(np.exp(solved.x[0]) / (2 * np.pi))
-        if not 0.5 < frequency * period < 2 or sigma[0] > 0.1 or sigma[1] > 0.5 * fitted.modes[0, 1]:
-            continue
-        windows.append(
-            Window(
-                float(first),
-                float(last),
-                float(np.interp(0.5 * (first + last), time, amplitude)),
-                frequency,
-                float(solved.x[1]),
-                frequency * float(sigma[0]),
-                float(sigma[1]),
-            )
-        )
-    return tuple(windows)
-
-
-def _material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
-    """Return the number n of time windows; the first n windows are used to identify the material.
-
-    If the swing of a hanging weight raises the loss, only the windows before the rise are used.
-    """
-    if not hangs or len(windows) < 2:
-        return len(windows)
-    first = windows[0]
-    for i, window in enumerate(windows[1:], 1):
-        rise = window.loss - first.loss
-        if rise > 0.2 * first.loss and rise > 3 * np.hypot(window.loss_sigma, first.loss_sigma):
-            return i
-    return len(windows)
 
 
 def _result(fitted: ModalFit, windows: tuple[Window, ...], label: str, doubts: list[str], hangs: bool) -> Decay:

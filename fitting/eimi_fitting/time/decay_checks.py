@@ -41,12 +41,12 @@ def spoilt_until_s(fitted: ModalFit) -> float | None:
     size = size * np.exp(exponent(time - time[0], fitted.modes[0], fitted.bend).real)
     later = float(np.median(residual[len(time) // 2 :]))
     bad = (residual > _SPOILT * size) & (residual > _OVER_LATER * later)
-    most = int(_MOST_SPOILT * len(time))
-    if not bad[: 2 * window].any() or not bad.any():
+    if not bad[: 2 * window].any():
         return None
-    good = np.flatnonzero(~bad & (np.arange(len(bad)) > np.flatnonzero(bad)[0]))
-    end = int(good[0]) + window // 2 if len(good) else len(time)
-    return float(time[end]) if end <= most else None
+    # The start ends where two periods without such a residual follow.
+    soon = np.array([bad[k : k + 2 * window].any() for k in range(len(bad))])
+    end = int(np.argmax(~soon)) + window // 2 if not soon.all() else len(time)
+    return float(time[end]) if end <= _MOST_SPOILT * len(time) else None
 
 
 def unexplained_share(fitted: ModalFit) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,47 @@ def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
     decay = decay_of(signals_of(motion), "flick", LENGTH_MM, is_stepped=True)
     assert (np.abs(decay.displacement_mm) < 1.1 * decay.envelope_mm + 0.1).all()
     assert np.abs(decay.displacement_mm).max() > 0.7 * decay.envelope_mm.max()
+
+
+def disturbed(motion: Motion, added_mm: np.ndarray) -> Motion:
+    """Return a motion whose points (p,) all move by an additional displacement (n,) times their share of the length."""
+    points = motion.points_mm.copy()
+    points[..., 1] += added_mm[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2
+    return replace(motion, points_mm=points)
+
+
+def test_frames_in_which_a_hand_still_touches_the_beam_are_left_out_and_reported() -> None:
+    motion = recorded(begins_s=0.0, loss=0.06)
+    time = motion.time_s[:, 0]
+    pushes = np.interp(time, np.arange(0.0, 0.9, 0.07), np.random.default_rng(2).standard_normal(13))
+    found = decay(disturbed(motion, np.where(time < 0.8, pushes, 0.0)))
+    assert found.modes[0].frequency_Hz == pytest.approx(5.48, rel=1e-3)
+    assert found.modes[0].loss == pytest.approx(0.06, rel=0.02)
+    assert any("are no free vibration" in words for words in found.doubts)
+
+
+def test_a_vibration_near_the_first_one_is_separated_and_named() -> None:
+    motion = recorded(loss=0.03)
+    time = motion.time_s[:, 0]
+    other = 0.8 * np.exp(-0.015 * 2 * np.pi * 6.1 * time) * np.cos(2 * np.pi * 6.1 * time)
+    found = decay(disturbed(motion, other))
+    assert found.modes[0].frequency_Hz == pytest.approx(5.48, rel=1e-3)
+    assert any("also vibrates at 6.1 Hz" in words for words in found.doubts)
+
+
+def test_a_motion_that_is_mostly_no_vibration_is_refused() -> None:
+    motion = recorded(frequency_Hz=8.5, loss=0.08, rate_Hz=120.0, seconds=2.6, amplitude_mm=1.5)
+    with pytest.raises(NoVibration, match="no damped vibration"):
+        decay(disturbed(motion, np.where(motion.time_s[:, 0] > 0.9, 2.0, 0.0)))
+
+
+def test_a_vibration_that_a_slow_camera_may_show_at_a_wrong_frequency_is_doubted() -> None:
+    found = decay(recorded(frequency_Hz=20.0, rate_Hz=30.0, loss=0.02))
+    assert found.modes[0].frequency_Hz == pytest.approx(10.0, rel=1e-2)
+    assert any("a vibration of 20 Hz would look the same" in words for words in found.doubts)
+
+
+def test_a_weak_hum_that_does_not_decay_is_not_taken_for_the_vibration() -> None:
+    motion = recorded(rate_Hz=120.0, loss=0.04)
+    found = decay(disturbed(motion, 0.05 * np.sin(2 * np.pi * 40.0 * motion.time_s[:, 0])))
+    assert found.modes[0].frequency_Hz == pytest.approx(5.48, rel=2e-3)

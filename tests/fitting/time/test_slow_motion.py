@@ -1,0 +1,40 @@
+"""The rotation that is measured during creep, for a beam that is bent so far that its shape depends on the modulus."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, Loads, Magnet, Specimen
+from eimi_fitting.time.channels import signals_of
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.ringing import RingingBeam
+from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations
+
+MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=MAGNET)
+REST_MM = np.column_stack([np.linspace(4.0, 29.0, 8), np.zeros(8)])
+
+
+def test_the_measured_rotation_of_a_bent_beam_is_converted_into_its_true_rotation() -> None:
+    beam = RingingBeam(BEAM, Loads.along([5.0]), LAWS["neo-hookean"], np.ones(1))
+    per_rad = displacement_per_rad(beam, 46e3, beam.loads, Loads.along([0.0]), REST_MM)
+    model, moduli = beam.planar(), np.linspace(44e3, 36e3, 12)
+    shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
+    true = np.radians(model.tip_angle_deg(shapes))[:, 0]
+    places = model.positions(shapes, REST_MM)[:, 0]
+    time = np.repeat(np.arange(12.0)[:, None], 8, axis=1)
+    signals = signals_of(Motion("creep", places, REST_MM, time, np.full(time.shape, 1e-3)))
+    measured = np.einsum("npi,pi->n", places, per_rad) / (per_rad**2).sum()
+    shown = shown_rotations(beam, 46e3, REST_MM, signals, per_rad)
+    assert shown is not None
+    assert np.ptp(measured) < 0.9 * np.ptp(true)  # one displacement per rad is not enough
+    assert np.ptp(np.interp(true, *shown)) == pytest.approx(np.ptp(measured), rel=3e-3)
+
+
+def test_a_hanging_beam_without_a_field_shows_its_true_rotation() -> None:
+    beam = RingingBeam(BEAM, Loads.along([0.0]), LAWS["neo-hookean"], np.ones(1))
+    time = np.repeat(np.arange(12.0)[:, None], 8, axis=1)
+    places = np.repeat(REST_MM[None], 12, axis=0)
+    signals = signals_of(Motion("creep", places, REST_MM, time, np.full(time.shape, 1e-3)))
+    assert shown_rotations(beam, 46e3, REST_MM, signals, np.ones((8, 2))) is None
