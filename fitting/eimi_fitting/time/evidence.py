@@ -29,6 +29,8 @@ AT_REST_S = 1e4
 """A beam counts as being at rest if the last change of the load was at least this time ago, in s."""
 MESH_ERROR = 3e-4  # relative error of a frequency after its correction to that of the solid
 _LOSS_ERROR = 3e-3  # relative error of a loss
+_HIGHER_ERROR = 0.015  # relative error of a higher frequency: clamp and magnet are not as stiff as they are modelled
+_HIGHER_LOSS_ERROR = 0.05  # relative error of the loss of a higher mode
 _SAME_MODE = 0.12  # relative difference within which a measured frequency belongs to a computed mode
 _MODULI = 7
 _LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
@@ -99,6 +101,7 @@ class RingEvidence:
         roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count, load_log)
         rows = [
             self._whitened(
+                number,
                 mode,
                 np.stack(
                     [
@@ -112,13 +115,16 @@ class RingEvidence:
         ]
         return np.concatenate(rows, axis=1)
 
-    def _whitened(self, mode: RingMode, gaps: Array) -> Array:
+    def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
         """Return the residuals (..., 2) of one mode from the deviations ``gaps`` of ln(frequency) and loss factor.
+
+        number: the number of the mode, from 0.
 
         The deviations are multiplied by the inverse Cholesky factor of their covariance. The residuals are therefore
         uncorrelated and have the variance 1.
         """
-        covariance = self.inflation**2 * mode.covariance + np.diag([MESH_ERROR**2, (_LOSS_ERROR * mode.loss) ** 2])
+        errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (MESH_ERROR, _LOSS_ERROR)
+        covariance = self.inflation**2 * mode.covariance + np.diag([errors[0] ** 2, (errors[1] * mode.loss) ** 2])
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
@@ -126,7 +132,7 @@ class RingEvidence:
         return {
             key: np.concatenate(
                 [
-                    self._whitened(mode, np.stack([change[:, number], np.zeros(len(change))], axis=1))
+                    self._whitened(number, mode, np.stack([change[:, number], np.zeros(len(change))], axis=1))
                     for number, mode in self.modes
                 ],
                 axis=1,

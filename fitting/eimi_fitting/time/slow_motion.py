@@ -143,8 +143,10 @@ def slow_rotations(
     if not gain @ gain > 0:
         return None
     times, channels, shortest = signals.time_s, signals.channels_mm, 0.0
+    still_rings = np.zeros(0)
     if decay is not None and len(decay.baseline_mm):
         after = times > decay.to_s
+        still_rings = _ringing_after(signals, decay, gain, times[after])
         times = np.concatenate([decay.time_s, times[after]])
         channels = np.concatenate([decay.baseline_mm, channels[after]])
         shortest = 1 / decay.modes[0].frequency_Hz
@@ -157,6 +159,8 @@ def slow_rotations(
     if len(times) < 3:
         return None
     rotation = (channels / signals.sigma_mm) @ gain / (gain @ gain)
+    rings = np.zeros(len(times))
+    rings[len(times) - len(still_rings) :] = still_rings
     ends = np.geomspace(times[0], times[-1] * (1 + 1e-9), _MOST_BINS + 1)
     merged = [ends[0]]
     for end in ends[1:]:
@@ -175,4 +179,21 @@ def slow_rotations(
     sigma = np.hypot(
         white / np.sqrt(count), 0.5 * np.minimum(scatter, np.ptp(mean)) / np.sqrt(np.maximum(count / 4, 1))
     )
-    return mean_time, mean, np.asarray(sigma)
+    of_vibration = np.sqrt(np.bincount(place, rings**2)) / count
+    return mean_time, mean, np.asarray(np.hypot(sigma, of_vibration))
+
+
+def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
+    """Return the root mean square of the vibration at m times after the fitted part, (m,) in rad of the tip.
+
+    The frames after the fitted part may be too few to average the vibration away. gain: the displacements per rad of
+    the channels, divided by their noise.
+    """
+    rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
+    vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
+    if not len(vibration) or not len(times_s):
+        return np.zeros(len(times_s))
+    mode = decay.modes[0]
+    last = decay.time_s > decay.to_s - 2 / mode.frequency_Hz
+    size = float(np.sqrt(np.mean(((vibration[last] / signals.sigma_mm) @ gain / (gain @ gain)) ** 2)))
+    return np.asarray(size * np.exp(np.maximum(mode.rate.real, -1e3) * (times_s - decay.to_s)))

@@ -7,9 +7,10 @@ import pytest
 
 from eimi_fitting import LAWS, Loads, Magnet, Specimen
 from eimi_fitting.time.channels import signals_of
+from eimi_fitting.time.decay import decay_of
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.ringing import RingingBeam
-from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations
+from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations, slow_rotations
 
 MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=MAGNET)
@@ -38,3 +39,25 @@ def test_a_hanging_beam_without_a_field_shows_its_true_rotation() -> None:
     places = np.repeat(REST_MM[None], 12, axis=0)
     signals = signals_of(Motion("creep", places, REST_MM, time, np.full(time.shape, 1e-3)))
     assert shown_rotations(beam, 46e3, REST_MM, signals, np.ones((8, 2))) is None
+
+
+def test_few_frames_of_a_beam_that_still_vibrates_have_a_large_uncertainty() -> None:
+    beam = RingingBeam(BEAM, Loads.along([0.0]), LAWS["neo-hookean"], np.ones(1))
+    frame_s = np.append(np.arange(0.01, 6.0, 0.01), np.geomspace(6.0, 12.0, 8))
+    shape = (REST_MM[:, 0] / 30.0) ** 2
+    size = 1.4 * np.exp(-0.1 * frame_s) * np.cos(2 * np.pi * 5.5 * frame_s)
+    places = np.repeat(REST_MM[None], len(frame_s), axis=0)
+    places[..., 1] += size[:, None] * shape
+    places += 1e-3 * np.random.default_rng(1).standard_normal(places.shape)
+    time = np.repeat(frame_s[:, None], 8, axis=1)
+    motion = Motion("creep", places, REST_MM, time, np.full(time.shape, 1e-3))
+    signals = signals_of(motion, 0.0)
+    decay = decay_of(signals, "step", 30.0, is_stepped=True)
+    per_rad = displacement_per_rad(beam, 46e3, beam.loads, Loads.along([5.0]), REST_MM)
+    found = slow_rotations(motion, signals, decay, per_rad)
+    assert found is not None
+    times, rotation, sigma = found
+    late = times > 6.5
+    assert late.any()
+    assert (np.abs(rotation - rotation[~late].mean()) < 4 * sigma + 1e-3).all()
+    assert sigma[late].min() > 0.3 * np.radians(0.5)
