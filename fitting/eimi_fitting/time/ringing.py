@@ -212,6 +212,7 @@ class RingTable:
             Logarithm of a factor on the magnetic loads.
         """
         inside = np.clip(log_modulus, *np.log(self.range_Pa))
+        beyond = np.exp(log_modulus - inside)[:, None]  # outside the table only the equilibrium is that at its end
         factors = np.zeros(len(inside)) if load_log is None else load_log
         each = np.exp(self._size(inside))[:, :, None] * self._polynomials(inside)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, factors), each)
@@ -220,7 +221,10 @@ class RingTable:
         def squares(stiffening: ComplexArray) -> ComplexArray:
             return np.asarray(stiffening * chebval(_in_unit(stiffening), columns, tensor=False))
 
-        return self.solid_over_planar[:count] * fixed_point(squares, ratio, (len(inside), min(count, _MODES)))
+        def of_inside(s: ComplexArray) -> ComplexArray:
+            return np.asarray(beyond * ratio(s))
+
+        return self.solid_over_planar[:count] * fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     @property
     def solid_over_planar(self) -> Array:

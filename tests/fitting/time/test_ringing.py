@@ -82,3 +82,13 @@ def test_amplitudes_are_those_of_the_beam_and_not_of_exposed_frames() -> None:
     assert whole.amplitude_mm == pytest.approx(start, rel=0.01)
     assert whole.windows[0].amplitude_mm / measured.windows[0].amplitude_mm == pytest.approx(1 / np.sinc(0.3), rel=1e-3)
     assert without_blur(measured, None) is measured
+
+
+def test_a_material_that_is_softer_at_rest_than_the_table_keeps_its_modulus_in_the_vibration() -> None:
+    of_table = table(0.0)
+    lowest = of_table.range_Pa[0]
+    at_rest = lowest * np.array([1.0, 0.8])
+    ratios = 60e3 / at_rest  # the modulus in the vibration is 60 kPa
+
+    roots = of_table.roots(np.log(at_rest), lambda s: np.broadcast_to(ratios[:, None] + 0j, s.shape), 1)[:, 0]
+    assert roots.imag[1] == pytest.approx(roots.imag[0], rel=1e-9)
