@@ -100,7 +100,7 @@ def test_lost_frames_of_a_ring_down_are_counted_and_flagged(setup: Any) -> None:
     (event,) = [event for event in events if isinstance(event, RingDownStored)]
     assert event.lost == step.lost
     assert set(event.flags) == {"RING_DOWN_LOST", "RING_DOWN_SLOW"}
-    assert f"{step.lost} lost, RING_DOWN_LOST, RING_DOWN_SLOW" in messages[-1]
+    assert f"{step.lost} frames lost, RING_DOWN_LOST, RING_DOWN_SLOW" in messages[-1]
 
 
 def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setup: Any) -> None:
