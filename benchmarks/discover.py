@@ -46,7 +46,7 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """One hidden law, and the settings of its evidence.
+    """The number of a hidden law, which a discovery has to identify, and the settings of its simulated measurements.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Case:
     off : float
         Largest factor by which Jm, b and alpha of the hidden law differ from the values in the library.
     evidence
-        The kinds of evidence. One discovery is made from each kind.
+        The kinds of evidence: the beam alone, the tensile test alone, or both. One discovery is made from each kind.
     """
 
     seed: int
@@ -72,9 +72,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A hidden law, and one discovery for each kind of evidence.
+    """A hidden law, and one discovery (the search for its terms) from each kind of evidence.
 
-    The discovery is None if a beam had no equilibrium.
+    The kinds of evidence are the bent beam alone, the tensile test alone, and both. A discovery is None if a beam had
+    no equilibrium during the search.
     """
 
     number: int
@@ -83,9 +84,10 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """Draw one hidden law, simulate its evidence, and discover its terms.
+    """Draw a law at random, simulate a tensile test and a bent beam with this law, and discover its terms.
 
-    Return None if the beam of the hidden law has no equilibrium.
+    A discovery knows only the simulated measurements. The result contains the drawn law and one discovery for each
+    kind of evidence in `case`. The result is None if the beam of the drawn law has no equilibrium.
     """
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
@@ -108,7 +110,8 @@ def outcome(case: Case) -> Outcome | None:
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
     """Return "right" if a discovery names exactly the terms of the hidden law, and "wrong" if it names other terms.
 
-    The result is "open" if the discovery does not identify the terms, or is None.
+    The hidden law is the law with which the measurements were simulated. The result is "open" if the discovery does not
+    identify the terms, or is None.
     """
     if discovery is None or not discovery.identified:
         return "open"

@@ -117,7 +117,7 @@ def points_ms(states: int) -> float:
 
 
 def main() -> None:
-    """Print the tables: time (s) and memory (MB) of `eimi fit` by law, section and number of states."""
+    """Print tables of time (s) and memory (MB) of `eimi fit`, by law, section (beam model) and number of states."""
     with tempfile.TemporaryDirectory(prefix="fit_cost") as folder:
         paths = {states: dataset(Path(folder) / f"{states}.h5", states) for states in STATES}
         few = paths[STATES[0]]

@@ -71,7 +71,7 @@ def room_of(file: str) -> str:
 
 
 def changes(text: str) -> list[Change]:
-    """Return every change that the generator can make in a source file."""
+    """Return every change that the generator of mistakes can make in the text of a source file."""
     tree = ast.parse(text)
     skipped = _skipped(tree)
     possible = [

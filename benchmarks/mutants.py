@@ -65,7 +65,7 @@ _OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other statu
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake in the code.
+    """One mistake: a fragment of the code that a wrong fragment replaces, to see whether a test fails.
 
     Attributes
     ----------
@@ -101,22 +101,25 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of the mistake that stays the same if other mistakes are added to the lists.
+        """Return an identifier of this change of the code that stays the same if other changes are added to the lists.
 
-        The identifier depends on the file and the two fragments, and for a listed mistake also on its tests.
+        The identifier depends on the file and the two fragments, and for a listed change also on its tests.
         """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """Return the source text with the mistake. Raises ValueError unless the right fragment occurs exactly once."""
+        """Return the text of the source file with the wrong fragment in place of the right fragment.
+
+        Raises ValueError unless the right fragment occurs exactly once.
+        """
         if text.count(self.right) != 1:
             raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
         return text.replace(self.right, self.wrong)
 
 
 def every_mutant() -> list[Mutant]:
-    """Return the mistakes of all files in ``benchmarks/mistakes``."""
+    """Read the lists of deliberate changes of the code in ``benchmarks/mistakes/*.toml``; return all their entries."""
     mutants: list[Mutant] = []
     for path in sorted(LISTS.glob("*.toml")):
         for row in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]:
@@ -139,8 +142,9 @@ def copied(project: Path, folder: Path) -> Path:
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
     """Put a mistake into a copy of the project, run the tests of the mistake, and restore the copy.
 
-    Return the outcome and the last line of pytest's output. The outcome is "caught" if a test failed, "survived" if no
-    test failed, and "broken" if pytest could not run the tests.
+    A mistake is a deliberate change of one fragment of the code. Return the outcome and the last line of pytest's
+    output. The outcome is "caught" if a test failed, "survived" if no test failed, and "broken" if pytest could not run
+    the tests.
     """
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
@@ -215,7 +219,7 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: fl
 
 
 def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
-    """Return generated mistakes in randomly drawn lines, each with the tests that execute the line.
+    """Return generated mistakes (changes of the code) in randomly drawn lines, each with the tests of its line.
 
     `number` is the number of lines, `seed` is the seed of the draw, and `rooms` are the packages from which the lines
     are drawn; without `rooms`, the lines come from all packages.
@@ -240,7 +244,7 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the generated mistakes that change no behaviour: the key of each mistake with the reason as text."""
+    """Return the generated changes of the code that change no behaviour: the key of each, with the reason as text."""
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 
@@ -248,7 +252,8 @@ def equivalent_keys() -> dict[str, str]:
 def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
     """Return lines of Markdown: for each room, the share of caught mistakes and the 95 % interval of the share.
 
-    `outcomes` contains "caught", "survived" or "broken" by the key of each mistake.
+    A room is a package. A mistake is a deliberate change of the code, and is caught if a test fails. `outcomes`
+    contains "caught", "survived" or "broken" by the key of each mistake.
     """
     excused = equivalent_keys()
     counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
@@ -266,7 +271,8 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
     """Return lines of Markdown: for each list, the number of tried mistakes and the number of caught mistakes.
 
-    `outcomes` contains "caught", "survived" or "broken" by the key of each mistake that was tried.
+    A mistake is a deliberate change of the code, and is caught if a test fails. `outcomes` contains "caught",
+    "survived" or "broken" by the key of each mistake that was tried.
     """
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 

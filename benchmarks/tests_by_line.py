@@ -80,7 +80,7 @@ class TestsByLine:
         self._seconds: dict[str, float] = json.loads(SECONDS.read_text(encoding="utf-8"))
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests for a mistake in a line, in the order in which they are to be run.
+        """Return the tests for a mistake (a deliberate change) in a line of code, in the order in which they are run.
 
         At most `MOST_TESTS` tests, which together take at most `MOST_S` (s), are returned.
 

@@ -76,7 +76,10 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """After a failed test, kill the processes that the test left behind; a guardian process would run for an hour."""
+    """After a failed test, kill the processes that the test left behind.
+
+    A guardian, the process that switches a coil off if a run dies, would otherwise keep trying for an hour.
+    """
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):

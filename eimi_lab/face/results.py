@@ -75,9 +75,10 @@ class Validations:
         return Path(path)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the errors of the states against the field.
+        """Return a matplotlib figure of the error of each state against the field.
 
-        The figure has a curve for each fit and dataset.
+        The error is the root mean square distance of the measured points from the simulated edges. The figure has a
+        curve for each fit and dataset.
         """
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 

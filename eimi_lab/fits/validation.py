@@ -92,7 +92,10 @@ class Validation(Record):
         return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the errors of the states, with bars of one standard deviation."""
+        """Return a matplotlib figure of the error of each state, with bars of one standard deviation.
+
+        The error is the root mean square of the distances between the measured points and the simulated edges.
+        """
         from eimi_lab.fits.fit_figures import drawn_errors  # matplotlib is slow to import
 
         rows = [(s.state, s.field_mT, s.error_mm, s.deviation_mm) for s in self.by_state]

@@ -16,7 +16,7 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """Do nothing with a text. A caller that shows no progress uses this function as its report."""
+    """Do nothing with a text. A caller that shows no progress passes this function where texts would be shown."""
 
 
 @contextmanager

@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 
 SAME_FIELD_MT = 5e-5  # a smaller change of the field moves the tip by less than a thousandth of a pixel
 _FIELDS = 17  # number of fields from zero to the strongest one; the solid is solved in some of these fields
-# Largest numbers of elements for the stiffness of the moving rod, in the order of `Virtual.mesh`. A finer mesh changes
-# the frequency of the beam by less than the error of the rod model.
+# Largest numbers of elements for the stiffness of the rod that models the moving beam, in the order of `Virtual.mesh`.
+# A finer mesh changes the frequency of the beam by less than the error of the rod model.
 _MESH_OF_STIFFNESS = (
     16,
     2,

@@ -1,8 +1,9 @@
 """The outlines of the virtual beam in motion.
 
-The solid is solved at rest in a few fields, and its outlines are interpolated between these fields. For a beam in
-motion, the field is chosen in which the tip of the rod at rest has the same angle as the moving tip. The outline of the
-solid at rest in this field is then moved by the difference between the moving rod and the rod at rest.
+The motion is computed with a simplified model of the beam, a rod (`MovingBeam`). The solid is solved at rest in a few
+fields, and its outlines are interpolated between these fields. For a beam in motion, the field is chosen in which the
+tip of the rod at rest has the same angle as the moving tip. The outline of the solid at rest in this field is then
+moved by the difference between the moving rod and the rod at rest.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class MovingOutlines:
             self._across = np.append(self._across, half_magnet * np.array([-1.0, -1.0, 1.0, 1.0]))
 
     def at(self, coordinates: Array) -> Outlines:
-        """Return the outlines of the beam and of the magnet for a shape of the moving rod.
+        """Return the outlines of the beam and of the magnet for a shape of the rod, the simplified model of the beam.
 
         Parameters
         ----------

@@ -137,10 +137,11 @@ def test_its_edges_are_detected_at_the_same_positions(release: Path, eimi: Calla
 
 
 def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """A fit continues from a checkpoint of the release in which one generation is missing.
+    """A fit that continues from a checkpoint of the release gives the same numbers as the release.
 
-    A checkpoint is continued only by the versions that its header names. The test therefore writes the present versions
-    into the header.
+    A checkpoint is the log of the search for the parameters, with one line for each generation of CMA-ES. The test
+    removes the last generation and the result. A checkpoint is continued only by the versions that its header names.
+    The test therefore writes the present versions into the header.
     """
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})

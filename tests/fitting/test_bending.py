@@ -1,4 +1,7 @@
-"""`Beam(specimen).solve` is the forward model for every section of a beam, for one set of parameters or many."""
+"""`Beam(specimen).solve` computes the shapes of a beam for one set of parameters of a law or many.
+
+The section of the specimen, "solid", "plane-stress" or "plane-strain", selects the solid or a planar model of the beam.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ def test_a_solid_specimen_is_solved_as_a_solid():
 
 
 def test_the_section_of_a_specimen_selects_its_model():
-    """The section of a specimen selects the planar or the solid model, with different rotations of the tip.
+    """The section ("solid" or "plane-stress") of a specimen selects its model; the rotations of the tip differ.
 
     At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 with a solid section (26 x 3 elements).
     """

@@ -44,7 +44,7 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the causes replace the loads of the classes above too."""
+    """Let the function `replace` of the module of possible causes change the two classes of this file too."""
 
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):

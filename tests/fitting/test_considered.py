@@ -51,7 +51,10 @@ def noisy_edges(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment with edges and the dimensions of `beam`; `stated` are standard uncertainties by source."""
+    """Return an experiment with edges and the dimensions of `beam`.
+
+    stated: standard uncertainties of the inputs, by the names of the inputs.
+    """
     stated_sources = tuple(
         StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
     )

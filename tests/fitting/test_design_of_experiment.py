@@ -112,7 +112,7 @@ def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
 
 
 def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
-    """A plan for a planar section includes the error of the mesh, and a plan for a solid section does not.
+    """A plan for a beam in plane stress or strain includes the error of the mesh, and a plan for a solid does not.
 
     The remaining error of the solid model already contains the error of its mesh.
     """

@@ -131,7 +131,10 @@ def comparison(mean_mm: list[float], states: int = 4) -> Any:
 
 
 def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
-    """Return an evaluation whose standardised residuals `z` belong to one curve row, one nuisance and one prior."""
+    """Return the evaluation of several candidates; `z` has one row of standardised residuals for each candidate.
+
+    The columns of `z` belong to a row of a tensile curve, a nuisance (an uncertain input) and a prior on the law.
+    """
     columns = [np.array(z)[:, k : k + 1] for k in range(3)]
     return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
 
@@ -525,7 +528,11 @@ def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -
 
 
 def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
-    """Return linear evidence of two unknowns: two states, two rows of a curve, a freed nuisance and a law prior."""
+    """Return the linearised residuals of a fit with two unknowns, a parameter of the law and a nuisance.
+
+    A nuisance is an uncertain input that the fit estimates too. The residuals are those of two states, two rows of a
+    tensile curve, the nuisance and a prior on the law.
+    """
     rng = np.random.default_rng(8)
     states = replace(states_of(rng.normal(size=(2, 5)), rng.normal(size=(2, 2, 5))), weights=np.array([2.0, 3.0]))
     curve_slopes = rng.normal(size=(2, 2))
@@ -553,8 +560,8 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
 def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
     """Return minus the log-likelihood with priors, up to a constant, after a step of the two unknowns.
 
-    The first unknown has the prior of the bounds, centred on the optimum. The second one is a nuisance whose deviation
-    is 0.7 standard deviations at the optimum.
+    The first unknown has the prior of the bounds, centred on the optimum. The second unknown is a nuisance
+    (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum.
     """
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
@@ -603,7 +610,10 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:
-    """The distance is the residual at the optimum of the other evidence, over the standard deviation of the sum."""
+    """The distance of a prior is its residual at the optimum without this prior, over the standard deviation.
+
+    The variance of this residual is the sum of the variances of the prior and of the fit without the prior.
+    """
     about = evidence()
     shift = np.linalg.solve(about.hessian, about.score)
     at_optimum = replace(about, law_priors=about.law_priors - shift @ about.law_prior_slopes)
@@ -699,7 +709,10 @@ def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
 
 
 def test_a_shift_in_common_is_explained_by_the_source_and_the_noise_remains() -> None:
-    """The residuals are white noise and 1.5 standard uncertainties of a source, which least squares finds."""
+    """Least squares separates white noise from the shift that an uncertain input causes.
+
+    The residuals are noise and the effect of 1.5 standard uncertainties of the input.
+    """
     clean = noisy([0.01, 0.01, 0.01])
     change = np.full_like(clean.residuals, 0.05)
     spoilt = noise._with_residuals(clean, clean.residuals + 1.5 * change)
@@ -751,7 +764,10 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return a candidate for the upper end of the first of two coordinates, 0.1 from the optimum at 0.5."""
+    """Return a candidate for the upper end of the interval of the first of two coordinates.
+
+    The candidate is at 0.6, and the optimum is at 0.5.
+    """
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))
 

@@ -1,4 +1,4 @@
-"""Fits with a solid section give the right modulus from edges that no planar model reproduces.
+"""Fits with the solid model of the beam give the right modulus from edges that no planar model reproduces.
 
 The depth effect, the difference of the solid from its planar model, is reused if possible.
 """

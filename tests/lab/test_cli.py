@@ -1,4 +1,7 @@
-"""The command line gives one line for every mistake and an exit status for its kind; some commands need no run."""
+"""The command line gives one line for every mistake of a user, and an exit status for the kind of the mistake.
+
+Some commands need no measurement.
+"""
 
 from __future__ import annotations
 

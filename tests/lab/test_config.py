@@ -1,4 +1,4 @@
-"""TOML files are read: currents exactly, the shipped files without an error, and each mistake gives one line."""
+"""TOML files are read: currents exactly, the shipped files without an error; a mistake in a file gives one line."""
 
 from __future__ import annotations
 

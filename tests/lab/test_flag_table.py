@@ -17,7 +17,7 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table: name of the flag, limit, severity, and the limit beyond which a state is unusable.
+    """A row of the table: name of the flag (warning), limit, severity, and the limit beyond which a state is unusable.
 
     below: whether values below the limit are flagged, instead of values above the limit. adds: a value that gives a
     doubtful state, the standard deviation that this value adds to the points, and the unit of this deviation.
@@ -121,7 +121,7 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """A worse value of a flagged quantity never adds a smaller deviation to the points."""
+    """A worse value of a quantity that has a flag (warning) never adds a smaller deviation to the points."""
     for check in CHECKS:
         if check.widens is None:
             continue

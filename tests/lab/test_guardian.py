@@ -241,7 +241,7 @@ def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without
 
 
 def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
-    """Stop a run and its guardian for 1.5 s, as the sleep of a computer does."""
+    """Stop a run, and the guardian process that would switch its coil off, for 1.5 s, as a sleeping computer does."""
     with switching_off(coil, guardian) as stop_if_asked:
         stop_if_asked()
         os.kill(guardian._process.pid, signal.SIGSTOP)
@@ -252,7 +252,7 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Check a guardian repeatedly for some seconds, as a run does.
+    """Check for some seconds, as a run does, that its guardian (the process that switches the coil off) answers.
 
     One check is not enough, because the run may first have to read earlier reports of a guardian that is now stopped.
     """

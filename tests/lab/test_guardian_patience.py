@@ -1,6 +1,7 @@
 """The guardian takes over from a run at the right time, and attempts to switch the coil off for the right duration.
 
-The clock of these tests advances only while the guardian waits.
+The guardian is the process that switches the coil off if the run dies. The clock of these tests advances only while the
+guardian waits.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock that replaces the module `time`; it advances only while the guardian sleeps or waits."""
+    """A clock that replaces the module `time`; it advances only while the guardian process sleeps or waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -69,7 +70,10 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """A run that sends messages to the guardian through a pipe, each message at a given time."""
+    """A run that sends messages through a pipe to the guardian, the process that switches the coil off if a run dies.
+
+    Each message is sent at a given time.
+    """
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
         self._clock, self._began_s = clock, clock.now_s
@@ -191,7 +195,7 @@ class Attempts:
 
 
 class Process:
-    """The process of the run, which records whether the guardian kills it."""
+    """A replacement for the process of a run; it records how often the guardian process kills the run."""
 
     def __init__(self) -> None:
         self.killed = 0
@@ -206,7 +210,10 @@ class Process:
 def switched_off(
     monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
 ) -> tuple[list[tuple[float, Event]], Process]:
-    """Let the guardian switch the coil off; return its events with their times (s), and the process of the run."""
+    """Let the guardian, which switches the coil off if a run dies, do so; return its events and the process of the run.
+
+    Each event has its time (s). takeover: the reason for which the guardian takes over from the run.
+    """
     monkeypatch.setattr(guardian_process, "_try_once", attempts)
     events: list[tuple[float, Event]] = []
     process = Process()

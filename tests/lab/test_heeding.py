@@ -1,4 +1,7 @@
-"""What a run does on a signal, on a lost guardian and at its end, each in the order of the calls."""
+"""A run reacts to a signal, to a lost guardian process and to its own end by the right calls in the right order.
+
+The guardian is the process that switches the coil off if the run dies.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,10 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """Coil or guardian that writes its calls into one list; `errors` contains the error that a call raises."""
+    """A replacement for a coil or a guardian process, which appends its calls to one list.
+
+    `errors` contains, by the name of a method, the error that a call of this method raises.
+    """
 
     unreachable = ""
     out_of_control = False
@@ -71,7 +77,7 @@ def heeded(did: list[Any], coil: Any, guardian: Any) -> _SignalsHeeded:
 
 
 class Heeding:
-    """The heeded signals of a run with a recorded coil and guardian."""
+    """A run with a recorded coil and a recorded guardian, and the object that handles the signals of the run."""
 
     def __init__(self) -> None:
         self.did: list[Any] = []
@@ -80,7 +86,7 @@ class Heeding:
         self.heeded = heeded(self.did, self.coil, self.guardian)
 
     def done(self) -> list[Any]:
-        """Return the calls and the kinds of the events since the last call of this method."""
+        """Return the recorded calls, and the types of the events, since the last call of this method."""
         new = [type(one) if isinstance(one, Event) else one for one in self.did]
         self.did.clear()
         return new
@@ -159,7 +165,7 @@ def test_while_a_state_is_stored_a_second_signal_switches_off_once(run: Heeding)
     run.heeded.switch_off_in_haste()
     assert run.done() == ["guardian allow 30", "coil switch_off", OutputSwitched, OffConfirmed]
     run.heeded.switch_off_in_haste()
-    run.heeded.leave_in_haste()  # the coil is off: nothing is interrupted any more
+    run.heeded.leave_in_haste()  # the coil is off, so that signals interrupt nothing any more
     assert run.done() == []
 
 
@@ -174,7 +180,10 @@ def test_a_wrong_current_while_a_state_is_stored_switches_off_and_ends_the_run_a
 
 
 def ended(run: Heeding, **errors: Exception) -> list[Any]:
-    """Return the calls and events of the end of a run in which the calls of the coil raise `errors`."""
+    """End a run in which the calls of the coil raise `errors`; return the recorded calls and events.
+
+    errors: the error of each call, by the name of the method.
+    """
     run.coil.errors.update(errors)
     ramp_down_and_switch_off(run.coil, run.guardian, on_event=run.did.append)
     return run.done()
@@ -248,7 +257,7 @@ def test_a_driver_of_an_installed_package_is_not_sent() -> None:
 
 
 class Sensor:
-    """Sensor whose readings are prepared; None stands for a sensor that does not answer."""
+    """A sensor with prepared readings; None among the readings means that the sensor does not answer."""
 
     def __init__(self, unit: str, *values: float | None) -> None:
         self.unit, self.values = unit, list(values)
@@ -264,7 +273,10 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return the sensors by name and quantity, their clock, and the list of beats and warnings."""
+    """Return a reader of sensors, its clock, and the list that collects its warnings and signs of life ("beat").
+
+    sensors: name, measured quantity and replacement of each sensor.
+    """
     clock = SimulatedClock()
     told: list[str] = []
     opened = [
@@ -289,7 +301,7 @@ def test_a_silent_sensor_is_left_out_for_2_s_and_warned_about_once() -> None:
     assert reader.values() == {"b": 5.0}
     assert told[5:] == ["beat"]
     clock.sleep(0.2)
-    assert reader.values() == {"b": 5.0}  # tried again, without another warning
+    assert reader.values() == {"b": 5.0}  # the sensor is read again, without another warning
     assert told[6:] == ["beat", "beat"]
     clock.sleep(2.0)
     assert reader.values() == {"a": 2.0, "b": 5.0}
@@ -312,7 +324,7 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument whose calls are written into one list; a call that repeats the last entry is left out."""
+    """An instrument that appends its calls to one list; a call that repeats the last entry is left out."""
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out
@@ -333,7 +345,7 @@ class Traced:
 
 
 def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
-    """The output is on only between arming and disarming, and every state is settled, checked, taken and stored."""
+    """The output is on only while the guardian is armed; each state is settled, checked, recorded and stored."""
     did: list[str] = []
     recorder = Recorder([], "guardian")
     air = OpenSensor(
@@ -366,7 +378,10 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
 
 
 def test_lost_frames_are_told_with_the_state_in_which_they_were_lost(setup: Any) -> None:
-    """The camera loses a frame before the states, two in state 1, and one in state 2, in which it then fails."""
+    """A message names the states in which the camera lost frames.
+
+    The camera loses a frame before the states, two frames in state 1, and one frame in state 2, in which it then fails.
+    """
     lost = setup.camera.lost_frames = Counter({"late": 1})
     did: list[Any] = []
 
@@ -487,7 +502,10 @@ def test_an_instrument_that_is_not_found_is_told_with_the_attached_ones(monkeypa
 def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
     setup: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each current is held for 0.5 s, and its five readings are 0.1 s apart. The probe reads 4 mT/A and 0.1 mT."""
+    """A calibration of the coil reads the field at constant currents, and ends with the coil off.
+
+    Each current is held for 0.5 s, and its five readings are 0.1 s apart. The gaussmeter reads 4 mT/A and 0.1 mT.
+    """
     did: list[str] = []
     clock, coil = setup.bench.clock, setup.coil
     coil.current_noise_A = 0.0

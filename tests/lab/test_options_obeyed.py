@@ -246,7 +246,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
 
 
 def test_states_that_their_run_has_flagged_are_left_out_unless_an_option_includes_them(dataset: Path) -> None:
-    """A fit leaves out a state that its run has flagged, unless the option for flagged states is set.
+    """A fit leaves out a state to which the run has attached a flag (a warning), unless an option includes such states.
 
     The second state was flagged by its run, and gets the good edges of the first state in this test.
     """

@@ -1,6 +1,7 @@
 """The guardian asks systemd for a scope (a control group) of its own, and works without systemd.
 
-In its own scope, the guardian survives the end of the user's session.
+The guardian is the process that switches the supply off if the run fails. In its own scope, the guardian survives the
+end of the user's session.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The wait for rest, the check of the current, the guardian and the limits work, each tested alone.
 
-The instruments are emulated in this file, and time is simulated.
+The guardian is the process that switches the coil off if a run dies. The instruments are emulated in this file, and
+time is simulated.
 """
 
 from __future__ import annotations

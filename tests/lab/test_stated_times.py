@@ -101,7 +101,10 @@ def test_a_time_or_bound_has_the_value_that_is_relied_on(module: Any, name: str,
 
 
 def test_the_times_of_run_and_guardian_leave_room_for_each_other() -> None:
-    """The guardian reports four times before it counts as gone, and a run sends many beats before it stands still."""
+    """A run and its guardian, the process that switches the coil off, send many signs of life before either is doubted.
+
+    The run sends a sign every 0.1 s. The guardian counts as gone after 1.5 s, and the run as stopped after 5 s.
+    """
     assert 10 * guardian.BEAT_EVERY_S < guardian.SILENT_FOR_S < guardian.STILL_FOR_S < guardian.LONGEST_GAP_S
     assert coil.WATCH_EVERY_S < guardian.STILL_FOR_S
     assert ring_downs._EARLY_S < coil.WATCH_EVERY_S

@@ -170,7 +170,7 @@ FORM_FIELDS = (
 
 
 class Watcher:
-    """Notes what a trial reports to its guardian."""
+    """A replacement for the guardian, the process that switches the supply off if a trial fails; records the calls."""
 
     def __init__(self) -> None:
         self.told: list[Any] = []

@@ -157,7 +157,7 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
     """An edge that is reliable on half of its length is doubtful if the gaps are short, and unusable with one long gap.
 
-    The reliable stations are ten of every twenty, or the first half.
+    The edge has 400 stations, which are places along the beam. Ten of every twenty are reliable, or the first half.
     """
     place = np.arange(400)
     flags_of_cases = []

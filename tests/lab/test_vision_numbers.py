@@ -74,9 +74,10 @@ def test_the_position_of_the_clamp_is_checked_in_the_straight_state(straight_off
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
 def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
-    """The flag of a moving beam adds the size of the motion to the standard deviation of the points.
+    """The flag (warning) of a moving beam adds the size of the motion to the standard deviation of the points.
 
-    A settling ratio of 2.3 corresponds to a motion of a fifth of a pixel.
+    The ratio compares two frames: their difference over the noise of the camera. A ratio of 2.3 corresponds to a motion
+    of a fifth of a pixel.
     """
     (flag,) = judge({finding: 2.3})
     assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)

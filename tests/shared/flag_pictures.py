@@ -182,7 +182,10 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 def table() -> str:
-    """Return a Markdown table of all flags: measured quantity, limit, severity, and contribution to the uncertainty."""
+    """Return a Markdown table of all flags, the warnings about edges.
+
+    The columns are the measured quantity, its limit, the severity, and the contribution to the uncertainty.
+    """
     rows = ["| flag | value | limit | severity | adds to σ at the limit |", "| --- | --- | --- | --- | --- |"]
     for check in CHECKS:
         below = "below " if check.below else ""

@@ -73,7 +73,7 @@ class Hidden:
 
     @property
     def modulus_Pa(self) -> float:
-        """Initial shear modulus (Pa) of the hidden law."""
+        """Initial shear modulus (Pa) of the law."""
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
@@ -82,9 +82,10 @@ class Hidden:
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return the experiment of a bent specimen from another material lot.
+        """Return simulated edges of a bent beam with this law, as an experiment.
 
-        Raises NoEquilibrium if the beam has no equilibrium.
+        The material lot of the beam is stiffer or softer than the lot of the tensile test by about 2 %. solid: whether
+        the beam is a solid instead of planar. Raises NoEquilibrium if the beam has no equilibrium.
         """
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()

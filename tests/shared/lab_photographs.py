@@ -76,9 +76,10 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
     """Return a verdict on the detected edges, and their root-mean-square error as a multiple of the beam's width.
 
-    The verdict is "refused" (no edges, or a flag that makes them unusable), "good" (error of at most `WRONG`),
-    "doubted" (wrong, but with a flag) or "silent" (wrong without a flag). In a picture without a beam, all edges are
-    wrong. The error is NaN for refused edges and for a picture without a beam.
+    A flag is a warning about edges, which are then unusable or doubtful. The verdict is "refused" (no edges, or a flag
+    "unusable"), "good" (error of at most `WRONG`), "doubted" (larger error with a flag "doubtful") or "silent" (larger
+    error without this flag). In a picture without a beam, all edges are wrong. The error is NaN for refused edges and
+    for a picture without a beam.
     """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:

@@ -62,7 +62,7 @@ class HiddenStrip:
     series : Prony
         The Prony series of the material.
     rest_rad : ndarray, shape (_STATIONS,)
-        Direction of the centre line at rest, at equally spaced stations.
+        Direction of the centre line at rest, at equally spaced places along the strip.
     first_rad, second_rad : ndarray, shape (_STATIONS,)
         Change of this direction (rad) in the first and the second mode for each mm of deflection at the tip.
     rates : tuple of complex

@@ -148,7 +148,7 @@ class Outcome:
 
     rms_px: root-mean-square error; pull: root mean square of error over standard uncertainty; coverage: share of the
     length that the shorter edge covers. rms_px and pull are NaN for unusable edges. usable: whether a fit uses the
-    edges; doubtful: whether a flag marks the edges as doubtful.
+    edges; doubtful: whether a flag (warning) marks the edges as doubtful.
     """
 
     kind: str

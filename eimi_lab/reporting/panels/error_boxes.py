@@ -18,9 +18,10 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw axes of the same scale for each specimen, with a box plot of the errors of the states for each fit.
+    """Draw axes of the same scale for each specimen, with a box plot for each fit of the errors in its states.
 
-    The boxes have the colours of the laws.
+    The error in a state is the root mean square distance of measured points from simulated edges. The boxes have the
+    colours of the laws.
     """
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)

@@ -31,7 +31,7 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 Array = NDArray[np.float64]
 
 _TOLERANCES = (0.6, 0.2)  # widths, of the two passes: about the border of a shadow, which may be as wide as this, then
-# about the first result
+# about the edges that the first pass has found
 _WINDOW = 1.0  # widths along the beam over which both edges are compared; a shorter difference is ignored
 _LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the image: a smaller shift is ignored
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
@@ -56,7 +56,8 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Returns
     -------
     Seams
-        The moved edges. `Seams.shadow` also contains the width of a translucent rim, whose outer border is not moved.
+        The moved edges. `Seams.shadow` contains the distance to the border of a shadow. It also contains the width of a
+        darker rim or side that belongs to the beam; there the edge is not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -108,8 +109,9 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
     """Return, at each of n stations, whether the region between an edge and a border has a hue like the surroundings.
 
-    The hue of the region differs from the hue of the surroundings by less than half as much as the hue of the beam
-    does. A shadow has such a hue, because the beam throws only a part of its colour into the shadow.
+    A station is a place along the beam. The hue of the region differs from the hue of the surroundings by less than
+    half as much as the hue of the beam does. A shadow has such a hue, because the beam throws only a part of its colour
+    into the shadow.
     """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]

@@ -1,8 +1,7 @@
 """The centre line of a beam of fixed length in the picture, described by its direction at each arc length.
 
 The direction is a polynomial in the arc length. The integral of the unit vector in this direction gives the points of
-the line. While the
-beam bends, the point at a fixed arc length is therefore always the same material point.
+the line. While the beam bends, the point at a fixed arc length is therefore always the same material point.
 """
 
 from __future__ import annotations

@@ -25,9 +25,10 @@ _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this man
 
 
 def spoilt_until_s(fitted: ModalFit) -> float | None:
-    """Return the time in s until which the motion at the start differs from the fitted vibrations; None if it does not.
+    """Return the time in s until which the start of a ring-down differs from the fitted vibrations.
 
-    At most 40 % of the frames are left out.
+    The result is None if the start does not differ, or if the recording is shorter than six periods. It is also None if
+    the motion differs for more than 40 % of the frames.
     """
     time = fitted.signals.time_s
     period = 1 / fitted.frequency_Hz
@@ -50,7 +51,7 @@ def spoilt_until_s(fitted: ModalFit) -> float | None:
 
 
 def unexplained_share(fitted: ModalFit) -> float:
-    """Return the root mean square of the residuals, divided by that of the fitted vibrations."""
+    """Return the root mean square of the residuals, divided by the root mean square of the fitted vibrations."""
     design = design_matrix(fitted.signals.time_s, fitted.modes, fitted.bend)[:, : 2 * len(fitted.modes) + 4]
     vibration = design @ fitted.linear[: design.shape[1]]
     vibration = vibration - vibration.mean(axis=0)
@@ -60,13 +61,18 @@ def unexplained_share(fitted: ModalFit) -> float:
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
     """Return whether the later frames alone are described much better than all frames.
 
-    If not, the residuals have another cause than the start of the recording, for example errors of the times.
+    later, whole: fits to these frames. If the result is False, the residuals have another cause than the start of the
+    recording, for example errors of the times.
     """
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 
 
 def refusal_of(fitted: ModalFit, label: str) -> str | None:
-    """Return why a fit must not be used; None if the vibrations describe most of the motion."""
+    """Return a text that says why a fit must not be used; None if it may be used.
+
+    A fit may be used if the vibrations describe most of the motion, or if the rest is not much larger than the noise.
+    label: where the recording comes from.
+    """
     share = unexplained_share(fitted)
     if share < _REFUSED or fitted.noise < _OVER_NOISE:
         return None

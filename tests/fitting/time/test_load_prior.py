@@ -46,7 +46,10 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """Evidence for ln(modulus) + `of_load` ln(load factor) with a normal distribution of `mean` and `sigma`."""
+    """A simulated measurement of ln(modulus / MODULUS_PA) + `of_load` ln(load factor), with normal noise.
+
+    mean, sigma: measured value and standard deviation.
+    """
 
     of_load: float
     mean: float

@@ -1,4 +1,7 @@
-"""The page answers only requests with its token from its own address, and shows only files of its folder."""
+"""The dashboard in the browser answers only requests with its token from its own address.
+
+The dashboard shows only files of its folder.
+"""
 
 from __future__ import annotations
 

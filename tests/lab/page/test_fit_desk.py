@@ -1,4 +1,4 @@
-"""Requests from the page to fit a dataset: wrong requests are refused, and the page shows why a fit has failed."""
+"""Requests from the dashboard to fit a dataset: wrong requests are refused, and a tab shows why a fit has failed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page is legible and usable: contrast, small windows, and a STOP button that is always visible."""
+"""The dashboard is legible and usable: contrast, small windows, and a STOP button that is always visible."""
 
 from __future__ import annotations
 

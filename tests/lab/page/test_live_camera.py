@@ -1,4 +1,4 @@
-"""The page shows the live picture of the camera before a run, in a browser and with an emulated bench."""
+"""The dashboard in the browser shows the live picture of the camera before a run, with an emulated bench."""
 
 from __future__ import annotations
 

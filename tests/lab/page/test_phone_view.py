@@ -1,4 +1,4 @@
-"""In the view "Weights and a phone" of the page, pictures, clicks and typed values lead to the modulus of a beam."""
+"""In the dashboard's view "Weights and a phone", pictures, clicks and typed values lead to the modulus of a beam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The page derives the state of the coil from events, and never from messages of the run or of its guardian process."""
+"""The dashboard derives the state of the coil from events, and never from messages of the run or of its guardian.
+
+The guardian is the process that switches the coil off if the run dies.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page shows the properties, images and edges of stored datasets, and does not change the datasets."""
+"""The dashboard in the browser shows the properties, images and edges of stored datasets, and never changes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""WebSockets that do not behave like a tab of the page are closed, and the server prints no message about them."""
+"""WebSockets that do not behave like a tab of the dashboard are closed, and the server prints no message about them."""
 
 from __future__ import annotations
 
