@@ -51,7 +51,7 @@ class Interlock(Table):
         Examples
         --------
         >>> Interlock(reading="coil_voltage_V", maximum=12.0).in_words
-        'coil_voltage_V at most 12, silent for at most 5 s'
+        'coil_voltage_V at most 12, without a reading for at most 5 s'
         """
         bounds = [("at least", self.minimum), ("at most", self.maximum)]
         words = " and ".join(f"{bound} {value:g}" for bound, value in bounds if value is not None)
