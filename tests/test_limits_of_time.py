@@ -45,7 +45,8 @@ def test_the_time_limit_applies_to_this_test(request: pytest.FixtureRequest) -> 
 def test_a_hanging_test_is_ended_with_its_processes(tmp_path: Path) -> None:
     """A test that never ends is ended at its time limit, together with the two processes that it has started.
 
-    One process is a child of the test. The other process is an orphan in a separate session, as a guardian process is.
+    One process is a child of the test. The other process is an orphan in a separate session, as the guardian
+    process is, which switches the coil off if a run dies.
     """
     (tmp_path / "test_hanging.py").write_text(HANGING)
     options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")

@@ -51,7 +51,10 @@ def test_a_record_cannot_be_changed() -> None:
 
 
 def test_records_with_many_fields_take_them_by_name_alone() -> None:
-    """An event, a run in progress, and the large results of a fit: a new field can then stand in any place."""
+    """The fields of events, of a run in progress and of large results of a fit can only be given by name.
+
+    A new field can then stand in any place of the class.
+    """
     found = {
         record.__name__
         for record in dataclasses_of_the_packages()

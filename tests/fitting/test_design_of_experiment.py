@@ -66,7 +66,7 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
     """The half-width of the interval is within 20 % of the half-width that the plan predicts.
 
-    The plan uses an earlier run with equally spaced fields.
+    A plan chooses the states of the next run, here from the fit of an earlier run with equally spaced fields.
     """
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
@@ -98,7 +98,7 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
 def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
     """The square of the remaining error of the solid model is added to the squared half-width of every plan.
 
-    Both are half-widths in per cent of the modulus.
+    A plan is a choice of the states of the next run. Both numbers are half-widths in per cent of the modulus.
     """
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     without, with_error = (
@@ -114,7 +114,8 @@ def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
 def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
     """A plan for a beam in plane stress or strain includes the error of the mesh, and a plan for a solid does not.
 
-    The remaining error of the solid model already contains the error of its mesh.
+    A plan is a choice of the states of the next run. The remaining error of the solid model already contains
+    the error of its mesh.
     """
     loads = Loads.along([2.0, 4.0])
     sources = (StatedSource("width", 0.02, "here"),)

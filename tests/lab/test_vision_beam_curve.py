@@ -1,4 +1,4 @@
-"""The curve of a tracked beam: its ends stay near the usual curve if the picture does not determine them."""
+"""The ends of the curve of a tracked beam stay near an expected curve if the picture does not determine them."""
 
 from __future__ import annotations
 
