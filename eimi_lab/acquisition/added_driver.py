@@ -59,7 +59,7 @@ def pack(name: str) -> str:
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add a supply driver to the registry `SUPPLIES` of this process.
+    """Add a supply driver to the registry `SUPPLIES` (the drivers by name) of this process.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Open the camera of a rig: a device, a recording, or a virtual beam in the coil of an emulated supply."""
+"""Open the camera of a rig: a device, a recording, or a virtual beam in the coil of an emulated supply.
+
+A rig is the set of instruments that a rig file lists.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from eimi_lab.config.specimen import SpecimenFile
 
 
 def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> Camera:
-    """Return the open camera of a rig, with its settings applied.
+    """Return the open camera of a rig (the instruments of a rig file), with the settings of the camera applied.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Take the frames of one state, and flag frames with defects."""
+"""Take the frames of one state (load step), and flag frames with defects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """The frames of one state, the readings taken after each frame, and the flags (defects) of the state.
+    """The frames of one state (load step), the readings taken after each frame, and the flags (defects) of the state.
 
     Attributes
     ----------

@@ -67,7 +67,7 @@ def never() -> None:
 
 
 class Coil:
-    """A coil on a power supply, with its set-point and the checks of its current.
+    """A coil on a power supply, with the set-point of the supply and the checks of the current.
 
     Parameters
     ----------
@@ -83,7 +83,8 @@ class Coil:
         Whether the supply is simulated in this process. `watch` then does not measure the current: no hardware can
         fail, and a measurement would change the simulated time and the noise of every run.
     interlocks : Interlocks
-        Bounds of the readings. If there is at least one interlock, the current of a simulated supply is measured too.
+        Bounds of the readings; a reading outside its bounds ends the run. If there is at least one interlock, the
+        current of a simulated supply is measured too.
     sense : callable
         Reads the sensors and returns their values by name, without the sensors that gave no value. Called with each
         measurement if there are interlocks.
@@ -99,8 +100,8 @@ class Coil:
     leads_swapped : bool
         Whether the leads are swapped at the supply. The current of the coil is then minus the current of the supply.
     out_of_control : bool
-        Whether a measured current differed from its set-point, an interlock opened, or the run stood still. `ramp_down`
-        then does nothing.
+        Whether a measured current differed from its set-point, a reading left the bounds of its interlock, or the run
+        stood still. `ramp_down` then does nothing.
     unreachable : str
         Why the supply gives no usable answer, in words; empty if it answers. If the text is not empty, `ramp_down` does
         nothing.
@@ -148,7 +149,7 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Start the time limit of the ramp down now, or set its start to `ago_s` (s) before now.
+        """Start the time limit of the ramp down (of the current to zero) now, or `ago_s` (s) before now.
 
         Only the first call has an effect.
 
@@ -211,7 +212,7 @@ class Coil:
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
-        """Return the readings of the supply and of the sensors that an interlock can check, by their names.
+        """Return the readings of supply and sensors that an interlock (bounds of a reading) can check, by their names.
 
         ``measured`` is a measurement of the supply. Without interlocks, the sensors are not read.
         """
@@ -238,9 +239,9 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Surround a check of the interlocks, and set `out_of_control` if a reading is outside its bounds.
+        """Surround a check of the interlocks (bounds of readings); set `out_of_control` if a reading is out of bounds.
 
-        The ramp down is then left out, because it might take too long for the coil.
+        The ramp of the current to zero is then left out, because it might take too long for the coil.
         """
         try:
             yield

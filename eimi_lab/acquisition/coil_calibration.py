@@ -1,4 +1,4 @@
-"""Measure the field of a coil as a function of its current with the gaussmeter of a rig."""
+"""Measure the field of a coil as a function of its current with the gaussmeter of a rig (a set of instruments)."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
     Parameters
     ----------
     rig : Rig
-        The rig, for its limits.
+        The rig file, which gives the limits of the current.
     largest_A : float or None
         Largest current, A; None takes the largest current that the rig allows.
     steps : int
@@ -98,11 +98,11 @@ def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> Coil
     Parameters
     ----------
     rig : Rig
-        A rig with a gaussmeter: a sensor with `measures = "field"`.
+        A rig (the instruments of a rig file) with a gaussmeter: a sensor with `measures = "field"`.
     currents_A : list of float
         The currents, A, in the order of the measurement.
     on_event : OnEvent
-        Receives warnings, and the events of switching off.
+        Receives warnings, and the events about switching the coil off.
 
     Returns
     -------

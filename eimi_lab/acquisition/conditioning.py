@@ -2,7 +2,8 @@
 
 A filled rubber or a silicone is stiffer when it is stretched for the first time than afterwards. Afterwards the
 material is softer up to the largest stretch that it has reached (Mullins effect; L. Mullins, Rubber Chem. Technol. 42
-(1969) 339). Without load cycles, a run measures some states before this softening and some states after the softening.
+(1969) 339). Without load cycles, a run measures some states (load steps) before this softening and some states after
+the softening.
 """
 
 from __future__ import annotations

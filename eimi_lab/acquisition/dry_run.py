@@ -41,7 +41,7 @@ RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the volta
 
 
 class _Wire(InProcessTransport):
-    """A line to an emulated supply that passes every message to the function `say` before sending the message."""
+    """A line to an emulated (simulated) supply that passes every message to the function `say` before sending it."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
@@ -102,7 +102,7 @@ def dry_run(
     specimen : SpecimenFile
         The beam.
     rig : Rig
-        The rig, for its limits and drivers. Its instruments are not used.
+        The rig file, for its limits and drivers. The instruments are not used.
     say : callable
         Receives each step as a line of text. The last line gives the shortest and the longest duration of the run.
     say_detail : callable, optional

@@ -1,7 +1,7 @@
 """Write and read the events of a run as lines of JSON.
 
-Each line is one object, and its key `event` gives the name of the event. A thread writes the lines, so that a slow or
-missing reader never delays a run.
+An event is a record of one thing that happened in a run. Each line is one object, and its key `event` gives the name of
+the event. A thread writes the lines, so that a slow or missing reader never delays a run.
 """
 
 from __future__ import annotations

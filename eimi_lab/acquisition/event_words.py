@@ -1,6 +1,7 @@
 """Describe the events of a run in English for a person.
 
-Programs use the fields of an event and never read these sentences.
+An event is a record of one thing that happened in a run. Programs use the fields of an event and never read these
+sentences.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ def _left_unfinished(event: Event) -> bool:
 
 @singledispatch
 def in_words(event: Event) -> str:
-    """Return a sentence in English, without a full stop, that describes an event."""
+    """Return a sentence in English, without a full stop, that describes an event of a run."""
     raise TypeError(f"no words for {type(event).__name__}")
 
 

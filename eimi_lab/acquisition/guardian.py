@@ -125,7 +125,7 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def arm(self) -> None:
-        """Arm the guardian: if the run ends before `disarm`, the guardian switches the coil off.
+        """Arm the guardian process: if the run ends before `disarm`, the guardian switches the coil off.
 
         Raises InstrumentError if the guardian process did not start.
         """
@@ -233,7 +233,8 @@ class Guardian:
     def dismiss(self) -> None:
         """Close the pipes to the guardian process, and end the process if it is not armed.
 
-        An armed guardian now switches the coil off. The method does not wait for this.
+        The guardian is armed while the coil may be on. An armed guardian now switches the coil off. The method does not
+        wait for this.
         """
         if self._armed:
             resume(self._process)
@@ -261,7 +262,8 @@ class Guardian:
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
     """Start a guardian process for one run, and yield the connection to it.
 
-    At the end of the context, an armed guardian switches the coil off. A guardian that is not armed is ended.
+    At the end of the context, a guardian that is armed (because the coil may be on) switches the coil off. A guardian
+    that is not armed is ended.
 
     Parameters
     ----------

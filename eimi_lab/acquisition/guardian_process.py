@@ -83,7 +83,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     Parameters
     ----------
     ward : Ward
-        The supply of the coil.
+        The supply of the coil: its driver, address, limits and identity.
     on_event : OnEvent
         Receives the events of this process.
     """
@@ -164,7 +164,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     Parameters
     ----------
     ward : Ward
-        The supply of the coil.
+        The supply of the coil: its driver, address, limits and identity.
     takeover : str
         Reason why the guardian switches off, for the events.
     run : Starter
@@ -217,14 +217,14 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open the supply, compare its identity, switch it off, measure its current and close it.
+    """Open the supply, compare its identity, switch the supply off, measure its current and close the connection.
 
     The only set-point that is sent is zero: a current measured during a fault may be twice the set-point or more.
 
     Parameters
     ----------
     ward : Ward
-        The supply of the coil.
+        The supply of the coil: its driver, address, limits and identity.
     was_on : set of bool
         Receives True if this attempt finds the output on, as the run left it, or measures a current above the limit.
         While the set is empty, the supply that answers may be another supply of the same type. This does not apply to a
@@ -329,9 +329,9 @@ def _is_one_of_a_kind(ward: Ward) -> bool:
 
 
 def _stay() -> None:
-    """Do nothing when Windows closes the console or logs the user off.
+    """Do nothing when Windows closes the console or logs the user off, so that the guardian process keeps running.
 
-    The run ends first, and this process has to wait for the end of the run.
+    The guardian process switches the coil off if the run dies, and therefore has to wait for the end of the run.
     """
 
 
@@ -348,7 +348,7 @@ def _print(event: Event) -> None:
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Guard the supply of a run until the run ends.
+    """Wait until a run ends or stands still, and switch its supply off if the coil may still be on.
 
     Parameters
     ----------

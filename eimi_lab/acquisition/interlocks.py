@@ -14,19 +14,19 @@ from eimi_lab.config.interlock import READINGS, Interlock
 
 
 class BeyondInterlock(InstrumentError):
-    """The error that is raised if a reading is outside the bounds of its interlock, or is missing."""
+    """The error that is raised if a reading is missing or outside its interlock (the bounds in the rig file)."""
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
-    """Return the values that an interlock can check, such as the current (A), by their names in the rig file.
+    """Return the values that an interlock (bounds of a reading) can check, by their names in the rig file.
 
-    `measured` is a measurement of the supply.
+    `measured` is a measurement of the supply, for example of its current (A).
     """
     return {name: reading(measured) for name, reading in READINGS.items()}
 
 
 class Interlocks:
-    """The interlocks of a rig: bounds of readings. A reading outside its bounds ends the run.
+    """The interlocks of a rig (the instruments): bounds of readings. A reading outside its bounds ends the run.
 
     Parameters
     ----------
@@ -64,9 +64,10 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if the last value of a reading is older than `longest_silence_s` of its interlock.
+        """Raise BeyondInterlock if the last value of a reading is too old.
 
-        `now_s` is the time on the clock of the run (s). There is no limit for the time until the first value.
+        `now_s` is the time on the clock of the run (s). The largest age is `longest_silence_s` of the interlock (the
+        bounds of the reading). There is no limit for the time until the first value.
         """
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
@@ -104,7 +105,7 @@ class Interlocks:
 
 
 def _is_within(rule: Interlock, value: float) -> bool:
-    """Return whether a value is within the bounds of an interlock; NaN is outside every bound."""
+    """Return whether a value is within an interlock (the bounds of a reading); NaN is outside every bound."""
     if rule.minimum is not None and not value >= rule.minimum:
         return False
     return rule.maximum is None or value <= rule.maximum

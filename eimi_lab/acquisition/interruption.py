@@ -1,6 +1,7 @@
-"""React to signals during an operation of a run.
+"""React to signals such as Ctrl-C during an operation of a run.
 
-An `Interruption` belongs to a bench. Long operations call its methods at points where they can be interrupted:
+An `Interruption` belongs to a bench (the open instruments of a run). Long operations call its methods at points where
+they can be interrupted:
 
 - the line to the supply, between two messages;
 - the camera, while it waits for its driver;
@@ -47,7 +48,10 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Pass every call of the instruments and of the writer of the dataset to `run` until the context ends."""
+        """Pass every call of the instruments and of the writer of the dataset to `run` until the context ends.
+
+        The calls are the calls of `between_messages`, `while_waiting` and `while_storing`.
+        """
         self._run = run
         try:
             yield
@@ -55,23 +59,28 @@ class Interruption:
             self._run = None
 
     def between_messages(self) -> None:
-        """Interrupt the exchange with the supply after a second signal, or if the run stood still for too long.
+        """Interrupt the exchange with the supply if a second signal has come, or if the run stood still for too long.
 
-        The line to the supply calls this method before each message. On a slow line it takes long to send a set-point
-        and to read the value back.
+        The method raises an error to interrupt, and otherwise does nothing. The line to the supply calls the method
+        before each message. On a slow line it takes long to send a set-point and to read the value back.
         """
         if self._run:
             self._run.leave_in_haste()
 
     def while_waiting(self) -> None:
-        """End the wait for the camera after a signal, and tell the guardian process that the run is alive.
+        """End the wait for the camera if a signal has come; tell the guardian process that the run is alive.
 
-        The camera calls this method repeatedly while it waits for its driver.
+        The guardian process switches the coil off if the run dies. The method raises an error to end the wait. The
+        camera calls this method repeatedly while it waits for its driver.
         """
         if self._run:
             self._run.stop_if_asked()
 
     def while_storing(self) -> None:
-        """Switch the coil off after a second signal or a wrong current, while the writer finishes storing a state."""
+        """Switch the coil off now if a second signal has come or the current is wrong; otherwise do nothing.
+
+        The writer of the dataset calls this method repeatedly while it stores a state (load step), and then finishes
+        storing. The method is also called before each sensor is read.
+        """
         if self._run:
             self._run.switch_off_in_haste()

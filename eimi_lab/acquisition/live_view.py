@@ -13,7 +13,7 @@ from eimi_lab.acquisition.playback import Cue
 
 @dataclass(frozen=True)
 class Live:
-    """The latest frame of a run, with the number of the present state and its set-point (A).
+    """The latest frame of a run, with the number of the present state (load step) and its set-point (A).
 
     Before the first state, the number and the set-point are None.
     """
@@ -53,7 +53,7 @@ class WatchedCamera:
         self._reported_lost: Counter[str] = Counter()
 
     def at(self, state: int, current_A: float) -> None:
-        """Set the state and the current (A) that the viewer receives with the next frames."""
+        """Set the number of the state (load step) and the current (A) that the viewer receives with the next frames."""
         self._state, self._current_A = state, current_A
         self._cue.state = state
 

@@ -1,4 +1,4 @@
-"""Open the instruments of a rig for one run, and close them after it."""
+"""Open the instruments of a rig (the instruments that a rig file lists) for one run, and close them after the run."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CoilBench:
-    """The open supply of a coil, its clock, its guardian and the open sensors of the rig.
+    """The open supply of a coil, the clock, the guardian of the supply, and the open sensors of the rig.
 
     The guardian is the process that switches the coil off if the run dies; None for a simulated supply, which ends
     together with the run. `interruption` lets a signal such as Ctrl-C interrupt long operations of the supply.
@@ -151,7 +151,7 @@ def attached() -> str:
 
 
 def _addresses(search: Callable[[], Iterable[Found]]) -> str:
-    """Return the addresses that a search finds, or the reason why the operating system does not list them."""
+    """Return the addresses (ports or cameras) that a search finds, or why the operating system does not list them."""
     try:
         return ", ".join(instrument.address for instrument in search()) or "none"
     except OSError as error:

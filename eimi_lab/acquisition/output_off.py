@@ -28,7 +28,7 @@ def begin_with_output_off(
     simulated : bool
         Whether the supply is simulated. If it is and its output is off, no current is measured.
     on_event : OnEvent
-        Receives the events of switching off.
+        Receives the events about switching the coil off.
 
     Raises
     ------

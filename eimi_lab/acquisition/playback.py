@@ -25,7 +25,7 @@ NOISE_FRAMES = 8
 
 @dataclass
 class Cue:
-    """The number of the present state of the run, which a camera that plays a recording reads."""
+    """The number of the present state (load step) of the run, which a camera that plays a recording reads."""
 
     state: int = 0
 

@@ -48,7 +48,7 @@ class Polarity:
         self._pauses, self._relay = pauses, relay
 
     def prepare(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> bool:
-        """Swap the leads if a state needs the other polarity, then ramp through the states before `state` again.
+        """Swap the leads if a state (load step) needs the opposite current, then ramp through the earlier states again.
 
         The states before `state` are passed again because the shape of a beam depends on its history of loads.
 
@@ -91,6 +91,6 @@ class Polarity:
         return True
 
     def remind(self, run: Stepping) -> None:
-        """Send a warning if the leads are still swapped and a person has to swap them back."""
+        """Send a warning if the leads of the coil are still swapped and a person has to swap them back."""
         if self._relay is None and run.coil.leads_swapped:
             run.on_event(Warned(message="the leads of the coil are still swapped; swap them back before the next run"))

@@ -1,7 +1,7 @@
 """Resume a run that ended early.
 
-The states that the earlier part of the run stored are counted. The instruments and files of the earlier part are
-compared with the present instruments and files.
+The states (load steps) that the earlier part of the run stored are counted. The instruments and files of the earlier
+part are compared with the present instruments and files.
 """
 
 from __future__ import annotations

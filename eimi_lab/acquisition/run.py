@@ -1,4 +1,7 @@
-"""Run a protocol: set its currents one after another, and store every state before the next state begins."""
+"""Run a protocol: set its currents one after another, and store every state before the next state begins.
+
+A state is one load step: a current, and the frames of the beam at rest under this current.
+"""
 
 from __future__ import annotations
 
@@ -296,7 +299,7 @@ def _run_begun(
 
 @contextmanager
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
-    """Yield a function that sends an event of the run to the log and to `on_event`.
+    """Yield a function that sends an event of the run to the log and to the listener `on_event`.
 
     The context itself sends the first event `begun` at its beginning. At its end it sends the last event, made from
     `ending`, and before it a `Fault` after an error.
@@ -325,6 +328,8 @@ def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
     """Carry out the run with the output on: the conditioning, the states from number `first` on, and the ring-downs.
+
+    Conditioning: load cycles before the first state. Ring-downs: free oscillations after a step of the current to zero.
 
     At the end the output is switched off. A resumed run has no conditioning, because the first part of the run carried
     it out.

@@ -40,7 +40,7 @@ class Settling:
     waited_s : float
         Duration of the wait, s.
     flags : tuple of Flag
-        Empty if the beam came to rest; otherwise the flag NOT_SETTLED.
+        Empty if the beam came to rest; otherwise the flag (failed quality check) NOT_SETTLED.
     """
 
     ratio: float

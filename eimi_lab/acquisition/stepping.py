@@ -1,4 +1,4 @@
-"""Take one state after another: ramp, wait for the current and for the beam, take frames and store them."""
+"""Take one state (load step) after another: ramp, wait for the current and the beam, take and store the frames."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Stepping:
         return reasons.total()
 
     def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Take the frames of the state with number `state`, and store the state.
+        """Take the frames of the state (load step) with number `state`, and store the state.
 
         Parameters
         ----------
@@ -171,7 +171,7 @@ class Stepping:
 
 
 def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
-    """Return the flags of a state, with the flag DROPPED if the camera lost frames during the state.
+    """Return the flags (failed checks) of a state, with the flag DROPPED if the camera lost frames during the state.
 
     `lost` is the number of lost frames, including frames lost while the beam settled.
     """

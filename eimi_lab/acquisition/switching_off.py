@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """The error that ends the ramp down between two of its steps after a second signal."""
+    """The error that ends the ramp of the current to zero, between two steps of the ramp, after a second signal."""
 
 
 class _SignalsHeeded:
@@ -57,9 +57,9 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Store the number of a signal and start the time limit of the ramp down. This is the handler of the signals.
+        """Store the number of a signal, and start the time limit of the ramp of the current to zero.
 
-        For a suspension (Ctrl-Z), only the request is stored.
+        This is the handler of the signals. For a suspension (Ctrl-Z), only the request is stored.
         """
         if number == SUSPEND:
             self._suspended = True
@@ -102,7 +102,7 @@ class _SignalsHeeded:
     def _refuse_a_gap(self) -> None:
         """Raise StoodStill if the computer slept or the process was stopped.
 
-        The ramp down is then left out, because the bench may have changed in the meantime.
+        The ramp of the current to zero is then left out, because the bench may have changed in the meantime.
         """
         if self._guardian:
             try:
@@ -112,7 +112,7 @@ class _SignalsHeeded:
                 raise
 
     def go_on_down(self) -> None:
-        """Raise _InHaste if a second signal has come. The ramp down calls this method between its steps."""
+        """Raise _InHaste if a second signal has come. The ramp to zero current calls this method between its steps."""
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste
@@ -173,7 +173,8 @@ def switching_off(
     coil off if the run dies) that the run is alive, and watches the supply. It raises Stopped if a signal has come. It
     raises InstrumentError if the guardian is gone, the supply reports a fault or the current is wrong.
 
-    The guardian is armed when the context begins. The guardian is disarmed only after the supply was confirmed off.
+    The guardian is armed (charged to switch the coil off) when the context begins. The guardian is disarmed only after
+    the supply was confirmed off.
 
     The handler of a signal only stores the number and the time of the signal. The run reacts between two operations, so
     that no exchange with an instrument and no write to a file is interrupted. After a second signal the ramp down is
@@ -189,7 +190,8 @@ def switching_off(
     guardian : Guardian or None
         The connection to the guardian; None for a simulated supply.
     interruption : Interruption or None
-        Passes the calls of instruments and writer to this run, so that a signal can end their long operations.
+        Passes the calls of the instruments and of the writer of the dataset to this run, so that a signal can end their
+        long operations.
     on_event : OnEvent
         Receives the events of signals and of switching off.
 
@@ -245,7 +247,7 @@ def ramp_down_and_switch_off(
     go_on_down : callable
         Called between the steps of the ramp. An exception in this function ends the ramp early.
     on_event : OnEvent
-        Receives the events of switching off.
+        Receives the events about switching the coil off.
 
     Raises
     ------

@@ -10,7 +10,7 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 
 
 class Transient:
-    """The frames of a state that are kept while the beam settles or creeps: at most `budget` frames.
+    """The frames of a state (load step) that are kept while the beam settles or creeps: at most `budget` frames.
 
     The kept frames are spaced logarithmically in the time since the current last changed, because creep proceeds with
     the logarithm of time. After every kept frame, the intervals of the remaining frames are computed again. The number

@@ -1,5 +1,7 @@
 """Decide which requests the page answers, and what a browser may do with the answers.
 
+The page is the live web page of `eimi dashboard`. The token is a random text that the page needs for every request.
+
 Two kinds of people must receive no data. The first is the author of a page of another site that is open in the same
 browser. The second is another user of the same computer, who can connect to every port of 127.0.0.1. A request is
 therefore answered only if all of these conditions are fulfilled:
@@ -60,13 +62,13 @@ INTRODUCED_WITHIN_S = 10.0
 
 
 def new_token() -> str:
-    """Return a random token of 256 bits."""
+    """Return a random token of 256 bits: the secret text that every request to the page must carry."""
     return secrets.token_urlsafe(32)
 
 
 @dataclass(frozen=True)
 class Admission:
-    """A check of every request of a browser before the application of the page receives it (ASGI middleware).
+    """A check of every request of a browser before the web application receives the request (ASGI middleware).
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ class Admission:
         return _refused_length(scope, headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
-        """Accept a WebSocket, and return whether its first message contains the token."""
+        """Accept a WebSocket, and return whether its first message contains the token (the secret text of the page)."""
         await send({"type": "websocket.accept", "headers": []})
         try:
             message = await asyncio.wait_for(receive(), INTRODUCED_WITHIN_S)

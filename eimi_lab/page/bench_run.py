@@ -1,5 +1,7 @@
 """Start, watch and end a run that the page started. This is code of the server of the page.
 
+The page is the live web page of `eimi dashboard`. A run measures one dataset on the bench.
+
 The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
 
 STOP sends two signals, because a signal does not wait for a frame or a message, and the second signal leaves out the
@@ -100,7 +102,7 @@ class Order:
 
 @dataclass
 class Progress:
-    """The state of a run as the page shows it.
+    """The state of a run as the page (the live web page of `eimi dashboard`) shows it.
 
     Attributes
     ----------
@@ -150,7 +152,7 @@ class Progress:
 
 
 class BenchRun:
-    """A run that the page started, in progress or ended.
+    """A run that the page (the live web page of `eimi dashboard`) started, in progress or ended.
 
     Parameters
     ----------
@@ -213,7 +215,7 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     def pause(self) -> None:
-        """Ask the run to pause after the present state. The method has no effect if the phase is not "running"."""
+        """Ask the run to pause after the present state (load step). Without effect if the phase is not "running"."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
@@ -224,7 +226,10 @@ class BenchRun:
             self._type("")
 
     def end(self) -> None:
-        """Ask the run to end with a ramp down. The stored states stay in the dataset, and the run can be resumed."""
+        """Ask the run to end, with a ramp of the current to zero.
+
+        The stored states (load steps) stay in the dataset, and the run can be resumed.
+        """
         if self.going_on:
             self._signal(signal.SIGINT)
             self._phase("ending")
@@ -243,7 +248,7 @@ class BenchRun:
         return asyncio.create_task(self._confirmed())
 
     async def closed(self) -> None:
-        """End the run with a ramp down, and wait until all its processes have ended.
+        """End the run with a ramp of the current to zero, and wait until all processes of the run have ended.
 
         A run that has not ended after `CLOSED_WITHIN_S` is killed.
         """
@@ -363,7 +368,7 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """Estimate the remaining time from the mean time per state since the first stored state.
+        """Estimate the remaining time from the mean time per state (load step) since the first stored state.
 
         ``at_s`` is the time at which a state was stored, s.
         """
@@ -375,7 +380,7 @@ class BenchRun:
         self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
 
     async def _hear_words(self) -> None:
-        """Store the last line of the run on standard error, which the page shows to the person."""
+        """Store the last line of the run on standard error, which the live web page shows to the person."""
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():

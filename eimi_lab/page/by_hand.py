@@ -1,7 +1,7 @@
 """Images that were taken without the instruments of this program.
 
-On the page, a person drags the marks of the calibration into place in an image, and saves the calibration together with
-the currents of the images.
+On the page (the live web page of `eimi dashboard`), a person drags the marks of the calibration into place in an image,
+and saves the calibration together with the currents of the images.
 
 The functions run in the worker process of the page.
 """
@@ -105,7 +105,7 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return the calibration with the values that a person gave on the page.
+    """Return the calibration with the values that a person gave on the live web page.
 
     The values that the page cannot change come from calibration.toml of the folder, if this file exists.
     """
@@ -138,7 +138,7 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
-    """Find the edges of the beam in an image with the calibration of the page, and return a JSON object.
+    """Find the edges of the beam in an image with the calibration from the web page, and return a JSON object.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, A
     -------
     dict
         A JSON object with the two edges in pixels of the whole image, the angle of the tip with its standard
-        uncertainty (degrees), the blur with its limit (pixels), and the flags.
+        uncertainty (degrees), the blur with its limit (pixels), and the flags (failed quality checks).
 
     Raises
     ------

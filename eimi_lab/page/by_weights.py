@@ -96,7 +96,7 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def _written_beam(file: Path) -> dict[str, str]:
-    """Return the values in a specimen file as texts, by their keys on the page.
+    """Return the values in a specimen file as texts, by their keys on the page "Weights and a phone".
 
     The values are the name, the material, the sizes with their standard uncertainties, the density, and the position of
     the thread on which the weights hang. The result is empty if the file does not exist.
@@ -131,7 +131,7 @@ def picture(path: Path) -> bytes:
 
 
 def accepted(received: Path, target: Path) -> dict[str, Any]:
-    """Check a photograph that the page received, and give the file its final name.
+    """Check a photograph that the live web page received, and give the file its final name.
 
     Parameters
     ----------
@@ -179,8 +179,8 @@ def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> di
     -------
     dict
         A JSON object with the two edges in pixels of the photograph, the angle of the tip with its standard uncertainty
-        (degrees), the blur with its limit (pixels), and the flags. The key "sources" contains the value and the source
-        of each number of the calibration.
+        (degrees), the blur with its limit (pixels), and the flags (failed quality checks). The key "sources" contains
+        the value and the source of each number of the calibration.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _typed(table: Mapping[str, Any], key: str) -> str:
 
 
 def _number(table: Mapping[str, Any], key: str) -> float:
-    """Return the number that a person typed for a key of the page. A decimal comma is accepted.
+    """Return the number that a person typed for a key of the live web page. A decimal comma is accepted.
 
     Raises InputError if the number is missing or wrong.
     """
@@ -263,7 +263,7 @@ def _number(table: Mapping[str, Any], key: str) -> float:
 
 
 def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
-    """Return the text of a specimen file (TOML) with the numbers that a person typed on the page."""
+    """Return the text of a specimen file (TOML) with the numbers that a person typed on the live web page."""
     sizes = {key: _number(beam, key) for key in _TYPED}
     sigmas = {key: _number(beam, f"{key}_sigma") for key in _SIZES}
     thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []

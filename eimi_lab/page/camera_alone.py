@@ -1,5 +1,7 @@
 """Show the camera of a rig before a run: a process that writes frames into memory that it shares with the page.
 
+A rig is the set of instruments in a rig file. The page is the live web page of `eimi dashboard`.
+
 The process opens only the camera and sends nothing to the supply. It ends when its standard input closes.
 """
 

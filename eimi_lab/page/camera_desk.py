@@ -48,14 +48,15 @@ class View:
 class CameraDesk:
     """The live image of the camera of one rig, without a run.
 
-    The camera is closed when a run begins, and when no tab is open any more.
+    A rig is the set of instruments in a rig file. The camera is closed when a run begins, and when no tab (of the live
+    web page in a browser) is open any more.
 
     Parameters
     ----------
     folder : DataFolder
         The data folder.
     tabs : Tabs
-        The open tabs. The tab in control chooses the rig.
+        The open tabs of the web page. The tab in control (the only tab that may change things) chooses the rig.
     in_use : callable
         Returns whether a run uses the camera.
     """
@@ -73,7 +74,10 @@ class CameraDesk:
         return [Route("/api/camera", self._tabs.steered(self._show), methods=["POST"])]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the chosen rig and specimen, and whether the live camera is open, as a JSON object for every tab."""
+        """Return the chosen rig and specimen, and whether the live camera is open, as a JSON object for every tab.
+
+        A tab shows the live web page in a browser. The rig file lists the instruments.
+        """
         return {"camera": asdict(self.view) if self.view else None}
 
     async def close(self) -> None:
@@ -110,7 +114,7 @@ class CameraDesk:
         self._watching = asyncio.create_task(self._watch(self._process, eyes, view))
 
     async def _watch(self, process: asyncio.subprocess.Process, eyes: OpenedEyes, view: View) -> None:
-        """Send frames and edges to the tabs until the process of the camera has ended.
+        """Send frames and edges to the open tabs of the web page until the process of the camera has ended.
 
         The process is told to end when no tab is open any more.
         """

@@ -1,4 +1,7 @@
-"""The protocols, specimens and rigs that the page offers, and the dry run of the chosen files."""
+"""The protocols, specimens and rigs that the page offers, and the dry run of the chosen files.
+
+The page is the live web page of `eimi dashboard`. A dry run lists the steps of a run without using an instrument.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ def shipped(kind: str) -> list[str]:
 
 
 def choices(folder: DataFolder) -> Choices:
-    """Return the names of the files that a person can choose on the page.
+    """Return the names of the files that a person can choose on the live web page.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
     kind : str
         "protocol", "specimen" or "rig".
     name : object
-        The name that came from the page.
+        The name that came from the live web page.
 
     Raises
     ------

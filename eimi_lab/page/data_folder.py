@@ -1,4 +1,7 @@
-"""The data folder. Only in this folder, the page reads and writes datasets, images, TOML files, fits and reports."""
+"""The data folder. Only in this folder, the page reads and writes datasets, images, TOML files, fits and reports.
+
+The page is the live web page of `eimi dashboard`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ KINDS = {".h5": "dataset", ".toml": "toml", ".json": "json", ".html": "report", 
 
 @dataclass(frozen=True)
 class Entry:
-    """A file or a folder that the page lists.
+    """A file or a folder that the page (the live web page of `eimi dashboard`) lists.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class DataFolder:
-    """The folder whose files the page may read and write. The names of the files come from a browser.
+    """The folder whose files the live web page may read and write. The names of the files come from a browser.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ class DataFolder:
     root: Path
 
     def inside(self, name: object) -> Path:
-        """Return the path of a name that came from the page. For a value that is not a text, return the data folder.
+        """Return the path of a name from the live web page. For a value that is not a text, return the data folder.
 
         Links are followed before the check. A link to a place outside the folder is therefore refused, like "..".
 
@@ -75,7 +78,7 @@ class DataFolder:
     def picture_in(self, folder: object, picture: object) -> Path:
         """Return the path of a picture in a folder of the data folder.
 
-        Both names came from the page. Raises InputError if this picture does not exist.
+        Both names came from the live web page. Raises InputError if this picture does not exist.
         """
         path = self.inside(f"{self.name_of(self.inside(folder))}/{picture}")
         if not path.is_file():
@@ -108,7 +111,7 @@ class DataFolder:
         return sorted(listed, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
 
     def _kind(self, entry: os.DirEntry[str]) -> str:
-        """Return the kind of an entry. The text is empty if the page does not show the entry."""
+        """Return the kind of an entry. The text is empty if the web page does not show the entry."""
         if entry.name.startswith("."):
             return ""
         try:

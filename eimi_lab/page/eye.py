@@ -1,4 +1,4 @@
-"""The code of two processes that work on the frames of a run for the page.
+"""The code of two processes that work on the frames of a run for the page (the web page of `eimi dashboard`).
 
 One process encodes the newest frame as JPEG. The other process finds the edges in the newest frame. Both processes have
 a lower priority (nice) than the run. The process for the edges has the lowest priority, because finding edges takes
@@ -126,8 +126,8 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
     """Find the edges of the beam in an image, and return a JSON object.
 
-    The blur is known only if the search sets the flag for blur. The search therefore runs with a limit of 0 for the
-    blur. The returned flags contain the flag for blur only if the blur is above the usual limit.
+    The blur is known only if the search sets the flag (failed quality check) for blur. The search therefore runs with a
+    limit of 0 for the blur. The returned flags contain the flag for blur only if the blur is above the usual limit.
 
     Parameters
     ----------

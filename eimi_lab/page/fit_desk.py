@@ -35,7 +35,7 @@ FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
 
 @dataclass
 class Fitting:
-    """A fit that the page started, running or ended.
+    """A fit that the page (the live web page of `eimi dashboard`) started, running or ended.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class Fitting:
     phase : str
         "fitting", "reporting", "done" or "failed".
     generations : list of (int, float, float)
-        For each generation of the search: its number, and the smallest and the mean distance (mm) between simulated and
-        measured edges in this generation.
+        For each generation (round of trial values) of the search: its number, and the smallest and the mean distance
+        (mm) between simulated and measured edges in this generation.
     last_words : str
         The last line that the command wrote to standard error.
     """
@@ -66,7 +66,7 @@ class Fitting:
 
 
 class FitDesk:
-    """The routes of the fits that the page starts, one fit at a time."""
+    """The routes (addresses with the functions that answer) of the fits that the web page starts, one at a time."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
         self._reports = reports
@@ -77,7 +77,7 @@ class FitDesk:
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """Return the routes that start a fit, end a fit, and answer with the results of stored fits."""
+        """Return the routes (addresses with the functions that answer) that start, end and show fits."""
         return [
             Route("/api/fit", self._stored),
             Route("/api/fit/start", self._steered(self._start), methods=["POST"]),
@@ -85,7 +85,10 @@ class FitDesk:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return phase and progress of the fit for every tab, as a JSON object whose value is None before a fit."""
+        """Return phase and progress of the fit for every tab, as a JSON object whose value is None before a fit.
+
+        A tab shows the live web page of `eimi dashboard` in a browser.
+        """
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
     async def close(self) -> None:
@@ -133,7 +136,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit and write its report. At the end, also after an error, send the state of the fit to the tabs."""
+        """Run the fit and write the report of the fit. At the end, also after an error, send the phase to all tabs."""
         log = dataset.with_suffix(LOG)
         done = False
         try:
@@ -178,7 +181,7 @@ class FitDesk:
         return await self._process.wait() == 0
 
     async def _follow(self, log: Path, fitting: Fitting) -> None:
-        """Read the generations of the search from the log of the fit while the log grows."""
+        """Read the generations (rounds of trial laws) of the search from the log of the fit while the log grows."""
         read = 0
         while True:
             await asyncio.sleep(LOOK_EVERY_S)

@@ -1,5 +1,7 @@
 """The newest frame of a run, in memory that the run and the page share.
 
+The page is the live web page of `eimi dashboard`.
+
 The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits. The page reads
 the slot with the newer frame. Two counters in the slot show whether the run overwrote the slot during the reading. If
 so, the page reads again.
@@ -39,7 +41,8 @@ class NewestFrame:
     image : ndarray, shape (H, W) or (H, W, 3)
         The image of H by W pixels, grey or with three colour channels.
     about : dict
-        Description of the frame by the run: state, set-point, measured current, output and heat of the coil.
+        Description of the frame by the run: number of the state (load step), set-point (A), measured current (A),
+        whether the output of the supply is on, and heat of the coil as a share of the allowed heat.
     kept : int
         1 if the image has every pixel of the frame, 2 if it has every second pixel in each direction, and so on.
     """

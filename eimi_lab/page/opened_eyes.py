@@ -1,5 +1,7 @@
 """Start and end the two processes of `eye`, and receive their results. This is code of the server of the page.
 
+The page is the live web page of `eimi dashboard`.
+
 One process compresses the frames of a run or of the live camera. The other process finds the edges in these frames.
 """
 

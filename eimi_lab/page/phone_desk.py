@@ -26,7 +26,10 @@ LONGEST_NAME = 120
 
 
 class PhoneDesk:
-    """The routes that show photographs to every tab of the browser, and write files only for the one tab in control."""
+    """The routes that show photographs to every tab of the browser, and write files only for the one tab in control.
+
+    A route is an address with the function that answers. Only the tab in control may change things.
+    """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._tabs = folder, worker, tabs

@@ -18,7 +18,10 @@ from eimi_lab.page.worker import Worker
 
 
 class PictureDesk:
-    """The routes that show images to every tab of the browser, and write files only for the one tab in control."""
+    """The routes that show images to every tab of the browser, and write files only for the one tab in control.
+
+    A route is an address with the function that answers. Only the tab in control may change things.
+    """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered

@@ -1,5 +1,7 @@
 """A file that opens the page in a browser, so that the token does not appear in the command line of the browser.
 
+The page is the live web page of `eimi dashboard`. The token is the secret text that every request must carry.
+
 On most systems every user can list the command lines of all processes. The command line of the browser contains only
 the name of this file, which no other user can read.
 """

@@ -1,8 +1,8 @@
 """Links to the reports of a folder.
 
-A browser opens a link in a new tab without the header that carries the token. Each link therefore contains a key, which
-is computed from the name of the report and a secret of this page. The key opens only this report and gives no other
-right.
+A browser opens a link in a new tab without the header that carries the token (the secret text of the page). Each link
+therefore contains a key, which is computed from the name of the report and a secret of this page. The key opens only
+this report and gives no other right.
 """
 
 from __future__ import annotations

@@ -21,9 +21,10 @@ from eimi_lab.process.errors import InputError
 
 
 class RunDesk:
-    """The routes of the runs that the page starts, one run at a time.
+    """The routes (addresses with the functions that answer) of the runs that the page starts, one run at a time.
 
-    Only the tab in control may start, pause and end a run. Every tab can stop the run.
+    The page is the live web page of `eimi dashboard`. Only the tab in control may start, pause and end a run. Every tab
+    can stop the run.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
@@ -50,7 +51,10 @@ class RunDesk:
         await self.camera.close()
 
     def as_json(self) -> dict[str, Any]:
-        """Return phase and progress of the run, and whether the live camera is open, as a JSON object for every tab."""
+        """Return phase and progress of the run, and whether the live camera is open, as a JSON object for every tab.
+
+        A tab shows the live web page of `eimi dashboard` in a browser.
+        """
         return {"run": self.run.progress.as_json() if self.run else None, **self.camera.as_json()}
 
     async def _choices(self, request: Request) -> Response:

@@ -1,4 +1,7 @@
-"""The routes of the page, and the socket at which the page listens."""
+"""The routes of the page, and the socket at which the page listens.
+
+The page is the live web page of `eimi dashboard`. A route is an address with the function that answers.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,8 @@ CLOSE_WITHIN_S = 10
 class Page:
     """The page: its routes (addresses with the functions that answer), and the objects that the routes share.
 
-    These are the data folder, the worker process and the open tabs.
+    The page is the live web page of `eimi dashboard`. The shared objects are the data folder, the worker process and
+    the open tabs.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -114,7 +118,7 @@ class Page:
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
-        """Answer with a report if the request carries the key of the report."""
+        """Answer with a report if the request carries the key of the report (a text that opens only this report)."""
         if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
             return PlainTextResponse(
                 "this link is not valid; a link is valid until `eimi dashboard` ends; open the report from the page",
@@ -161,7 +165,7 @@ def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
 
 
 def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: str = "") -> None:
-    """Serve the page until a signal comes.
+    """Serve the page (the live web page of `eimi dashboard`) until a signal such as Ctrl-C comes.
 
     Parameters
     ----------
@@ -174,7 +178,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: 
     say : callable
         Receives the address to open in a browser.
     view : str
-        The view that the address opens, such as "phone". By default, the first view.
+        The view (part of the page) that the address opens, such as "phone". By default, the first view.
 
     Raises
     ------

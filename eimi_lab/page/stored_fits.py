@@ -1,4 +1,4 @@
-"""Read the fits of a result file for the page.
+"""Read the fits of a result file for the page (the live web page of `eimi dashboard`).
 
 The functions run in the worker process of the page.
 """

@@ -1,4 +1,4 @@
-"""Read a dataset for the page. The dataset is opened read-only, also while a run writes it.
+"""Read a dataset for the live web page. The dataset is opened read-only, also while a run writes it.
 
 The functions run in the worker process of the page.
 """
@@ -71,7 +71,7 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def picture(path: Path, index: int) -> bytes:
-    """Return the mean of the frames of a state as JPEG.
+    """Return the mean of the frames of a state (load step) as JPEG.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def picture(path: Path, index: int) -> bytes:
 
 
 def edges(path: Path, index: int) -> Edges:
-    """Return the edges of a state in pixels. If the dataset has no edges, they are found in its frames.
+    """Return the edges of a state (load step) in pixels. If the dataset has no edges, find the edges in its frames.
 
     Raises
     ------

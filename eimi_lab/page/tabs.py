@@ -1,5 +1,7 @@
 """The open tabs of the page. One tab is in control: only this tab may start and change things. The other tabs watch.
 
+The page is the live web page of `eimi dashboard`.
+
 Every tab receives the newest frame.
 
 A tab that reads slowly receives fewer frames. The run does not wait for it, and older frames are dropped.
@@ -58,8 +60,8 @@ class Tab:
 
     ``waiting`` is set from the sending of a frame until the tab has shown the frame: it contains the times at which the
     frame was sent and captured, on the monotonic clock (s). Otherwise ``waiting`` is None. ``stale`` is true until the
-    tab has received the newest state of the page. ``frame`` and ``edges`` are the newest frame and edges that are not
-    sent yet. ``wake`` tells the sending task that there is something to send.
+    tab has received the newest state of the page (of run, camera and fit). ``frame`` and ``edges`` are the newest frame
+    and edges that are not sent yet. ``wake`` tells the sending task that there is something to send.
     """
 
     socket: WebSocket
@@ -92,7 +94,7 @@ class Tabs:
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def check_control(self, request: Request) -> None:
-        """Raise InputError if a request does not come from the tab in control."""
+        """Raise InputError if a request does not come from the tab in control (the only tab that may change things)."""
         if not self.may_steer(request.headers.get(TAB_HEADER, "")):
             raise InputError(
                 'this browser tab only watches the run; take control first, with the button "Take control"'

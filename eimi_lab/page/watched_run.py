@@ -1,5 +1,7 @@
 """Connect a run that the page started to the page: send frames and events, and receive requests.
 
+The page is the live web page of `eimi dashboard`.
+
 This code runs in the process of `eimi acquire` and never delays the run. It writes frames into shared memory and events
 into a pipe (`event_lines`). The requests of the page arrive as lines on standard input, like lines that a person types.
 When standard input closes, the program of the page has ended. The run then ends with its coil off.
@@ -41,7 +43,7 @@ RATE_OVER_S = 1.0
 
 @dataclass(frozen=True)
 class Descriptors:
-    """File descriptors that a run inherits from the page.
+    """File descriptors that a run inherits from the server of the live web page.
 
     `memory` is the shared memory for the newest frame. `bell` is a pipe that announces each new frame. `events` is a
     pipe for the events of the run.
@@ -64,8 +66,8 @@ class Descriptors:
 class Watched:
     """Arguments for `acquire` with which a person can watch and pause a run.
 
-    `bench` contains the instruments, `show` receives every frame, and `typed` returns the next line that a person
-    typed.
+    `bench` contains the open instruments of the run, `show` receives every frame, and `typed` returns the next line
+    that a person typed.
     """
 
     bench: Bench
@@ -115,7 +117,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the page.
+    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the web page.
 
     Every method passes its call to the wrapped supply.
     """
@@ -145,8 +147,8 @@ class WatchedSupply:
     def values(self) -> dict[str, Any]:
         """Return the set-point (A), the measured current (A), whether the output is on, and the heat of the coil.
 
-        The heat is divided by the heat at the continuous current of the coil; None if the rig file gives no rating of
-        the coil.
+        The heat (proportional to the rise of temperature) is divided by the heat at the continuous current of the coil;
+        None if the rig file gives no rating of the coil.
         """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
@@ -210,7 +212,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """A viewer that writes frames into the shared memory, and announces each frame to the page through a pipe."""
+    """A viewer that writes frames into the shared memory, and announces each frame to the web page through a pipe."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply

@@ -1,6 +1,6 @@
 """A separate process for work that is long or may crash, such as reading HDF5 files and finding edges.
 
-If a library crashes on a damaged file, only this process ends. The page and a run continue.
+If a library crashes on a damaged file, only this process ends. The live web page and a run continue.
 """
 
 from __future__ import annotations

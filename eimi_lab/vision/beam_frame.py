@@ -141,7 +141,7 @@ class BeamFrame:
         Raises
         ------
         ValueError
-            If the stand-off is not more than half of the depth.
+            If the stand-off (the distance from the lens to the beam) is not more than half of the depth.
         """
         if self._stand_off_mm is None:
             return None

@@ -1,4 +1,4 @@
-"""A quality check of a state, the flag that the check raises, and the severity of the flag.
+"""A quality check of a state (load step), the flag that the check raises, and the severity of the flag.
 
 The table of all checks is in `flags`.
 """
@@ -11,7 +11,7 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """The consequence of a flag for the state that has the flag.
+    """The consequence of a flag (failed quality check) for the state (load step) that has the flag.
 
     UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, with a larger standard deviation of the points
     of the edges. NOTE: the fit is not affected, but a person should read the remedy.
@@ -24,7 +24,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """The record of a quality check that a state did not pass.
+    """The record of a quality check that a state (load step) did not pass.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Flag:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One quality check of a state: a row of the table of flags.
+    """One quality check of a state (load step): a row of the table of flags, which lists all checks.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Check:
     limit : float
         The check raises its flag for values above this limit.
     remedy : str
-        A sentence that tells a person what to do. `flag` replaces the words in braces.
+        A sentence that tells a person what to do. The method `flag` replaces the words in braces.
     picture : str
         Content of the rendered example picture. Of several checks with the same name, only one has a picture.
     below : bool
@@ -121,7 +121,7 @@ class Check:
     widens_in: str = "px"
 
     def flag(self, value: float, limit: float | None = None, **words: str) -> Flag:
-        """Return the flag for a value that is beyond the limit of the check.
+        """Return the flag (record of the failed check) for a value that is beyond the limit of the check.
 
         Parameters
         ----------
@@ -141,5 +141,8 @@ class Check:
 
 
 def leaves_out(flags: Iterable[Flag]) -> bool:
-    """Return whether a fit leaves out a state that has the given flags, because one of the flags is unusable."""
+    """Return whether a fit leaves out a state (load step) with the given flags, because a flag is unusable.
+
+    A flag is the record of a quality check that the state did not pass.
+    """
     return any(flag.severity is Severity.UNUSABLE for flag in flags)

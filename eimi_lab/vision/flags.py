@@ -1,7 +1,8 @@
 """The table of all quality checks, with the measured quantity, limit, severity and remedy of each check.
 
-A fit leaves out a state with an unusable flag. A fit uses a state with a doubtful flag, and the check determines the
-standard deviation that is added to the edge points of this state. A note does not affect a fit.
+A flag is the record of a check that a state (load step) did not pass. A fit leaves out a state with an unusable flag. A
+fit uses a state with a doubtful flag, and the check determines the standard deviation that is added to the edge points
+of this state. A note does not affect a fit.
 
 To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """
@@ -18,6 +19,7 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 def _motion_px(ratio: float) -> float:
     """Return the motion of a beam (px) between two frames whose settling ratio is given (see `settling_statistic`).
 
+    The settling ratio is the mean squared difference of two frames, divided by the difference that noise alone causes.
     The difference ratio - 1 grows with the square of the motion. The measured ratio is 1.06 at a motion of 1/20 px, and
     2.3 at a motion of 1/5 px.
     """
@@ -253,7 +255,7 @@ def judge(
     limits: Mapping[str, float] | None = None,
     words: Mapping[str, str] | None = None,
 ) -> tuple[Flag, ...]:
-    """Return the flags that measured values raise, in the order of the table.
+    """Return the flags (failed quality checks) that measured values raise, in the order of the table of checks.
 
     A quantity that was not measured raises no flag.
 
@@ -264,7 +266,7 @@ def judge(
     limits : mapping of str to float, optional
         Limits that replace limits of the table, with the same keys.
     words : mapping of str to str, optional
-        For each word in braces in the remedies, the text that replaces this word.
+        For each word in braces in the remedies (the advice of the checks), the text that replaces this word.
 
     Returns
     -------

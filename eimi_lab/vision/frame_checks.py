@@ -18,7 +18,7 @@ CLEAR_OF_EDGES_PX = 12  # the noise is measured farther than this from every edg
 
 
 def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Return the flags DROPPED and DUPLICATE that the frames of one state raise.
+    """Return the flags (failed checks) DROPPED and DUPLICATE that the frames of one state (load step) raise.
 
     A frame is a duplicate if its number does not increase, or if its pixels equal the pixels of the previous frame.
     Equal pixels count only if the camera has noise, because two new frames may be equal without noise.
@@ -49,6 +49,8 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
     """Return the flags DROPPED, DUPLICATE and NOT_SETTLED that the imported frames of one state raise.
+
+    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves.
 
     An acquisition makes the same checks while it runs.
 

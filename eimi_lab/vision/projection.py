@@ -89,12 +89,12 @@ class Projection:
         return np.asarray(np.clip(share, 0.0, 1.0) * largest, dtype=np.float32)
 
     def to_json(self) -> str:
-        """Return the projection as JSON text, as a dataset stores it."""
+        """Return the projection (the weights of the colours) as JSON text, as a dataset stores it."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """Return the projection from the text that `to_json` returned."""
+        """Return the projection (the weights of the colours) from the text that `to_json` returned."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 
@@ -146,13 +146,17 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return the smallest ratio of separations for which a candidate replaces the best projection so far."""
+    """Return the smallest ratio of separations for which a candidate replaces the best projection so far.
+
+    A projection is a weighted sum of colours. The separation of a projection is the difference between the beam and its
+    surroundings, in standard deviations.
+    """
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
 @dataclass(frozen=True)
 class _Colours:
-    """The colours at the beam's root in one picture, as shares of full scale.
+    """The colours at the beam's root (its part at the clamp) in one picture, as shares of full scale.
 
     `inside` contains the colours of n pixels on the beam, shape (n, 3). `sides` contains, for each edge of the beam in
     the picture, the colours of k pixels beside the edge, shape (k, 3).
@@ -164,14 +168,14 @@ class _Colours:
 
 @dataclass(frozen=True)
 class _RootSampler:
-    """Reads the colours of a picture on the root of the beam and beside the root."""
+    """Reads the colours of a picture on the root of the beam (its part at the clamp) and beside the root."""
 
     frame: BeamFrame
     width_mm: float
     length_mm: float
 
     def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Colours]:
-        """Return the colours at the root in one picture, in a list of one element.
+        """Return the colours at the root (the beam near its clamp) in one picture, in a list of one element.
 
         The list is empty if the root is not in the picture.
         """
@@ -192,6 +196,8 @@ class _RootSampler:
 
 def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
     """Yield the projections among which one is chosen: discriminants and, in camera colours, single channels.
+
+    A projection is a weighted sum of colours. A discriminant has the weights that best separate beam and surroundings.
 
     If the colour of the beam is given, only the discriminants are yielded.
     """
@@ -218,10 +224,11 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection with the given weights, and with the separation of beam and surroundings in its grey values.
+    """Return a projection (weighted sum of colours) with the given weights and its measured separation.
 
-    The separation is measured on each side of the beam's root in each picture. The 20th percentile of the measured
-    separations is used, so that a few clear sides or pictures do not determine the result.
+    The separation is the difference between the grey values of beam and surroundings, in standard deviations. The
+    difference is measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of the
+    measured separations is used, so that a few clear sides or pictures do not determine the result.
     """
     separations = []
     for sample in samples:

@@ -56,14 +56,17 @@ class Noise:
     def difference_ratio(
         self, earlier: NDArray[Any], later: NDArray[Any], pixels: NDArray[np.int64] | None = None
     ) -> float:
-        """Return the settling ratio of two frames, which is 1 if they differ by the noise alone.
+        """Return the settling ratio of two frames, which is 1 if the frames differ by the noise alone.
+
+        The ratio is the mean squared difference of the frames, divided by the difference that noise alone causes.
 
         Parameters
         ----------
         earlier, later : ndarray, shape (H, W)
             The frames.
         pixels : ndarray of int, shape (n,), optional
-            Indices of the pixels to compare, in the flattened frames; by default the `edge_pixels` of the later frame.
+            Indices of the pixels to compare, in the flattened frames; by default the pixels near the edges in the later
+            frame (`edge_pixels`).
         """
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
@@ -130,5 +133,5 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the indices of the n pixels in the `edge_band` of an image, in the flattened image, shape (n,)."""
+    """Return the indices of the n pixels within 4 px of a steep gradient, in the flattened image, shape (n,)."""
     return np.flatnonzero(edge_band(image))

@@ -145,7 +145,7 @@ def from_board(
 
 
 def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tuple[int, int]]:
-    """Find the board in each image; return the points of the board by image path, and the size of the images (px)."""
+    """Find the board in each image; return the found points by image path, and the size of the images (px)."""
     views: dict[Path, View] = {}
     size: tuple[int, int] | None = None
     for path in paths:

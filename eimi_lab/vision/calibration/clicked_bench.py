@@ -36,7 +36,10 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """The points (px) that a person clicked on a photograph of the bench, and the person's answers about the bench."""
+    """The points (px) that a person clicked on a photograph of the bench, and the answers about the bench.
+
+    The bench is the clamp with the beam, a ruler and the camera.
+    """
 
     clamp_px: Points = Field(min_length=1, max_length=2)
     """Middle of the line at which the beam leaves its clamp, or both ends of this line."""
@@ -97,7 +100,8 @@ def measure_bench(
     Raises
     ------
     InputError
-        If the clicks contradict each other, if a click is outside the picture, or if the stand-off is not known.
+        If the clicks contradict each other, if a click is outside the picture, or if the stand-off (the distance from
+        the lens to the beam) is not known.
     """
     _check_inside(clicked, size)
     click_px = max(CLICK_PX, CLICK_SHARE * math.hypot(*size))
@@ -257,7 +261,10 @@ def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) ->
 def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
-    """Return the text of calibration.toml, with the source of each value of the calibration in a comment."""
+    """Return the text of calibration.toml, with the source of each value of the calibration in a comment.
+
+    region: left, top, width and height (px) of the part of the picture in which the beam is searched.
+    """
     ticks = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
     lines = [
         '# Written by the page "Weights and a phone" from clicks on a picture. Angles: clockwise from the image\'s +x.',

@@ -51,7 +51,7 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """The outline of a beam whose tip has two corners, with the image and the clamp line."""
+    """The outline of a beam whose tip has two corners, the image, and the line at which the beam leaves its clamp."""
 
     picture: _DarkBeamImage
     clamp: ClampLine
@@ -62,10 +62,10 @@ class OutlinedBeam:
 class BackLitSearch:
     """The search for the edges of a beam in one image, in front of a back-light.
 
-    The search starts from the outline of the silhouette. On normals to the outline, the mean of four neighbouring
-    profiles of grey values is fitted with a step that is blurred by a Gaussian. Each profile has a dark and a bright
-    plateau of its own, but the blur is common to the whole image. The fit is repeated on normals to the smooth curve
-    through the fitted points.
+    The search starts from the outline of the silhouette (the dark body in the picture that leaves the clamp). On
+    normals to the outline, the mean of four neighbouring profiles of grey values is fitted with a step that is blurred
+    by a Gaussian. Each profile has a dark and a bright plateau (the grey values far from the edge) of its own, but the
+    blur is common to the whole image. The fit is repeated on normals to the smooth curve through the fitted points.
 
     Attributes
     ----------
@@ -76,14 +76,15 @@ class BackLitSearch:
     specimen_file : SpecimenFile
         The specimen and its magnet.
     findings : dict of str to float
-        The measured values, with the keys of the table of flags. The search adds its values to this dictionary.
+        The measured values, with the keys of the table of flags (the quality checks in `vision.flags`). The search adds
+        its values to this dictionary.
     limits : mapping of str to float, optional
-        Limits that replace limits in the table of flags.
+        Limits that replace limits in the table of flags, with the same keys.
     even_turn_deg : float
         Angle by which the whole beam would be turned about its axis if a turn explained its apparent width; set by the
         search.
     projection : Projection, optional
-        Projection of the colours of the image.
+        Weighted sum by which the colours of the image become grey values.
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings; None to decide from the image.
     """
@@ -104,7 +105,7 @@ class BackLitSearch:
         self.width_px = self.shape.narrowest_mm * self.pixels_per_mm
 
     def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
-        """Find the clamp line, the outline and the corners of the beam, accurate to about a pixel.
+        """Find the clamp line (where the beam leaves its clamp), the outline and the corners, accurate to about a px.
 
         Parameters
         ----------
@@ -168,7 +169,10 @@ class BackLitSearch:
         return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
     def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
-        """Return the clamp line and the silhouette, accurate to about a pixel; None if no silhouette has corners."""
+        """Return the clamp line and the silhouette, accurate to about a pixel; None if no silhouette has corners.
+
+        The silhouette is the outline of the dark body that leaves the clamp at the clamp line.
+        """
         pixels = picture.pixels
         light = measure_back_light(pixels, self.frame, self.shape.at_clamp_mm)
         clamp = find_clamp_line(pixels, self.frame, self.shape.at_clamp_mm, light.bright)
@@ -193,8 +197,9 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Return the result of the second pass (see `passes`), and the four corners of the beam in px, shape (4, 2).
+        """Return the result of the second pass over the edges, and the four corners of the beam in px, shape (4, 2).
 
+        The first pass searches the edges on normals to the silhouette, the second on normals to the edges of the first.
         Return None if an edge is too short.
         """
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
@@ -219,7 +224,7 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Add width and length deviations, twist and clamp offset of the beam to the findings.
+        """Add width and length deviations, twist and clamp offset of the beam to the findings (the measured values).
 
         Return False if the body is too wide to be the beam.
         """
@@ -244,7 +249,8 @@ class BackLitSearch:
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
         """Return the second pass with the edge points near a step of the beam's width marked as unsound.
 
-        These points are biased, because a smooth curve cuts the corners of the step.
+        `second` is the result of the second pass over the edges. An unsound point is not used. The points near a step
+        of the width are biased, because a smooth curve cuts the corners of the step.
         """
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
@@ -253,19 +259,22 @@ class BackLitSearch:
         return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        """Return the sound points of one edge in mm at the desired spacing, with their standard deviations."""
+        """Return the sound points (with a detected step) of one edge in mm, with their standard deviations.
+
+        The points have the desired spacing. scatter: factor by which `Side.sigma_px` is multiplied (`scatter_scale`).
+        """
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return the words for remedies: how a turn of the beam about its axis changes the fitted modulus."""
+        """Return how a turn of the beam about its axis changes the fitted modulus, in words for the advice of flags."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
 
 def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
-    """Return whether the beam's root is at least a fifth brighter than its surroundings on both sides."""
+    """Return whether the beam at its clamp is at least a fifth brighter than its surroundings on both sides."""
     inside, left, right = (
         float(np.median(sample(image, root_places(frame, width_mm, aside)))) for aside in (0.0, -1.5, 1.5)
     )

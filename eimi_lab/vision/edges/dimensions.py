@@ -38,7 +38,7 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return by how much the bow of the cross-section can at most increase the apparent width, along the left edge.
+    """Return the largest increase of the apparent width by a bow (curvature) of the cross-section, along an edge.
 
     In a beam of incompressible material with the bending curvature k, the cross-section has the curvature k / 2 across
     its depth. The outline is therefore wider by k depth² / 16. The excess is at most a sixth of the width, because a
@@ -80,7 +80,8 @@ def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> fl
     """Return the 90th percentile of |local width - specimen's width| / specimen's width over n local widths.
 
     If a local width is larger than the specimen's width, the bow is subtracted from the difference, which is not made
-    negative. `bow` is the result of `anticlastic_bow` for the n local widths, shape (n,).
+    negative. `bow` is the largest increase of the n local widths by a bow of the cross-section (`anticlastic_bow`),
+    shape (n,).
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))

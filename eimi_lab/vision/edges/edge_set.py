@@ -1,4 +1,7 @@
-"""The result of the search for edges in one state: two edges in millimetres, and the flags."""
+"""The result of the search for edges in one state: two edges in millimetres, and the flags.
+
+A state is one load step of a dataset. A flag is the record of a quality check that the state did not pass.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class EdgePoints:
     """The points of one edge in the beam frame, ordered from the clamp to the tip.
+
+    The beam frame has its origin at the clamp, x along the undeformed beam, and y across the beam.
 
     Attributes
     ----------
@@ -41,7 +46,7 @@ class EdgeSet:
     corners_px : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not located.
     calibration_digest : str
-        `Calibration.digest` of the calibration that mapped pixels to millimetres.
+        `Calibration.digest` (a checksum) of the calibration that mapped pixels to millimetres.
     calibration_age_days : float, optional
         Age of the calibration when the frame was taken; None if the age is not known.
     """
@@ -71,7 +76,7 @@ END_SHARE = 0.1
 
 
 def tip_angle_deg(edges: EdgeSet) -> float:
-    """Return the direction of the tip in the beam frame (degrees), from +x toward +y.
+    """Return the direction of the tip (degrees), from +x (along the undeformed beam) toward +y (across the beam).
 
     The direction is the mean over the last tenth of both edges. The points of an edge end a few pixels before the
     corner of the tip.

@@ -46,10 +46,11 @@ def find_edges(
 ) -> EdgeSet:
     """Find both edges of the beam in one image.
 
-    The silhouette of the beam is tried first (`back_lit`). In front of a back-light, only the noise of the image limits
-    the accuracy of the edges. If the silhouette gives no edges, or reaches the border of the picture, the beam is
-    followed from its clamp (`eimi_lab.vision.following`). In a colour picture, the beam is also followed if the
-    silhouette raises one of several flags, for example HOLE_OR_REFLECTION.
+    The silhouette of the beam (its dark outline in front of a back-light) is tried first (`back_lit`). In front of a
+    back-light, only the noise of the image limits the accuracy of the edges. If the silhouette gives no edges, or
+    reaches the border of the picture, the beam is followed from its clamp (`eimi_lab.vision.following`). In a colour
+    picture, the beam is also followed if the silhouette raises one of several flags (failed quality checks), for
+    example HOLE_OR_REFLECTION.
 
     A few pixels at the clamp line and at the corners are left out, because a profile there is not a clean step. If the
     root of the beam is brighter than its surroundings, the beam is taken as a lit beam in front of a dark background.
@@ -72,7 +73,7 @@ def find_edges(
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
-        Projection of the image's colours.
+        Weighted sum by which the image's colours become grey values.
     earlier : callable, optional
         Return the edges of an earlier state with the same calibration, or None. The function is called only if several
         bodies are equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag
@@ -160,8 +161,8 @@ def follow_beam(
 ) -> FollowedBeam:
     """Follow the beam from its clamp in one image, and keep the intermediate results.
 
-    All colours are used, and each part of each edge has a projection of its own. If the calibration names a channel or
-    the colour of the beam, `projection` is used for the whole picture.
+    All colours are used, and each part of each edge has a colour projection (weighted sum of the colours) of its own.
+    If the calibration names a channel or the colour of the beam, `projection` is used for the whole picture.
 
     Parameters
     ----------
@@ -212,7 +213,10 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
-    """Return whether the silhouette raises a flag for which the beam is followed from its clamp instead."""
+    """Return whether the silhouette raises a flag for which the beam is followed from its clamp instead.
+
+    The silhouette is the dark outline of the beam; a flag is a quality check that its edges do not pass.
+    """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2:  # in front of a back-light the edges of the silhouette remain the best
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
@@ -220,9 +224,9 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the left edge, the right edge and four NaN corners of a followed beam.
+    """Return the left edge, the right edge and four NaN corners of a beam that was followed from its clamp.
 
-    Return None if no edges were located, or if a flag makes the edges unusable.
+    Return None if no edges were located, or if a flag (failed quality check) makes the edges unusable.
     """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
@@ -233,7 +237,7 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
-    """Convert one followed edge from pixels to millimetres."""
+    """Convert one edge of a beam that was followed from its clamp from pixels to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 

@@ -41,11 +41,11 @@ def draw_overlay(
     specimen_file: SpecimenFile | None = None,
     followed: FollowedBeam | None = None,
 ) -> NDArray[np.uint8]:
-    """Draw the edges and the flags of one state on its frame.
+    """Draw the edges and the flags (failed quality checks) of one state (load step) on its frame.
 
     The left edge is blue, the right edge is orange, and the corners are green. At every tenth point of an edge, the
-    normal is drawn. Below the frame each flag is listed with its value, its limit and its remedy. The frame keeps its
-    size and lies at the top left.
+    normal is drawn. Below the frame each flag is listed with its value, its limit and its remedy (advice). The frame
+    keeps its size and lies at the top left.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def draw_overlay(
         If given and if there are no edges, the nominal beam is drawn in light blue: the clamp line and the axis of the
         calibration, and the edges of a straight beam with the length and width of the specimen.
     followed : FollowedBeam, optional
-        If this and `specimen_file` are given and if there are no edges, the followed path is drawn in yellow, with a
-        cross at its end.
+        If this and `specimen_file` are given and if there are no edges, the path along which the beam was followed from
+        its clamp is drawn in yellow, with a cross at its end.
 
     Returns
     -------
@@ -129,7 +129,8 @@ def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
 def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDArray[np.uint8]:
     """Add the name, value and limit of each flag below the picture, and its remedy in smaller letters.
 
-    Flags of the severity NOTE, which need no action, are grey.
+    A flag is a quality check that was not passed, and its remedy is advice. Flags of the severity NOTE, which need no
+    action, are grey.
     """
     if not flags:
         return picture

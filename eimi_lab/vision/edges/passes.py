@@ -96,6 +96,8 @@ class Side:
 class PassResult:
     """The result of one pass over the edges: n profiles of grey values over all sides of the outline.
 
+    A pass searches each edge once, on normals to a curve near the edge.
+
     Each profile has m grey values along a normal to the edge.
 
     Attributes
@@ -103,7 +105,7 @@ class PassResult:
     sides : tuple of Side
         The sides of the outline with their edge points.
     steps : Steps
-        The steps that were fitted to the profiles.
+        The blurred steps from dark to bright that were fitted to the profiles.
     stations_px : ndarray, shape (m,)
         Distances along a normal at which the grey values were read, positive outward.
     profiles : ndarray, shape (n, m)
@@ -133,7 +135,7 @@ class PassResult:
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return the grey values inside or outside the beam, farther from the edge than the blur of the step reaches.
+        """Return the grey values inside or outside the beam, farther from the edge than the blur of the edge reaches.
 
         Only profiles that gave an edge point are used.
 
@@ -163,7 +165,7 @@ def first_pass(
 
     Silicone beside the magnet causes a second, fainter step in the grey values. Where the silicone is wide, the
     profiles end before the fainter step. Where the silicone is thin, the located edge lies some tenths of a pixel too
-    far inside, and the second pass corrects this error.
+    far inside, and `second_pass` corrects this error.
 
     Parameters
     ----------
@@ -215,11 +217,12 @@ def second_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left and right edges on normals to the curves of the first pass, from corner to corner.
+    """Locate the left and right edges on normals to the curves through the edge points of the first pass.
 
-    At both ends of an edge, the points that the blur of the corner affects are left out. Where the silicone beside the
-    magnet is thin, the steps at the outer and the inner border of the silicone are fitted together. The width of the
-    silicone on each side of the beam is then an unknown of the fit.
+    Each edge is searched from its corner at the clamp to its corner at the tip. At both ends, the points that the blur
+    of the corner affects are left out. Where the silicone beside the magnet is thin, the steps at the outer and the
+    inner border of the silicone are fitted together. The width of the silicone on each side of the beam is then an
+    unknown of the fit.
 
     Parameters
     ----------
@@ -273,9 +276,9 @@ def _transmission(located: PassResult) -> float:
 def scatter_scale(left: Side, right: Side) -> float:
     """Return the factor by which `Side.sigma_px` must be multiplied to match the scatter of the edge points.
 
-    The scatter is estimated from third differences of the offsets of four neighbouring points. A smooth shape of the
-    edge hardly contributes to third differences. For independent offsets with the standard deviations a, b, c, d, the
-    third difference has the standard deviation √(a² + 9b² + 9c² + d²).
+    The scatter is estimated from third differences of the offsets (the distances from the curve) of four neighbouring
+    points. A smooth shape of the edge hardly contributes to third differences. For independent offsets with the
+    standard deviations a, b, c, d, the third difference has the standard deviation √(a² + 9b² + 9c² + d²).
 
     The factor follows from the median of |third difference| / standard deviation. At the magnet and at the ends of a
     curve, a few of these ratios are too large, because the curve differs in shape from the edge.
@@ -359,7 +362,11 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return the length over which a profile can extend into the beam without reaching the edge of the magnet."""
+    """Return the length (px) over which a profile can extend into the beam without reaching the edge of the magnet.
+
+    half_px: largest length. cover_px: width of the silicone beside the magnet. blur_px: blur of the edge. If the
+    silicone is too thin for a profile, the result is `half_px`.
+    """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 
@@ -381,9 +388,10 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
     """Return evenly spaced arc lengths from `begin` to `end`, px, and the stride between requested arc lengths.
 
-    At most `MOST_POINTS` arc lengths are requested, at least `spacing` apart. Further arc lengths are added
-    between the requested arc lengths until neighbours are at most `widest` apart. The distance of neighbours stays so
-    large that their profiles do not overlap. Every stride-th returned arc length is a requested one.
+    A requested arc length is the place of a point of the edge. At most `MOST_POINTS` arc lengths are requested, at
+    least `spacing` apart. Further arc lengths are added between the requested arc lengths until neighbours are at most
+    `widest` apart. The distance of neighbours stays so large that their profiles do not overlap. Every stride-th
+    returned arc length is a requested one.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

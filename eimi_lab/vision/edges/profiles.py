@@ -64,7 +64,10 @@ def normals_of(tangents: Array) -> Array:
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return distances along a normal, px, from -inner_px to outer_px in steps of half a pixel, including zero."""
+    """Return the stations of a profile: distances along a normal, px, from -inner_px to outer_px, half a pixel apart.
+
+    Zero is one of the distances. At each station a grey value is read.
+    """
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
 
@@ -128,14 +131,14 @@ class Cover:
 
 @dataclass(frozen=True)
 class Steps:
-    """Blurred steps that were fitted to n profiles of grey values.
+    """Blurred steps, from a dark to a bright plateau, that were fitted to n profiles of grey values across an edge.
 
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
         Distance from the origin of the profile to the edge, along the normal.
     dark, bright : ndarray, shape (n,)
-        Grey values of the dark and of the bright plateau of each profile.
+        Grey values of the dark and of the bright plateau (the constant values beside the step) of each profile.
     blur_px : float
         Standard deviation of the Gaussian blur, common to all profiles.
     residual : ndarray, shape (n,)
@@ -249,7 +252,8 @@ def fit_steps(
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
     """Return initial values of the dark plateau, the bright plateau and the offset of n profiles, each of shape (n,).
 
-    The plateaus are mean grey values at the two ends of a profile. The offset follows from the area under the profile.
+    The plateaus (the grey values beside the step) are mean grey values at the two ends of a profile. The offset follows
+    from the area under the profile.
     """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
@@ -317,8 +321,8 @@ def _derivatives(
     Returns
     -------
     columns : ndarray, shape (n, m, 3)
-        Derivatives with respect to the dark plateau, the bright plateau and the offset of each profile. A profile
-        equals dark · (first column) + bright · (second column).
+        Derivatives with respect to the dark plateau, the bright plateau and the offset (the place of the step) of each
+        profile. A profile equals dark · (first column) + bright · (second column).
     shared_columns : ndarray, shape (n, m, 1 + k)
         Derivatives with respect to the blur and to the widths of the silicone on k sides of the magnet.
     """
@@ -373,8 +377,10 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether the residual of each profile is at most three times the median residual of its group.
 
-    Profiles with dirt on the edge must not determine the blur. The profiles beside a magnet form separate groups. They
-    have large residuals before both of their steps are fitted, but must determine the width of the silicone.
+    A profile with a larger residual, for example due to dirt on the edge, must not determine the blur. Profiles beside
+    a magnet have two grey-value steps and large residuals until both steps are fitted, but must determine the width of
+    the silicone. residuals: measured minus fitted grey values of n profiles, shape (n, m). step: height of the step of
+    each profile, shape (n,). group: index of the side of the magnet that a profile crosses, else -1, shape (n,).
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

@@ -23,7 +23,8 @@ def light_findings(
     Parameters
     ----------
     edge_pass : PassResult
-        Profiles and steps of a picture with a dark beam, or of the negative of a picture with a lit beam.
+        Grey-value profiles across the edges, and fitted steps, of a picture with a dark beam, or of the negative of a
+        picture with a lit beam.
     largest : float
         Full scale of the camera, grey levels.
     lit_beam : bool
@@ -35,7 +36,7 @@ def light_findings(
     Returns
     -------
     dict of str to float
-        The measured values, with the keys of the table of flags (`Check.finding`).
+        The measured values, with the keys of the table of flags (all quality checks; `Check.finding`).
     """
     steps = edge_pass.steps
     if lit_beam:
@@ -71,7 +72,7 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return words for the remedies: how much a turn of the beam about its axis changes the fitted modulus.
+    """Return in words how much a turn of the beam about its axis changes the fitted modulus, for the advice of flags.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, 
     Returns
     -------
     dict of str to str
-        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the remedies.
+        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the remedies (the advice of the quality checks).
     """
     even_turn = ""
     if 0.0 < even_turn_deg < _MOST_TURN_DEG:

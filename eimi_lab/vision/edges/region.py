@@ -24,7 +24,7 @@ class Region:
     calibration : Calibration
         The calibration for pixels that are counted from the upper left corner of the rectangle.
     digest : str
-        Digest of the calibration of the whole picture.
+        Digest (a checksum) of the calibration of the whole picture.
     """
 
     left: int
@@ -62,8 +62,8 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     Raises
     ------
     InputError
-        If the region is not entirely in the picture, or if the region does not contain the clamp and all clicked
-        points.
+        If the region is not entirely in the picture, or if the region does not contain the clamp and all points that a
+        person clicked on the beam.
     """
     if calibration.picture is None or calibration.picture.region_px is None:
         return None

@@ -36,7 +36,7 @@ class BackLight:
     bright : float
         Grey value of the back-light at the beam's root.
     dark : float
-        Grey value of the beam's root; at most `bright`.
+        Grey value of the beam's root (its part at the clamp); at most `bright`.
     """
 
     surface: NDArray[np.float32]
@@ -73,7 +73,7 @@ class Silhouette:
 
 
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
-    """Fit a quadratic surface to the back-light, and measure the grey value of the beam's root.
+    """Fit a quadratic surface to the back-light, and measure the grey value of the beam's root (at the clamp).
 
     The surface is fitted three times. Each fit excludes the pixels that are clearly darker than the previous surface,
     so that the beam and other dark bodies have no effect.
@@ -140,8 +140,8 @@ def find_silhouette(
 ) -> Silhouette | None:
     """Find the outline of the dark body that leaves the clamp.
 
-    A pixel is dark if its grey value is below the mean of two grey values: that of the root, and that of the back-light
-    at the pixel.
+    A pixel is dark if its grey value is below the mean of two grey values: the grey value of the root (the beam at its
+    clamp), and the grey value of the back-light at the pixel.
 
     Parameters
     ----------

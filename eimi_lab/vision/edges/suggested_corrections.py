@@ -54,9 +54,10 @@ def suggest_correction(
 ) -> SuggestedCorrection:
     """Suggest which value is probably wrong for an image in which no beam was found.
 
-    The search for the beam is repeated without clicked points, and with another width, scale, axis or clamp. Each
-    search changes one value clearly. The first change is suggested with which a beam of nearly the full length is
-    located and no flag is more severe than a note. The suggestion is not a proof, and no file is changed.
+    The search for the beam is repeated without clicked points (points that a person clicked on the beam), and with
+    another width, scale, axis or clamp. Each search changes one value clearly. The first change is suggested with which
+    a beam of nearly the full length is located and no flag (failed quality check) is more severe than a note. The
+    suggestion is not a proof, and no file is changed.
 
     No value is suggested if the given values already lead along a clear body of nearly the full length and of the given
     width. Another clamp or axis would then lead to the same body, or to a wrong one.
@@ -70,7 +71,7 @@ def suggest_correction(
     specimen : SpecimenFile
         The specimen.
     projection : Projection, optional
-        Projection of the image's colours.
+        Weighted sum by which the image's colours become grey values.
 
     Returns
     -------
@@ -112,7 +113,7 @@ def suggest_correction(
 
 
 def _is_clear(followed: FollowedBeam) -> bool:
-    """Return whether a clear body of about the given width was followed over nearly the given length."""
+    """Return whether a clear body of about the given width was followed from the clamp over nearly the given length."""
     findings = followed.findings
     return (
         findings.get("followed_beyond", 0.0) >= _FULL_LENGTH
@@ -124,7 +125,7 @@ def _is_clear(followed: FollowedBeam) -> bool:
 
 
 def _reason_of(followed: FollowedBeam) -> str:
-    """Return the first reason for which the edges of a followed body are unusable.
+    """Return the first reason for which the edges of a body that was followed from the clamp are unusable.
 
     The result is empty if no body was followed over a tenth of the given length, or if the edges are usable.
     """
@@ -141,7 +142,7 @@ def _reason_of(followed: FollowedBeam) -> str:
 
 
 def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
-    """Return whether both edges have nearly the length of the specimen, and no flag is more severe than a note."""
+    """Return whether both edges have nearly the specimen's length, and no failed quality check is more than a note."""
     if any(flag.severity is not Severity.NOTE for flag in edges.flags):
         return False
     for edge in (edges.left, edges.right):

@@ -1,7 +1,8 @@
 """Search for the strip of the picture that shows the beam, from the clamp outward.
 
-The search is a beam search: it extends many strips step by step, and keeps the best strips after each step. A strip has
-bounded curvature. A step is about a third of the beam's width. The gain of a step is
+A strip is a narrow band of the picture between two edges that may be the edges of the beam. The search is a beam
+search: it extends many strips step by step, and keeps the best strips after each step. A strip has bounded curvature. A
+step is about a third of the beam's width. The gain of a step is
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line),
 
@@ -66,15 +67,15 @@ class Strip:
     width : ndarray, shape (k,)
         Width of the strip at each point.
     gain : ndarray, shape (k,)
-        Gain of the search step that ended at each point.
+        Gain (evidence for the beam less the costs of bends) of the search step that ended at each point.
     step_px : float
         Distance between neighbouring points.
     variance : float
         Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
         as equal.
     rival : float
-        Score of the best strip along another body, divided by the score of this strip. The ratio is 1 or more if an
-        earlier picture decided between the two bodies.
+        Score (sum of the gains) of the best strip along another body, divided by the score of this strip. The ratio is
+        1 or more if an earlier picture decided between the two bodies.
     """
 
     place: Array
@@ -106,6 +107,7 @@ class _Stiffness:
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
     """Search for the strip of a picture that shows the beam, and return the strip with the highest score.
 
+    A strip is a narrow band of the picture between two possible edges, and its score sums the evidence for the beam.
     The strip begins at the clamp and ends where its score is highest. If a person clicked points of the beam, the strip
     does not end before the last of these points: the person has seen the beam there, although the picture may hide it
     nearer to the clamp.
@@ -143,7 +145,11 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The strips after one step of the search; for each strip, the index of the strip it extends and its gain."""
+    """The strips (bands of the picture that may show the beam) after one step of the search for the beam.
+
+    For each of n strips: `parent`, the index of the strip that it extends, and `gain`, the evidence for the beam in the
+    step, less the costs of bends. Both have the shape (n,).
+    """
 
     strips: Hypotheses
     parent: NDArray[np.int64]
@@ -151,7 +157,10 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the strips with which the search begins, half a beam's width ahead of the clamp."""
+    """Return the strips (bands that may show the beam) with which the search begins, near the clamp.
+
+    The strips lie half a beam's width ahead of the clamp.
+    """
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
@@ -185,8 +194,8 @@ def _extended(
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
     """Extend every strip by one step, and keep the best of the extended strips.
 
-    Each strip is extended in 13 ways, with different bends, widths and sideways shifts. `along` is the distance of the
-    new ends from the clamp, px.
+    A strip is a band of the picture that may show the beam. Each strip is extended in 13 ways, with different bends,
+    widths and sideways shifts. `along` is the distance of the new ends from the clamp, px.
 
     Returns
     -------
@@ -195,7 +204,7 @@ def _extended(
     parent : ndarray of int, shape (n,)
         Index of the strip that was extended.
     gain : ndarray, shape (n,)
-        Gain of the step.
+        Gain of the step: the evidence for the beam, less the costs of bends.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
@@ -246,7 +255,8 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
     """Return the indices of the strips with the highest scores, at most one in each cell of position and direction.
 
-    The indices are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
+    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. The indices
+    are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
     """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
@@ -264,7 +274,8 @@ def _best_strip(
 ) -> Strip | None:
     """Return the strip with the highest score, traced back to the clamp; None if no score is positive.
 
-    The strip has at least `least` steps.
+    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. `trail`
+    contains the strips after each step of the search. The strip has at least `least` steps.
     """
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
@@ -288,10 +299,10 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the best strip in the last generation of the search.
+    """Return the index of the best strip in the last generation of the search (the strips after the last step).
 
-    If strips along several bodies have about the same score, the body nearest to the beam in the earlier picture is
-    chosen.
+    A strip is a band of the picture that may show the beam. If strips along several bodies have about the same score
+    (evidence), the body nearest to the beam in the earlier picture is chosen.
     """
     score = trail[-1].strips.score
     best = int(score.argmax())
@@ -319,7 +330,8 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
     """Return the score of the best strip along another body, divided by the score of the chosen strip.
 
-    Both scores are taken at the middle of the length of the chosen strip.
+    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. Both scores
+    are taken at the middle of the length of the chosen strip.
     """
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])

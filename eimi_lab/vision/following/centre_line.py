@@ -1,7 +1,7 @@
 """The centre line at which the search for the beam expects the beam.
 
-A person clicks this line, or an earlier picture gives it. The search prefers strips near the expected line. The
-expected line does not move the edges: only the picture determines their places.
+A person clicks this line, or an earlier picture gives it. The search prefers strips (bands of the picture that may show
+the beam) near the expected line. The expected line does not move the edges: only the picture determines their places.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class CentreLine:
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
-        Distance from each point of the line within which a strip has no cost.
+        Distance from each point of the line within which a strip (a band that may show the beam) has no cost.
     evidence : float
-        Gain of a search step whose distance from the line is at most `free_px`.
+        Gain (contribution to the score of a strip) of a search step whose distance from the line is at most `free_px`.
     largest_cost : float
         Largest cost (negative gain) of a search step farther from the line than `free_px`.
     """
@@ -62,10 +62,11 @@ class CentreLine:
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
         """Return the gain of search steps, from the distance between the end of each step and this line.
 
-        The gain depends on the distance between the end of the step and the part of the line at a similar distance
-        from the clamp. Let e be the amount by which this distance exceeds `free_px`, in half beam widths. The gain is
-        `evidence` if the distance does not exceed `free_px`. Otherwise the gain is the larger of -e²/2 and
-        -`largest_cost`. For steps that end farther from the clamp than the end of the line, the gain is 0.
+        A search step extends a strip, a band of the picture that may show the beam; the gain of the step is added to
+        the score of the strip. The gain depends on the distance between the end of the step and the part of the line at
+        a similar distance from the clamp. Let e be the amount by which this distance exceeds `free_px`, in half beam
+        widths. The gain is `evidence` if the distance does not exceed `free_px`. Otherwise the gain is the larger of
+        -e²/2 and -`largest_cost`. For steps that end farther from the clamp than the end of the line, the gain is 0.
 
         Parameters
         ----------

@@ -16,7 +16,10 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Add the distance of the farthest clicked point from the followed path to the findings of a followed beam.
+    """Add the distance of the farthest clicked point from the followed path to the findings (measured values).
+
+    The followed path is the centre line along which the beam was followed from its clamp. The distance is reduced by
+    the error of a click, and is given in widths of the beam.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Find both edges of the beam in its unrolled picture, each edge in a colour projection of its own."""
+"""Find both edges of the beam in its unrolled picture, each edge in a colour projection of its own.
+
+The unrolled picture is the picture, sampled along and across the beam. A seam is a connected line along an edge.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """The left and the right edge of the beam at n stations along the beam.
+    """The left and the right edge of the beam at n stations (places) along the beam.
 
     The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
     nominal width of the beam.
@@ -45,9 +48,10 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both edges of the beam in its unrolled picture, in several passes.
+    """Find both edges of the beam in its unrolled picture, in several passes (repeated searches).
 
-    Each pass computes the colour projections from the colours inside and outside the edges of the previous pass.
+    Each pass computes the colour projections (weighted sums of the colours, 1 inside and 0 outside) from the colours
+    inside and outside the edges of the previous pass.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 class ColourProjection:
     """The colour projection of one edge of the beam in the unrolled picture.
 
-    The unrolled picture has n stations along the beam and m points across the beam at each station.
+    The unrolled picture is the picture, sampled at n stations along the beam and m points across the beam.
 
     Attributes
     ----------
@@ -115,8 +115,9 @@ def project(
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
     """Return the mean and the covariance of the masked colours in a window around each of n stations.
 
-    For c channels, the mean has the shape (n, c) and the covariance the shape (n, c, c). colours: shape (n, m, c).
-    mask: shape (n, m). window: length of the window along the beam, number of stations.
+    A station is a place along the beam, at which the picture is sampled at m points across the beam. For c channels,
+    the mean has the shape (n, c) and the covariance the shape (n, c, c). colours: shape (n, m, c). mask: whether each
+    point is used, shape (n, m). window: length of the window along the beam, number of stations.
     """
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
@@ -130,9 +131,10 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return the probability that each colour of the unrolled picture belongs to the inside of the beam, shape (n, m).
+    """Return the probability that each colour of the unrolled picture is a colour inside the beam, shape (n, m).
 
-    The probability follows from histograms of the colours inside and outside, over the whole unrolled picture.
+    The unrolled picture is the picture sampled at n stations (places) along the beam and m points across the beam. The
+    probability follows from histograms of the colours at the points `inside` and `outside`, over all stations.
     """
     counts = []
     for mask in (inside, outside):

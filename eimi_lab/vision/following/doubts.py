@@ -33,7 +33,7 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     left, right : StripEdges
         The located edges.
     sides : Sides
-        Both edges of the beam in the unrolled picture.
+        Both edges of the beam in the unrolled picture (the picture, sampled along and across the beam).
     width_px : float
         Nominal width of the beam.
 
@@ -56,7 +56,10 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) between the reliable parts of the edges and the borders of possible shadows."""
+    """Return the RMS distance (px) between the reliable parts of the edges and the borders of possible shadows.
+
+    width_px: nominal width of the beam, px.
+    """
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 

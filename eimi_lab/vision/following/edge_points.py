@@ -1,4 +1,8 @@
-"""Locate the followed edges in the original image by fitted steps, and estimate the scatter of the points."""
+"""Locate the followed edges in the original image by fitted steps, and estimate the scatter of the points.
+
+A followed edge was found by following the beam from its clamp, and is known to about a pixel. A step is the change of
+the grey value across an edge.
+"""
 
 from __future__ import annotations
 
@@ -66,9 +70,10 @@ def locate_edge(
 ) -> StripEdges | None:
     """Locate the points of one followed edge in the original image.
 
-    Profiles are read on normals to the edge, and projected by the colour projection of the edge. Blurred steps are
-    fitted to the projected profiles (`edges.profiles.fit_steps`). The fit is repeated on normals to the smooth curve
-    through the points of the first fit.
+    Profiles are read on normals to the edge. The colours of the profiles are converted to one number by the colour
+    projection of the edge (a weighted sum). Blurred steps (from the inside to the outside value) are fitted to the
+    projected profiles (`edges.profiles.fit_steps`). The fit is repeated on normals to the smooth curve through the
+    points of the first fit.
 
     Parameters
     ----------
@@ -124,7 +129,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Edge:
-    """The image and the colour projection with which the profiles across one edge are read.
+    """The image and the colour projection (weighted sum of colours) with which the profiles across one edge are read.
 
     `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1. `width_px` is the
     nominal width of the beam.
@@ -144,9 +149,9 @@ class _Edge:
         (n,).
 
         Parameters: `place` contains the arc lengths (px), and `station` the index of the nearest station of the
-        unrolled picture for each arc length. The profiles reach `half` px to both sides of the curve, and `blur` (px)
-        is the initial blur of the fit. If `level` is true, the slope of the light beside the edge is removed first. The
-        curve must then be close to the edge.
+        unrolled picture (the picture, sampled at stations along the beam) for each arc length. The profiles reach
+        `half` px to both sides of the curve, and `blur` (px) is the initial blur of the fit. If `level` is true, the
+        slope of the light beside the edge is removed first. The curve must then be close to the edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)

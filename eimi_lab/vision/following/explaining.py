@@ -1,4 +1,7 @@
-"""Draw the intermediate results of following a beam: the searched picture, the strip, and the edges of the beam."""
+"""Draw the intermediate results of following a beam: the searched picture, the strip, and the edges of the beam.
+
+The strip is the band of the picture in which the search found the beam.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +35,8 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     Returns
     -------
     dict of str to ndarray of uint8
-        ``"strip"``: the searched picture with the strip. The colour of the strip goes from red to green with the gain
-        of each step of the search.
+        ``"strip"``: the searched picture with the strip. The strip is the band in which the beam was found. The colour
+        of the strip goes from red to green with the gain (evidence for the beam) of each step of the search.
 
         ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
         the colour projections of the left and of the right edge. Both edges are drawn in green at the stations where
@@ -48,7 +51,7 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
-    """Draw the strip on the searched picture."""
+    """Draw the strip (the band in which the beam was found) on the searched picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -61,7 +64,11 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the unrolled picture of the beam, and on the two colour projections of this picture."""
+    """Draw both edges on the unrolled picture of the beam, and on the two colour projections of this picture.
+
+    The unrolled picture is the picture, sampled along and across the beam. A colour projection is a weighted sum of
+    colours that is 1 inside the beam and 0 outside.
+    """
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]

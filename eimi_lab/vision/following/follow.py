@@ -37,7 +37,7 @@ class FollowedBeam:
     Attributes
     ----------
     findings : dict of str to float
-        Measured values, with the keys of the table of flags (`Check.finding`).
+        Measured values, with the keys of the table of flags (all quality checks; `Check.finding`).
     working : WorkingPicture, optional
         The picture in which the strip was searched.
     strip : Strip, optional
@@ -49,7 +49,7 @@ class FollowedBeam:
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
-        For each word in braces in the remedies, the text that replaces this word.
+        For each word in braces in the remedies (the advice of the quality checks), the text that replaces this word.
     """
 
     findings: dict[str, float]
@@ -61,7 +61,7 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return this result with its path and its reliable points in the coordinates of a larger picture.
+        """Return this result with its path (the followed centre line) and reliable points in px of a larger picture.
 
         The searched image was cut from the larger picture. by_px: upper left corner of the searched image in the larger
         picture, px, shape (2,). The located points in `edges` are not converted.
@@ -74,7 +74,7 @@ class FollowedBeam:
 
     @property
     def path_px(self) -> Array:
-        """The centre line of the followed strip: n points in px of the image, shape (n, 2); empty without a strip."""
+        """The centre line along which the beam was followed: n points, px, shape (n, 2); empty if no beam was found."""
         if self.strip is None or self.working is None:
             return np.zeros((0, 2))
         return self.working.to_picture(self.strip.place)
@@ -152,14 +152,14 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return the texts that replace the words in braces in the remedy for a beam that is too narrow."""
+    """Return the texts that replace the words in braces in the remedy (advice) for a beam that is too narrow."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Return the measured values of a followed beam, with the keys of the table of flags.
+    """Return the measured values of a followed beam, with the keys of the table of flags (all quality checks).
 
     size: width and height of the image, px.
     """

@@ -1,4 +1,7 @@
-"""Strips that may show the beam: position and curvature of each strip, and how well the image supports the strip."""
+"""Strips that may show the beam: position and curvature of each strip, and how well the image supports the strip.
+
+A strip is a narrow band of the picture between two possible edges of the beam.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,7 @@ class Hypotheses:
         Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
         as equal.
     score : ndarray, shape (n,)
-        Sum of the gains of all steps.
+        Sum of the gains of all search steps. A gain is the evidence for the beam, less the costs of bends.
     """
 
     place: Array
@@ -69,6 +72,8 @@ class Hypotheses:
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
     """Return the colours at 15 points across each strip: nine inside and three on each side (`ACROSS`).
+
+    A strip is a band of the picture that may show the beam.
 
     Parameters
     ----------
@@ -112,8 +117,9 @@ def least_variance(picture: WorkingPicture) -> float:
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
     """Return the support of strips by the image: a number from 0 to 2 for each strip, shape (...).
 
-    For one edge, let d be the distance between the mean colours inside and outside. With e = d² / variance, the support
-    of the edge is e / (e + 9). The support of a strip is the sum over its two edges.
+    A strip is a band of the picture that may show the beam. For one edge, let d be the distance between the mean
+    colours inside and outside. With e = d² / variance, the support of the edge is e / (e + 9). The support of a strip
+    is the sum over its two edges.
 
     Parameters
     ----------
@@ -153,6 +159,8 @@ def brightness_step(colours: NDArray[np.float32]) -> Array:
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
     """Return the difference between the colours inside strips and the remembered colours: from 0 to 2, shape (...).
 
+    A strip is a band that may show the beam. The colours are remembered from earlier steps of the search.
+
     The result is d² / (9 variance), at most 2. d² is the squared colour difference, averaged over nine points inside.
 
     colours: colours at 15 points across each strip, shape (..., 15, channels). template: remembered colours at nine
@@ -166,7 +174,7 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array
 ) -> NDArray[np.float32]:
-    """Return the remembered colours after another step of the search.
+    """Return the remembered colours of strips (bands that may show the beam) after another step of the search.
 
     A remembered colour moves by 12 % toward the present colour if the two colours count as equal.
 

@@ -22,7 +22,9 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 def fall_across(
     share: Array, outward: float, across: Array, stations_in_width: float, arm_widths: float = ARM
 ) -> Array:
-    """Return the fall of the projected colour in the outward direction, at each point of the sampled picture.
+    """Return the fall (decrease) of the projected colour in the outward direction, at each point of the picture.
+
+    The picture was sampled along and across the beam. The projected colour is a weighted sum of its colours.
 
     Parameters
     ----------
@@ -53,12 +55,12 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k connected seams, each with the largest sum of falls.
+    """Find k seams (connected lines with one point at each station along the beam) with the largest falls.
 
-    The value of a point is its fall minus 0.25 ((position - expected position) / tolerance)². From station to station a
-    seam moves by at most two points across the beam, and each point of such a move costs 0.05. Dynamic programming
-    finds the seam with the largest total value. A parabola through the values at neighbouring points refines each
-    position.
+    The value of a point is its fall (the outward decrease of the projected colour) minus 0.25 ((position - expected
+    position) / tolerance)². From station to station a seam moves by at most two points across the beam, and each point
+    of such a move costs 0.05. Dynamic programming finds the seam with the largest total value. A parabola through the
+    values at neighbouring points refines each position.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Return the positions of a seam at n stations across the beam, in nominal widths, shape (n,).
+    """Return the positions across the beam of a seam (a line along an edge) at n stations, nominal widths, shape (n,).
 
     Each position is refined by a parabola through the values at the neighbouring points. value: shape (n, m). seam:
     index of the seam's point at each station, shape (n,). across: coordinates of the m points, shape (m,).

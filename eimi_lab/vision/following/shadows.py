@@ -49,7 +49,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
-        Both edges, located with all colours.
+        Both edges, located in projections (weighted sums) of all colours.
     noise : float
         Standard deviation of a channel, in grey levels on a scale from 0 to 255.
 
@@ -122,7 +122,8 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
     """Return the mean colours inside an edge, in the region between the edge and a border, and outside the border.
 
-    Each has the shape (n, channels). All are measured away from the blur of the edge and of the border.
+    Each has the shape (n, channels), for n stations (places along the beam). The border is a line outside the edge. All
+    are measured away from the blur of the edge and of the border.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
@@ -136,9 +137,10 @@ def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, at each of n stations, whether the region between an edge and the border of a shadow is dimmed.
+    """Return whether the region between an edge and the border of a shadow is dimmed, at n stations, shape (n,).
 
-    The region is dimmed if its colour, projected on the colour of the surroundings, is darker than the surroundings.
+    The stations are places along the beam. The region is dimmed if its colour, projected on the colour of the
+    surroundings, is darker than the surroundings.
     """
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
@@ -150,7 +152,7 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colour of the masked points in a window around each of n stations, shape (n, channels).
+    """Return the mean colour of the masked points around each of n stations along the beam, shape (n, channels).
 
     mask: whether each of the m points at a station is used, shape (n, m). window: length of the window, number of
     stations.
@@ -162,7 +164,10 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Return a projection that equals `where_moved` at the stations where the edge was moved, else `elsewhere`."""
+    """Return a projection that equals `where_moved` at the stations where the edge was moved, else `elsewhere`.
+
+    A projection is a weighted sum of colours; a station is a place along the beam.
+    """
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -34,7 +34,7 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """The left and the right edge of the beam at n stations along the beam.
+    """The left and the right edge of the beam at n stations (places) along the beam.
 
     The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
     nominal width of the beam.
@@ -71,6 +71,8 @@ class Sides:
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: float = 0.0) -> Sides:
     """Find both edges of the beam in its unrolled picture, and the stations at which each edge is reliable.
+
+    A station is a place along the beam, at which the picture is sampled across the beam.
 
     Parameters
     ----------
@@ -110,7 +112,8 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 def sure_share(sound: Mask) -> dict[str, float]:
     """Return the share of the followed path on which an edge is reliable, with the key of the table of flags.
 
-    The smaller of the shares of the two edges is returned.
+    The followed path leads from the clamp to the end of the search. The table of flags lists all quality checks. The
+    smaller of the shares of the two edges is returned.
 
     Parameters
     ----------
@@ -130,10 +133,11 @@ def sure_share(sound: Mask) -> dict[str, float]:
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
-    """Return the number of stations before the end of the beam.
+    """Return the number of stations (places along the beam) before the end of the beam.
 
-    Both edges of a beam end at its tip. If a single edge continues near the nominal length, this edge belongs to a body
-    in the background.
+    along: distance of each of n stations from the clamp, and `length` the nominal length, in nominal widths. sound:
+    whether each edge is reliable at each station, shape (2, n). Both edges of a beam end at its tip. If a single edge
+    continues near the nominal length, this edge belongs to a body in the background.
     """
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
@@ -147,7 +151,8 @@ def _sound(
 ) -> Mask:
     """Return whether each of the two edges is reliable at each of n stations, shape (2, n).
 
-    An edge is reliable where its step is clear, the edge is smooth, and its two sides clearly differ in colour.
+    A station is a place along the beam. An edge is reliable where its colour step is clear, the edge is smooth, and its
+    two sides clearly differ in colour.
     """
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
@@ -160,7 +165,7 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle by which an edge turns at each of n stations, rad, not negative, shape (n,).
+    """Return the angle by which an edge turns at each of n stations along the beam, rad, not negative, shape (n,).
 
     seam: the points of the edge, shape (n, 2). The directions of the edge before and after a station are measured over
     `arm` stations each.
@@ -174,10 +179,10 @@ def _turn(seam: Array, arm: int) -> Array:
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
     """Return whether each of n stations belongs to the longest chain of runs of one edge, shape (n,).
 
-    A run is a sequence of neighbouring stations at which the edge is sure. A chain consists of runs that continue each
-    other. A run after a gap continues an earlier run on two conditions. First, the later run lies near the straight
-    continuation of the earlier run. Second, the beam has about the same width in both runs. The tolerances of both
-    conditions grow with the length of the gap.
+    A run is a sequence of neighbouring stations (places along the beam) at which the edge is sure (reliable). A chain
+    consists of runs that continue each other. A run after a gap continues an earlier run on two conditions. First, the
+    later run lies near the straight continuation of the earlier run. Second, the beam has about the same width in both
+    runs. The tolerances of both conditions grow with the length of the gap.
 
     These two conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
     near the clamp that interrupts a long edge.

@@ -1,4 +1,7 @@
-"""Sample the image along the strip that shows the beam. In the result, the middle of the beam is straight."""
+"""Sample the image along the strip that shows the beam. In the result, the middle of the beam is straight.
+
+The strip is the band of the picture in which the search found the beam.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,7 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """A picture of the beam, sampled at n stations along the beam and m points across the beam at each station.
+    """A picture of the beam, sampled at n stations (places) along the beam and m points across the beam at each.
 
     The nominal width of the beam is the unit of length, unless px are given.
 
@@ -98,7 +101,7 @@ class UnrolledPicture:
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample a picture along a strip, from the clamp to 0.6 beam widths beyond the end of the strip.
+    """Sample a picture along a strip (the band that shows the beam), from the clamp to 0.6 widths beyond its end.
 
     Parameters
     ----------
@@ -146,5 +149,9 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Convert n points from px of the coarse working picture to px of the fine working picture, shape (n, 2)."""
+    """Convert n points from px of the coarse working picture to px of the fine working picture, shape (n, 2).
+
+    The strip that shows the beam is searched in the coarse picture. The fine picture is the same image in a larger
+    scale.
+    """
     return fine.from_picture(coarse.to_picture(points))

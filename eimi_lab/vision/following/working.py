@@ -61,7 +61,7 @@ class WorkingPicture:
 
 
 def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> WorkingPicture | None:
-    """Cut an image to the reach of the beam, and scale the part.
+    """Cut an image to the reach of the beam (the region that the beam can reach from its clamp), and scale the part.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class BeamCurve:
         weight : ndarray, shape (p,)
             Weight of each point; 0 for a point that is not used.
         usual : BeamCurve, optional
-            A curve near which the beam is expected.
+            A curve near which the beam is expected, for example the centre line in the first frame.
         """
         nodes, _ = self._integrated
         direction = _OF_NODES @ self.coefficients

@@ -1,8 +1,9 @@
 """Find the beam in each frame of a recording, near its place in the previous frames.
 
 The beam is described by a curve of fixed length (`beam_curve`). In each frame, the curve is found in three steps.
-First, the change from the frame before is continued. Second, the curve is moved to the band that contrasts with its
-surroundings. Third, the curve is moved to the middle between the two edges. Only pixels near the beam are read.
+First, the change from the frame before is continued. Second, the curve is moved to the band (a strip as wide as the
+beam) that contrasts most with its surroundings. Third, the curve is moved to the middle between the two edges. Only
+pixels near the beam are read.
 """
 
 from __future__ import annotations
@@ -66,11 +67,11 @@ class BeamTracker:
     edges : EdgeSet
         The edges of the beam in this frame.
     frame : BeamFrame
-        The map between pixels and the beam frame.
+        The map between pixels and mm in the beam frame (x along the undeformed beam from the clamp, y across).
     length_mm : float
         Length of the beam.
     projection : Projection, optional
-        Projection of the colours of all frames.
+        Weighted sum by which the colours of all frames become grey values.
 
     Attributes
     ----------
@@ -124,7 +125,10 @@ class BeamTracker:
 
     @property
     def outline_px(self) -> Array:
-        """The corners of a polygon around the beam in the first frame, px, shape (n, 2); the margin is a width."""
+        """The n corners of a polygon around the beam in the first frame, px, shape (n, 2).
+
+        The polygon leaves a margin of about one width of the beam beside both edges, and of 1.5 widths beyond the tip.
+        """
         places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
         aside = 3.0 * float(self._half_px.max()) * normals
         ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
@@ -187,7 +191,7 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Return the centre line of the band near a curve that contrasts with its surroundings.
+        """Return the centre line of the band (a strip as wide as the beam) near a curve that contrasts with both sides.
 
         reach: largest distance between the band and the curve, in beam widths. Return None if the band is detected at
         too few points.
@@ -226,9 +230,9 @@ class BeamTracker:
     def _on_edges(
         self, grey: NDArray[Any], curve: BeamCurve, smear_px: float, usual: BeamCurve | None
     ) -> tuple[SeenBeam, BeamCurve]:
-        """Return the edges near a curve, and the curve moved to the middle between the edges.
+        """Return the edges of the beam near a curve, and the curve moved to the middle between the edges.
 
-        smear_px: the motion since the last frame. usual: see `BeamCurve.moved`.
+        smear_px: the motion of the beam since the last frame. usual: a curve near which the beam is expected, or None.
         """
 
         def through(curve: BeamCurve, offset: Array, is_usable: NDArray[np.bool_]) -> BeamCurve:

@@ -1,8 +1,9 @@
 """Remove the motion of the camera from a recording, so that fixed objects stay at the same place in each frame.
 
-Corners around the beam are followed from a reference frame into each frame by the method of Lucas and Kanade with
-pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a scale are fitted to the corners. Corners that move in
-another way, for example corners of a hand or of a shadow, are left out (RANSAC, Fischler and Bolles 1981).
+Corners (textured points that can be located in both directions) around the beam are followed from a reference frame
+into each frame by the method of Lucas and Kanade with pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a
+scale are fitted to the corners. Corners that move in another way, for example corners of a hand or of a shadow, are
+left out (RANSAC, Fischler and Bolles 1981).
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class SteadyView:
     reference : ndarray, shape (H, W) or (H, W, 3)
         The reference frame.
     outline_px : ndarray, shape (n, 2)
-        A polygon around the moving part of the reference frame, px. Corners inside the polygon are not used.
+        A polygon around the moving part of the reference frame, px. Corners (textured points that are followed from
+        frame to frame) inside the polygon are not used.
 
     Attributes
     ----------
@@ -56,7 +58,7 @@ class SteadyView:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the reference frame has enough corners to measure the motion of the camera."""
+        """Whether the reference frame has enough corners (textured points) to measure the motion of the camera."""
         return len(self._corners) >= _FEWEST
 
     def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -99,7 +101,7 @@ class SteadyView:
     def _follow(self, grey: NDArray[np.uint8]) -> Array | None:
         """Return the affine map from points of the reference frame to points of a frame, shape (2, 3).
 
-        Return None if too few corners are detected.
+        Return None if too few corners (textured points) of the reference frame are found in the frame.
         """
         guess = (self._corners @ self._to_frame[:, :2].T + self._to_frame[:, 2]).astype(np.float32)
         places, followed, _ = cv2.calcOpticalFlowPyrLK(

@@ -18,7 +18,7 @@ _END_SHARE = 6  # the plateaus are means over this part of a profile, at each en
 
 
 class StepPlaces(NamedTuple):
-    """The steps on n profiles of grey values.
+    """The steps of the grey value, one on each of n profiles across an edge.
 
     Attributes
     ----------
@@ -65,6 +65,8 @@ def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
     """Return, for each profile across the beam, the shift at which a band contrasts most with both of its sides.
+
+    A band is an interval of the profile that is as wide as the beam.
 
     Parameters
     ----------
