@@ -17,7 +17,8 @@ def plan(
     specimen: Annotated[
         list[str],
         typer.Option(
-            metavar="FILE", help="specimen.toml, or the name of a shipped specimen; repeat it to compare specimens"
+            metavar="FILE",
+            help="specimen.toml, or the name of a shipped specimen; repeat the option to compare specimens",
         ),
     ],
     rig: Annotated[
@@ -48,14 +49,14 @@ def plan(
         typer.Option(
             metavar="DEG",
             help="direction of gravity in the beam frame: 0 for a beam that hangs down, 90 for a level beam, 180 for "
-            "an upright beam; repeat it to compare directions",
+            "an upright beam; repeat the option to compare directions",
             show_default="the direction in the rig",
         ),
     ] = None,
     tip_weight: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="GRAMS", help="weight at the tip; repeat it to compare weights", min=0.0, show_default="0"
+            metavar="GRAMS", help="weight at the tip; repeat the option to compare weights", min=0.0, show_default="0"
         ),
     ] = None,
     both_polarities: Annotated[

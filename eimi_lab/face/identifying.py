@@ -183,9 +183,9 @@ def fit(
         Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``. The numbers are
         the mean and the standard deviation of the prior in the unit of the parameter.
     section : "solid", "plane-strain" or "plane-stress"
-        Section model of the beam; by default the section in the specimen file.
+        How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        Use also states with flags that make a state unusable.
+        Use also states with a flag, the name of a defect, that makes a state unusable.
     free : str or sequence of str
         Uncertain quantity that is estimated together with the law, such as ``"width=0.02"``. The number is the standard
         deviation of the quantity in mm, in degrees or as a fraction. Without a number, the standard uncertainty in the
@@ -197,7 +197,8 @@ def fit(
     tensile_weight : float
         Factor that multiplies the weight of the tensile curves; without it, the weight follows from their noise.
     restarts : int
-        Number of restarts of the search. Each restart has twice the population of the previous search.
+        Number of restarts of the search. Each restart has twice the population (candidates per generation) of the
+        previous search.
     bipop : bool
         Insert searches with a small population between the restarts.
     time : {"none", "prony"}
@@ -214,7 +215,8 @@ def fit(
     scheduler : str
         Address of a dask cluster, which computes instead of this computer.
     checkpoint : str or Path
-        File that stores every generation of the search, so that an interrupted fit can be continued.
+        File that stores every generation (set of candidates) of the search, so that an interrupted fit can be
+        continued.
     resume : bool
         Continue from the checkpoint, if this file exists.
     output : str or Path
@@ -364,7 +366,7 @@ def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
 def _fits_of_motions(
     laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
 ) -> Fits:
-    """Return the fits of laws to datasets that have motions but no states, and write them to ``output`` if it is given.
+    """Return the fits to datasets that have motions (ring-downs) but no states, and write them to ``output`` if given.
 
     Raises InputError if the motions cannot be used, or if the file cannot be written.
     """

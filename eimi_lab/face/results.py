@@ -24,7 +24,7 @@ from eimi_lab.showing.tables import html_table, installed
 
 @dataclass(frozen=True, repr=False)
 class Validations:
-    """Comparisons of fits with datasets: one prediction for each dataset and fit.
+    """Comparisons of fits with datasets: one prediction (simulation) for each dataset and fit.
 
     The predictions have the order of the arguments of `validate`: all fits for the first dataset, then for the next.
     """

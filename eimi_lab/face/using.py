@@ -89,7 +89,8 @@ def simulate(
         Directions of gravity, and of the field of a positive current, in the beam frame, degrees from +x toward +y. For
         a gravity angle of 0 the beam hangs down. For a field angle of 90 the field is across the beam.
     bulk_modulus_kPa : float
-        Bulk modulus, kPa, for the section models "solid" and "plane-strain". By default the material is incompressible.
+        Bulk modulus, kPa, if the cross-section is modelled as "solid" or "plane-strain". By default the material is
+        incompressible.
     output : str or Path
         Folder for tables, a figure and files for ParaView; None to write no files.
     force : bool
@@ -162,9 +163,9 @@ def validate(
     fit : FitRecord, Fits, str or Path, or a sequence of them
         Fits, or paths of files fits.json.
     section : "solid", "plane-strain" or "plane-stress"
-        Section model of the beam; by default the section in the specimen file.
+        How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        Use also states with flags that make a state unusable.
+        Use also states with a flag, the name of a defect, that makes a state unusable.
     output : str or Path
         File validation.json for the result; None to write no file.
     force : bool
@@ -178,7 +179,7 @@ def validate(
     Raises
     ------
     InputError
-        If a section or a file does not exist, or if a fit used one of these datasets with another section model.
+        If a section or a file does not exist, or if a fit used one of these datasets with another ``section``.
     """
     chosen = check_section(section)
     predictions: list[Prediction[FittedLaw]] = []
@@ -217,7 +218,7 @@ def plan(
     Parameters
     ----------
     fits : FitRecord, Fits, str or Path
-        Fits of an earlier run, whose law and noise are used.
+        Fits of an earlier run, whose law and noise of the measurement are used.
     protocol : str, Path or Protocol
         Protocol whose limits, ramp and settling are used again.
     specimen : str, Path or SpecimenFile, or a sequence of these types

@@ -1,7 +1,7 @@
 """The inputs of a simulation with a fitted law: the bulk modulus, and the nuisances that were fitted with the law.
 
 The fitted values of nuisances apply to the datasets to which the law was fitted. For any other dataset, the inputs have
-the values that the files of the dataset give.
+the values that the files of the dataset give. A nuisance is an uncertain input, such as the magnetic moment.
 """
 
 from __future__ import annotations
@@ -38,10 +38,11 @@ class Assumptions:
     bulk_modulus_Pa : ndarray, shape (P,), or None
         The bulk modulus of each candidate; None for an incompressible material.
     setup : Setup or None
-        The values of the freed nuisances; None if all inputs have their stated values.
+        The values of the freed nuisances (uncertain inputs that were fitted with the law); None if all inputs have the
+        values in the input files.
     deviations : mapping of str to ndarray, shape (d,)
-        By name of the source of uncertainty: deviations of its d quantities from their stated values. Only freed
-        nuisances that change the specimen, the loads or the lens are included.
+        By name of the source of uncertainty: deviations of its d quantities from the values in the input files. Only
+        freed nuisances that change the specimen, the loads or the lens are included.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -49,7 +50,10 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return the experiment with the specimen, the loads and the lens that follow from the identified nuisances."""
+        """Return the experiment with the specimen, the loads and the lens that follow from the identified nuisances.
+
+        A nuisance is an uncertain input that was fitted with the law.
+        """
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
@@ -84,9 +88,9 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the error of the modulus due to a planar section assumption.
+    """Return a sentence on the error of the modulus due to a planar beam model (plane stress or plane strain).
 
-    Return None for a beam model with a solid section.
+    Return None for a beam model with a solid cross-section.
     """
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
@@ -100,7 +104,7 @@ def section_remark(evidence: Evidence) -> str | None:
 
 
 def rest_shape_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured shape at rest; None if the fit uses the stated shape."""
+    """Return a sentence on the measured shape at rest; None if the fit uses the shape in the specimen file."""
     shape = evidence.rest_shape
     if shape is None:
         return None
@@ -112,7 +116,7 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the change of the modulus due to a stated Poisson's ratio below 0.495.
+    """Return a sentence on the change of the modulus due to a given Poisson's ratio below 0.495.
 
     Return None for any other Poisson's ratio.
     """

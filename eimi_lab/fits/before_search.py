@@ -147,7 +147,7 @@ def _check_map(experiment: Experiment) -> None:
 
 
 def check_width(dataset: Dataset) -> None:
-    """Compare the width of the beam in the picture of the first state with the stated width.
+    """Compare the width of the beam in the picture of the first state with the width in the specimen file.
 
     Raises
     ------

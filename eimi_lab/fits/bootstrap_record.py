@@ -1,4 +1,7 @@
-"""The record of fits that were repeated on bootstrap replicates of the data, for a result file."""
+"""The record of fits that were repeated on bootstrap replicates of the data, for a result file.
+
+The states of a replicate are drawn at random, with replacement, from the measured states.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ from eimi_lab.fits.law_record import Record
 
 
 class ReplicateRecord(Record):
-    """A law fitted to one bootstrap replicate of the data, with the parameters in the units of the law."""
+    """A law fitted to one bootstrap replicate of the data, with the parameters in the units of the law.
+
+    The states of a replicate are drawn at random, with replacement, from the measured states.
+    """
 
     replicate: int
     parameters: dict[str, float]
@@ -40,7 +46,7 @@ FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
 
 
 class BootstrapRecord(Record):
-    """Fits to bootstrap replicates of the data. The states of a replicate are drawn with replacement.
+    """Fits to bootstrap replicates of the data. The states of a replicate are drawn at random with replacement.
 
     `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
     and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3). With fewer than 40 replicates this field is

@@ -53,7 +53,7 @@ class GenerationLine(Record):
     """A line of a checkpoint: one generation of the search for one fit.
 
     The line holds the index of the fit in the first line of the checkpoint, the objectives of the candidates, and the
-    state of the search.
+    progress of the search. Objective: the misfit that the search minimises, in mm.
     """
 
     fit: int
@@ -186,7 +186,8 @@ class Checkpoint:
 class GenerationLog:
     """The logged generations of the search for one fit.
 
-    The search calls this object after each generation. The object appends new generations to the checkpoint.
+    The search calls this object after each generation. The object appends new generations to the checkpoint. A
+    generation is one set of candidate parameters that CMA-ES proposes together.
     """
 
     path: Path
@@ -196,7 +197,10 @@ class GenerationLog:
 
     @property
     def replay(self) -> tuple[Objectives, ...]:
-        """Return the logged objectives. A resumed search uses these objectives instead of computing them."""
+        """Return the logged objectives. A resumed search uses these objectives instead of computing them.
+
+        An objective is the misfit of one candidate, which the search minimises.
+        """
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:

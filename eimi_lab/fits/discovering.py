@@ -22,7 +22,8 @@ _SHOWN = 12  # alternatives that are printed
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
     """Discover which terms the law of a material needs, from datasets and tensile curves.
 
-    The function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options.
+    The function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options. Evidence: the datasets with
+    beam model, loads and edges.
 
     Raises
     ------

@@ -64,18 +64,19 @@ class Evidence:
     used : StatesUsed
         The indices and flags of the used states and of the states left out.
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for its keys;
-        if a calibration gives none, `calibration` stands for its keys.
+        Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
+        its keys; if a calibration gives none, `calibration` stands for its keys.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None
-        The shape at rest, if it was measured and differs from the stated shape.
+        The shape at rest, if it was measured and differs from the shape in the specimen file.
     poisson_ratio : float
-        The stated Poisson's ratio; the fit takes the material as incompressible.
+        Poisson's ratio in the specimen file; the fit takes the material as incompressible.
     field_line : FieldLine or None
-        The measured line of field against current; None if the field is computed from the stated coil constant.
+        The measured line of field against current; None if the field is computed from the coil constant in the
+        calibration.
     typed_mT_per_A : float or None
-        The stated coil constant.
+        The coil constant in the calibration.
     heating : MeasuredHeating or None
         The measured temperature of the coil, compared with the computed temperature.
     """
@@ -128,15 +129,15 @@ def load_evidence(
     flagged: bool = False,
     report: Callable[[str], None] = silent,
 ) -> Evidence:
-    """Read a dataset as evidence. If the dataset contains no edges, find the edges in its frames first.
+    """Read a dataset as evidence (beam model, loads and edges). If the dataset has no edges, find the edges first.
 
     Parameters
     ----------
     path : str or Path
     section : {"solid", "plane-strain", "plane-stress"}, optional
-        Section assumption that replaces the section assumption of the specimen.
+        Model of the cross-section, which replaces the model in the specimen file.
     flagged : bool
-        Whether to use states that a quality check has flagged.
+        Whether to use states with a flag, which is the name of a defect that a check found.
     report : callable
         Called with a line after the edges of each state are found.
 
@@ -163,7 +164,7 @@ def load_evidence(
 
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
-    """Return the evidence from a dataset that contains edges or tracked points.
+    """Return the evidence (beam model, loads and measurements) from a dataset that contains edges or tracked points.
 
     Raises InputError if no state can be used.
     """
@@ -277,7 +278,7 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
-    """Return the keys of specimen and calibration without a stated uncertainty.
+    """Return the keys of specimen and calibration for which the files give no uncertainty.
 
     If the specimen gives no uncertainty at all, the word `dimensions` replaces the keys of the specimen. If the
     calibration gives no uncertainty at all, the word `calibration` replaces the keys of the calibration.
@@ -320,7 +321,8 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
     """Return the indices of the usable states.
 
-    A usable state has at least 10 points on each edge. A state with a serious flag is usable only if `flagged` is true.
+    A usable state has at least 10 points on each edge. A state with a serious flag (the name of a defect) is usable
+    only if `flagged` is true.
     """
     return [
         i
@@ -339,7 +341,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation (mm) due to the flags of a state.
+    """Return the standard deviation (mm) due to the flags (defects) of a state.
 
     This standard deviation is added in quadrature to the standard deviation of each edge point of the state.
     """
@@ -386,7 +388,8 @@ def _view(dataset: Dataset) -> View | None:
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
     """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens.
 
-    Return an empty tuple otherwise.
+    Return an empty tuple otherwise. A doubt is a sentence on a reason to distrust the fit. The stand-off is the
+    distance of the lens from the beam.
     """
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
@@ -406,7 +409,7 @@ def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
 
 
 def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
-    """Return a sentence with the first flag in the edges of a dataset, and with the remedy for this flag."""
+    """Return a sentence with the first flag (defect) in the edges of a dataset, and with its remedy."""
     flags = [flag for pair in edges for flag in pair.flags]
     if not flags:
         return "the frames show no beam"

@@ -112,7 +112,7 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Return the comment lines of a material card: files, largest strain, intervals and doubts of the fit."""
+    """Return the comment lines of a material card: files, largest strain, intervals and reasons to distrust the fit."""
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

@@ -30,7 +30,7 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
     parameters : ndarray, shape (n,)
         The n parameters of the law.
     drawn : ndarray, shape (D, n)
-        D draws of the n parameters, for the 95 % band.
+        D random samples (draws) of the n parameters from the result of the fit, for the 95 % band.
     max_stretch : float
         Largest stretch in the data.
     """
@@ -71,7 +71,7 @@ def drawn_errors(
 
 @styled
 def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
-    """Draw the residuals of a fit against the arc length, for each of the two edges.
+    """Draw the residuals of a fit (distances of measured from simulated points) against the arc length of each edge.
 
     `distance_mm` and `arc_length_mm` have the shape (K, 2, m) for K states, 2 edges and m points of an edge. Each state
     has a line, whose colour shows the field of the state (`field_mT`, shape (K,)).
@@ -99,7 +99,7 @@ def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array,
 
 @styled
 def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
-    """Draw the errors of several fits or datasets against the field, with a line for each name.
+    """Draw the errors of several fits or datasets against the field, with a line for each name of a fit or dataset.
 
     `errors` holds for each name the fields (mT) and the errors (mm) of the states.
     """

@@ -1,4 +1,7 @@
-"""Compute a grid of fits: laws × datasets × seeds × bootstrap replicates. Each fit is one task for the workers."""
+"""Compute a grid of fits: laws × datasets × seeds × bootstrap replicates. Each fit is one task for the workers.
+
+A bootstrap replicate consists of states that are drawn at random, with replacement, from the measured states.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ def grid(
     each : bool
         Whether each dataset is fitted separately; otherwise all datasets are fitted together.
     bootstrap : int
-        Number of bootstrap replicates of each fit.
+        Number of bootstrap replicates (random samples of the states) of each fit.
 
     Raises
     ------
@@ -175,7 +178,10 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """Yield the fits to the measured data in the order of the tasks, each with the fits to its bootstrap replicates."""
+    """Yield the fits to the measured data in the order of the tasks, each with the fits to its bootstrap replicates.
+
+    A replicate consists of states drawn at random from the measured states.
+    """
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):
         record = done[index]

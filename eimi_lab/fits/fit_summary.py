@@ -30,24 +30,25 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 def remarks(fit: FitRecord) -> list[str]:
     """Return lines on the details of one fit.
 
-    The lines concern the quantities that the data determine, the budget, nuisances, tensile curves, causes of the
-    residuals, grade and doubts.
+    The lines concern the quantities that the data determine, the sources of uncertainty, uncertain inputs that were
+    fitted, tensile curves, causes of the residuals, the grade (support by the data) and reasons to distrust the fit.
     """
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
 
 
 def _grade_lines(fit: FitRecord) -> list[str]:
-    """Return one line with the grade of a fit.
+    """Return one line with the grade of a fit: how well the data and the checks support the fit.
 
-    The line gives the reason for the grade only if the fit has no doubts. Doubts are printed by `_doubts`.
+    The line gives the reason for the grade only if the fit has no doubts (reasons to distrust the fit). Doubts are
+    printed by `_doubts`.
     """
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
 
 
 def cause_lines(fit: FitRecord) -> list[str]:
-    """Return a line with the two most probable causes of the residuals; empty if no causes were compared."""
+    """Return a line with the two most probable causes of the residuals; an empty list if no causes were compared."""
     words = [
         "no listed cause"
         if cause.name == NONE
@@ -72,7 +73,7 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Return lines on the priors, the freed nuisances and the tensile curves of a fit."""
+    """Return lines on the priors, the uncertain inputs that were fitted with the law, and the tensile curves."""
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
@@ -93,12 +94,12 @@ def _doubts(fit: LawRecord) -> list[str]:
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
-    """Return lines on a fit to a tensile test: the parameters that the curve does not determine, and the doubts."""
+    """Return lines on a fit to a tensile test: undetermined parameters, and reasons to distrust the fit."""
     return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return lines on section, shape at rest, compressibility, measured field and temperatures of datasets."""
+    """Return lines on cross-section, shape at rest, compressibility, measured field and temperatures of datasets."""
     remarks_of = (
         section_remark,
         rest_shape_remark,

@@ -1,4 +1,4 @@
-"""Check the options and the evidence of a fit, and explain to the user why a fit is refused."""
+"""Check the options and the datasets of a fit, and explain to the user why a fit is refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """Return the section assumption that the option `--section` names; None without the option.
+    """Return the model of the cross-section that the option `--section` names; None without the option.
 
     Raises InputError for an unknown name.
     """
@@ -50,7 +50,10 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the InputError that explains an error of `REFUSALS` to the user, with the path of the dataset."""
+    """Return the InputError that explains an error of `REFUSALS` to the user, with the path of the dataset.
+
+    `REFUSALS` lists the kinds of error with which a fit is refused.
+    """
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]
         return InputError(f"{dataset.path}: state {dataset.states[error.state].index}: {error}")

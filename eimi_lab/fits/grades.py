@@ -15,6 +15,8 @@ _PREDICTED = 1.5  # a prediction succeeds if its error is below this many times 
 class Grade:
     """The grade of a fit.
 
+    The grade says how well the data and the checks support the fit.
+
     Attributes
     ----------
     name : str

@@ -60,9 +60,10 @@ class LawRecord:
         Largest principal stretch in the data.
     stability : Stability
     doubts : tuple of Doubt
-        Reasons to doubt the result. A doubt about a state contains the index of the state in the dataset.
+        Reasons to distrust the result. A doubt about a state contains the index of the state in the dataset.
     draws : Draws or None
-        Draws from the joint distribution of the parameters and the uncertain inputs; null in files of earlier releases.
+        Random samples (draws) from the joint distribution of parameters and uncertain inputs; null in files of earlier
+        releases.
     versions : dict of str
         Versions of Python and of the packages that computed the fit.
     """
@@ -98,7 +99,7 @@ class LawRecord:
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return the n parameters of the law in D draws from their distribution, shape (D, n).
+        """Return the n parameters of the law in D draws (random samples from their distribution), shape (D, n).
 
         D is at most `most`, and 0 if the fit has no draws. If draws are left out, the returned draws are evenly spread
         over the modulus.
@@ -108,7 +109,7 @@ class LawRecord:
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return the deviations of the uncertain input `name` from its stated value in D draws of the fit, shape (D,).
+        """Return the deviations of the input `name` from its given value in D random samples (draws), shape (D,).
 
         The deviations have the unit of the input. The method `drawn` returns the parameters of the law in the same
         draws. Return None if the draws do not contain the input.
@@ -153,7 +154,7 @@ class LawRecord:
         """Return the lines that must accompany the numbers of a fit.
 
         The lines concern the interval, the undetermined parameters, the limits of stretch and stability, and the
-        doubts.
+        reasons to distrust the fit.
         """
         held = self.held_by_bounds()
         return [
@@ -169,12 +170,12 @@ class LawRecord:
         return []
 
     def doubts_in_words(self) -> list[str]:
-        """Return each doubt about a fit in words, with the dataset, the state or the curve of the doubt."""
+        """Return each reason to distrust a fit in words, with the dataset, the state or the curve that it concerns."""
         return [doubt.words for doubt in self.doubts]
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the doubts as a result file contains them, without the attribute `kind`."""
+        """Return the doubts (reasons to distrust the fit) as a result file contains them, without their `kind`."""
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:

@@ -1,7 +1,8 @@
 """The loads and uncertainties of a dataset whose field was measured.
 
-A measured field replaces the stated coil constant. The slope of the measured line (`dataset.measured_field`) is used as
-the coil constant, and the offset of the line as a background field. Both have the uncertainties of the line.
+A measured field replaces the coil constant in the calibration. The slope of the measured line
+(`dataset.measured_field`) is used as the coil constant, and the offset of the line as a background field. Both have the
+uncertainties of the line.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ REPLACED = frozenset({"coil", "offset"})
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
     """Return loads whose background field along the axis of the coil is the offset of the measured line.
 
-    This offset replaces the stated background field along the axis. Without a measured field the loads are unchanged.
+    This offset replaces the background field that the calibration gives along the axis. Without a measured field the
+    loads are unchanged.
     """
     line = dataset.field_line
     if line is None or dataset.calibration is None:

@@ -13,7 +13,7 @@ from eimi_lab.fits.law_record import Record
 class MeasuredField(Record):
     """The straight line of field against current that was fitted to the readings of a gaussmeter.
 
-    A fit uses this line instead of the stated coil constant.
+    A fit uses this line instead of the coil constant in the calibration.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class MeasuredField(Record):
 
     @classmethod
     def of(cls, evidence: Evidence) -> Self | None:
-        """Return the measured field of a dataset; None if the dataset uses the stated coil constant."""
+        """Return the measured field of a dataset; None if the field was not measured."""
         line = evidence.field_line
         if line is None:
             return None
@@ -63,7 +63,7 @@ class MeasuredField(Record):
 
     @property
     def in_words(self) -> str:
-        """Return gaussmeter, slope, offset, standard uncertainties and stated coil constant in words."""
+        """Return gaussmeter, slope, offset, their uncertainties and the coil constant in the calibration in words."""
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"
@@ -77,7 +77,7 @@ class MeasuredField(Record):
 
 
 class MeasuredTemperature(Record):
-    """The measured temperature of the specimen in the used states.
+    """The measured temperature of the specimen in the states (load steps) that a fit uses.
 
     Attributes
     ----------

@@ -140,9 +140,9 @@ class FitOptions:
                 raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
-        """Return the evidence from a dataset, with the section assumption of the option `--section`.
+        """Return the beam model, loads and edges of a dataset, with the cross-section of the option `--section`.
 
-        States with flags are used if the options ask for them.
+        States with flags (names of defects) are used if the options ask for such states.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class FitOptions:
         return load_evidence(path, section=check_section(self.section), flagged=self.include_flagged)
 
     def check(self, evidence: Sequence[Evidence]) -> None:
-        """Check that no dataset occurs twice, and that each dataset can determine the quantities of ``--free``.
+        """Check that no dataset occurs twice, and that each dataset can determine the uncertain inputs of ``--free``.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class FitOptions:
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
-        """Raise InputError if neither `--free` nor the dataset gives the standard deviation of a freed quantity."""
+        """Raise InputError if neither `--free` nor the dataset gives the standard deviation of a fitted input."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:

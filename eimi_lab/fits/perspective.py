@@ -47,7 +47,7 @@ class SeenDepth:
 
 
 def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
-    """Estimate the stand-off of the lens from the edges of K states; None if no perspective is significant.
+    """Estimate the stand-off of the lens from the edges in K states; None if no perspective is significant.
 
     Parameters
     ----------

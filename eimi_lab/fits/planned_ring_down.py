@@ -103,7 +103,7 @@ def expected_ring_down(
     tip_weight_N : float
         Weight at the tip; its mass moves with the tip.
     stated : sequence of StatedSource
-        The sources of uncertainty that the input files specify.
+        The sources of uncertainty in the input files, such as the moment, with their standard uncertainties.
     static_percent : float
         Expected half-width (%) of the 95 % interval of the modulus from the static states alone.
     effects : mapping of str to float

@@ -1,6 +1,7 @@
 """Plan the next run: choose states, mounting and specimen for a goal, within the limits of a rig.
 
-The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`.
+The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`. A mounting is a specimen with the
+direction of gravity, the weight at the tip and the signs of the current.
 """
 
 from __future__ import annotations
@@ -82,6 +83,8 @@ class Mounting:
 @dataclass(frozen=True)
 class PlannedRun:
     """The chosen states of a run in one mounting, compared with the same number of equally spaced states.
+
+    A mounting is a specimen with the direction of gravity, the weight at the tip and the signs of the current.
 
     Attributes
     ----------
@@ -212,6 +215,8 @@ def mountings(
 
 def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
     """Choose the best states for a goal in each mounting.
+
+    A mounting is a specimen with the direction of gravity, the weight at the tip and the signs of the current.
 
     Parameters
     ----------
@@ -352,7 +357,7 @@ def _noise(fit: FitRecord) -> EdgeNoise:
 
 
 def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
-    """Return a protocol of the planned states as TOML text, with the goal and the mounting in comments."""
+    """Return a protocol of the planned states as TOML text; comments give goal, specimen, gravity and tip weight."""
     both = {"both_polarities": True} if run.mounting.both_polarities else {}
     states = Currents(values_A=run.currents_A, **both)
     changed = protocol.model_copy(
@@ -385,7 +390,10 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
 
 
 def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
-    """Return the goal and the planned runs as a dictionary for JSON."""
+    """Return the goal and the planned runs as a dictionary for JSON.
+
+    The goal is the quantity, or the choice between two laws, for which the states were chosen.
+    """
     return {
         "goal": goal.in_words(),
         "runs": [

@@ -1,10 +1,10 @@
 """Compute the interval of the error of a fit on a dataset, from the uncertainties of fit and dataset.
 
-The parameters of the law are taken from the draws of the fit. The uncertain inputs of the dataset are drawn in
-addition. Fit and dataset may share a source of uncertainty: the same coil, calibration or calliper. The deviation of a
-shared source is taken from the same draw as the parameters. For example, a coil that is weaker than stated makes the
-identified modulus too high. If the same coil acts on the beam of the dataset, this beam still bends as simulated. All
-other sources are drawn independently.
+The parameters of the law are taken from the draws of the fit (random samples from the distribution of its result). The
+uncertain inputs of the dataset are drawn in addition. Fit and dataset may share a source of uncertainty: the same coil,
+calibration or calliper. The deviation of a shared source is taken from the same draw as the parameters. For example, a
+coil that is weaker than stated makes the identified modulus too high. If the same coil acts on the beam of the dataset,
+this beam still bends as simulated. All other sources are drawn independently.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def error_interval_mm(
 
     Each draw is simulated on the coarse mesh. The difference between this simulation and the simulation of the fit on
     the coarse mesh is added to the residuals of the fit. The corrections by more accurate models are thus assumed to be
-    the same for all draws.
+    the same for all draws. Draws: random samples of the parameters and the uncertain inputs.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean errors of D draws of a fit on a dataset, for T draws of the independent sources.
+    """Return the mean errors of D draws (random samples) of a fit, for T draws of the independent sources.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset, without the inputs that the fit identified as nuisances.
+    """Return the uncertain inputs of a dataset, without the inputs that were fitted with the law.
 
     A source of uncertainty may have several inputs, for example two coordinates. For each input the source and the
     index of the input in this source are returned.
@@ -132,7 +132,7 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return the law of a fit as a candidate, with the nuisances that the fit identified for this dataset."""
+    """Return the law of a fit as a candidate, with the uncertain inputs that were fitted for this dataset."""
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(
@@ -150,7 +150,7 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of one input of a source of uncertainty in D draws of a fit, shape (D,).
+    """Return the deviations of one input of a source of uncertainty in D draws (samples) of a fit, shape (D,).
 
     `part` is the index of the input in the source. The deviations are divided by the standard uncertainty. Return None
     if no dataset of the fit shares this source with the dataset whose error is predicted.

@@ -30,6 +30,8 @@ from eimi_lab.process.workers import completed
 def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> Validation:
     """Return the errors of a fit on a dataset, with the 95 % interval of the mean error.
 
+    The error is the root mean square distance between measured and simulated points.
+
     Parameters
     ----------
     evidence : Evidence
@@ -53,7 +55,7 @@ def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
     """Return the simulations of several fits on one dataset, with the 95 % intervals of their mean errors.
 
     Each fit is given with the evidence of the dataset for its section assumption. Raises InputError if a law was fitted
-    to this dataset with another section assumption.
+    to this dataset with another section assumption. Section assumption: the model of the cross-section.
     """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
@@ -66,6 +68,8 @@ def predict_on_each(
     meanwhile: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, list[Prediction[Law]]]]:
     """Predict the errors of fits on several datasets, first without and then with intervals.
+
+    Section assumption: the model of the cross-section (solid, plane stress or plane strain).
 
     Parameters
     ----------
@@ -148,7 +152,10 @@ def _called(call: Callable[[], Any]) -> Any:
 def _simulate_together(
     fits: Sequence[tuple[Law, Evidence]], step_done: Callable[[str], None]
 ) -> list[Prediction[Law] | None]:
-    """Simulate all fits on one dataset; fits with the same section assumption are simulated together."""
+    """Simulate all fits on one dataset; fits with the same section assumption are simulated together.
+
+    Section assumption: the model of the cross-section.
+    """
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {
         section: simulate_each(evidence, [law for (law, _), s in zip(fits, sections, strict=True) if s == section])

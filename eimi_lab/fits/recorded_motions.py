@@ -1,4 +1,4 @@
-"""Read the ring-downs and the creep of a dataset as evidence for a viscoelastic (Prony) law."""
+"""Read the ring-downs and the creep of a dataset as data for the fit of a viscoelastic (Prony) law."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class MotionEvidence:
     stated : tuple of StatedSource
         The sources of uncertainty that the input files specify.
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty.
+        Keys for which the input files give no uncertainty.
     has_states : bool
         Whether the dataset also holds static states.
     has_recording : bool

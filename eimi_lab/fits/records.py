@@ -140,12 +140,12 @@ class CurveRecord(Record):
 
 
 class DatasetReference(Record):
-    """A dataset of a fit: path, hash, section assumption, used states, and stated uncertainties of the inputs.
+    """A dataset of a fit: path, hash, model of the cross-section, used states, and given uncertainties of the inputs.
 
     Attributes
     ----------
     measured_field : MeasuredField or None
-        The measured field that replaces the stated coil constant.
+        The measured field that replaces the coil constant in the calibration.
     temperature : MeasuredTemperature or None
         The measured temperature of the specimen.
     """
@@ -177,7 +177,7 @@ class DatasetReference(Record):
         return {key: value for key, value in written.items() if value is not None}
 
     def in_words(self) -> str:
-        """Return the path, the number of used states, and the flags of the states of a dataset."""
+        """Return the path, the number of used states, and the flags (names of defects) of the states of a dataset."""
         return f"{self.path}: {self.states.in_words()}"
 
 
@@ -190,12 +190,13 @@ class FitRecord(IdentifiedLaw, LawRecord):
     by_state : tuple of StateError
     tensile : tuple of CurveRecord
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for its keys;
-        if a calibration gives none, `calibration` stands for its keys.
+        Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
+        its keys; if a calibration gives none, `calibration` stands for its keys.
     datasets : tuple of DatasetReference
     bootstrap : BootstrapRecord or None
     distances : tuple of Residuals
-        The residuals of each dataset. They are not written to a file; see `residuals`.
+        The distances of measured from simulated points (residuals) of each dataset. The distances are not written to a
+        file; see `residuals`.
     """
 
     kind: Literal["bending"] = "bending"
@@ -232,7 +233,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.distances[dataset]
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset of the parameters with their intervals and draws, and of the errors of all states.
+        """Return an xarray.Dataset of parameters, intervals, random samples (draws) and errors of all states.
 
         Raises ImportError without xarray.
         """
@@ -263,7 +264,8 @@ class FitRecord(IdentifiedLaw, LawRecord):
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
         """Return the record of a fit to the datasets `evidence`.
 
-        The record also holds the residuals, which are not written to a file.
+        The record also holds the residuals (distances of measured from simulated points), which are not written to a
+        file.
         """
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
@@ -330,7 +332,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         ]
 
     def doubts_in_words(self) -> list[str]:
-        """Return each doubt about a fit as a text that begins with the dataset, the state or the curve of the doubt."""
+        """Return each reason to distrust a fit as a text that begins with its dataset, state or tensile curve."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def _about(self, doubt: Doubt) -> str:
@@ -354,7 +356,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
-        """Return one line: law, initial shear modulus with its interval, mean error, and the inputs taken as exact."""
+        """Return one line: law, initial shear modulus, its interval, mean error, and the inputs without uncertainty."""
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
@@ -363,7 +365,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return a text that lists the important inputs without a stated uncertainty.
+        """Return a text that lists the important inputs for which the files give no uncertainty.
 
         For each input, the text gives the change of the modulus that the usual uncertainty of the input would cause.
         """
@@ -377,7 +379,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on used states, on error and deviation, and on the quantities that the data determine."""
+        """Return sentences on used states, mean error and deviation of the edges, and on the determined quantities."""
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),
@@ -403,7 +405,10 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt in which the index of a state among the used states is replaced by the index in the dataset."""
+    """Return a doubt whose index of a state, counted among the used states, is replaced by the index in the dataset.
+
+    A doubt is a reason to distrust the fit.
+    """
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)

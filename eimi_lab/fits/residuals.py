@@ -50,7 +50,7 @@ class Residuals:
 
     @staticmethod
     def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
-        """Return the residuals of a fit, labelled with states, fields, edges and arc lengths.
+        """Return the residuals (distances of measured from simulated points), labelled with states, fields and edges.
 
         `residuals_mm` has the axes state, edge and point, shape (K, 2, m), in mm.
         """
@@ -73,7 +73,7 @@ class Residuals:
         return np.asarray(np.sqrt(squares / points))
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with a row for each measured point, in mm. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame of the distances of all measured points, mm. Raises ImportError without pandas."""
         rows = [
             {
                 "state": int(self.state[k]),
@@ -87,7 +87,7 @@ class Residuals:
         return data_frame(rows, "state")
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset with the axes state, edge and point, in mm. Raises ImportError without xarray."""
+        """Return the distances as an xarray.Dataset: axes state, edge, point; mm. Raises ImportError without xarray."""
         axes, mm = ("state", "edge", "point"), {"units": "mm"}
         variables = {"distance": (axes, self.distance_mm, mm)}
         coordinates = {
@@ -99,7 +99,10 @@ class Residuals:
         return installed("xarray").Dataset(variables, coordinates, {"path": self.dataset})
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the distances along both edges, with a line for each state."""
+        """Return a matplotlib figure of the distances of measured from simulated points against the arc length.
+
+        There is one set of axes for each entry of `edge`, and a line for each state.
+        """
         from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
 
         return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)

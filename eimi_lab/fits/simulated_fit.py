@@ -1,8 +1,8 @@
 """Simulate a fit on a dataset, and compute its error.
 
 If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and others) keep their
-identified values. On any other dataset the nuisances have their stated values. The module `prediction` adds the
-interval of the error and shares the work among processes.
+identified values. On any other dataset the nuisances have the values in the input files. The module `prediction` adds
+the interval of the error and shares the work among processes.
 """
 
 from __future__ import annotations
@@ -126,7 +126,8 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
     """Simulate a fit for which `simulate_each` yielded None.
 
-    Raises InputError if the law was fitted to this dataset with another section assumption.
+    Raises InputError if the law was fitted to this dataset with another section assumption (model of the
+    cross-section).
     """
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
     prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")
@@ -140,7 +141,7 @@ def _planar_comparisons(
     """Return the comparison of a dataset with the planar simulation of each fit.
 
     These simulations are not yet corrected for the depth of the beam. Fits of one law without a bulk modulus and
-    without freed nuisances are simulated as one batch.
+    without freed nuisances (uncertain inputs that were fitted with the law) are simulated as one batch.
     """
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
@@ -160,6 +161,8 @@ def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
     """Return the simulation of a fit, and its correction for the depth of the beam.
+
+    The correction is the change of the simulated edges from a planar model to a model with a solid cross-section.
 
     Prediction and correction are None if the method "interpolate" fails.
 
@@ -217,7 +220,8 @@ def _validation(
     """Return the errors of a fit on a dataset; `seen` tells whether the law was fitted to this dataset.
 
     Stretch and stability come from the planar simulation (`plain`). The errors come from the most accurate beam model
-    (`misfit`). If the beam has no equilibrium, `misfit` is None.
+    (`misfit`). If the beam has no equilibrium, `misfit` is None. Error: the root mean square distance between measured
+    and simulated points of a state.
     """
     fit = fitted_law.fit
     common: dict[str, Any] = {

@@ -10,7 +10,7 @@ FEW_POINTS = "too few edge points"  # instead of the name of a flag, for a state
 
 @dataclass(frozen=True)
 class FlaggedState:
-    """A state with flags: the index of the state in the dataset, and the names of the flags."""
+    """A state with flags (defects): the index of the state in the dataset, and the names of its flags."""
 
     state: int
     flags: tuple[str, ...]
@@ -18,7 +18,7 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """A state whose flags increase the standard deviation of its points.
+    """A state whose flags (names of defects) increase the standard deviation of its points.
 
     The standard deviation `by_mm` (mm) is added in quadrature. `state` is the index of the state in the dataset.
     """
@@ -29,7 +29,7 @@ class WidenedState:
 
 @dataclass(frozen=True)
 class StatesUsed:
-    """The numbers of the states of a dataset that a fit used and left out, with the flags of these states.
+    """The states of a dataset that a fit used and left out, with the flags (names of defects) of these states.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """Return a text with the number of used states, and with the flagged states that were left out or used."""
+        """Return a text with the number of used states, and with the states with flags (defects)."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out: {_by_flag(self.left_out)}"

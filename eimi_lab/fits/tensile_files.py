@@ -167,7 +167,8 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
     """Return the windows of strain in per cent without repetitions; None stands for the whole curve.
 
-    Raises InputError if a text of `windows` is neither a number nor the word for the whole curve.
+    Raises InputError if a text of `windows` is neither a number nor the word for the whole curve. A window is the part
+    of a tensile curve up to a largest strain.
     """
     checked: list[float | None] = []
     for window in windows:

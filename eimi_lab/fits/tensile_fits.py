@@ -84,7 +84,10 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
 
 
 def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
-    """Yield the doubts about a fit to a tensile test. `stress_Pa` is the root mean square of the measured stresses."""
+    """Yield the doubts about a fit to a tensile test: reasons to distrust the fit.
+
+    `stress_Pa` is the root mean square of the measured stresses.
+    """
     if fit.rows_left_out:
         yield Doubt(f"{fit.rows_left_out} rows without a positive stress were left out", kind="rows_left_out")
     if fit.rmse_Pa > _MISFIT * stress_Pa:

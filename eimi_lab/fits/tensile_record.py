@@ -21,6 +21,8 @@ class TensileSource(Record):
 class TensileRecord(LawRecord):
     """A law fitted to a window of a tensile test.
 
+    A window is the part of the curve up to a largest strain.
+
     Attributes
     ----------
     window_percent : float or None

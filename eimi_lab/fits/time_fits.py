@@ -27,8 +27,8 @@ def with_law_of_time(
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
     The viscoelastic law is fitted to all motions and to the modulus of the static fit. The ages of the static states
-    are those of the first dataset with states; a doubt names the other datasets. Raises InputError if no ring-down can
-    be used.
+    are those of the first dataset with states; a doubt (reason to distrust the fit) names the other datasets. Raises
+    InputError if no ring-down can be used.
     """
     static = static_states(evidence[0], record)
     time = _identified(record.model, np.array(record.values()), motions, static, seed)

@@ -18,7 +18,7 @@ _LARGEST = 5  # number of the largest sources that have a line
 class MotionReference(Record):
     """The reference of a fit to a dataset of motions.
 
-    The fields are path, hash, section assumption, number of motions, and stated uncertainties of the inputs.
+    The fields are path, hash, model of the cross-section, number of motions, and given uncertainties of the inputs.
     """
 
     path: str
@@ -44,7 +44,7 @@ class RingDownRecord(LawRecord):
         The viscoelastic (Prony) law.
     datasets : tuple of MotionReference
     taken_as_exact : tuple of str
-        Keys without a stated uncertainty.
+        Keys for which the input files give no uncertainty.
     seed : int
     """
 
@@ -59,7 +59,7 @@ class RingDownRecord(LawRecord):
         return f"{self.model}: {time_lines(self.time)[0]}"
 
     def caveats(self) -> list[str]:
-        """Return the lines on the viscoelastic law and on its doubts, which must accompany the numbers."""
+        """Return the lines on the viscoelastic law and on reasons to distrust it, which must accompany the numbers."""
         return [*time_lines(self.time), *(f"doubt: {words}" for words in self.doubts_in_words())]
 
     def notes(self) -> list[str]:

@@ -52,7 +52,7 @@ class FitReference(Record):
 
 
 class Validation(Record):
-    """The errors of one fit on one dataset; lengths are in mm.
+    """The errors of one fit on one dataset: distances between measured and simulated points, in mm.
 
     Attributes
     ----------
@@ -61,8 +61,8 @@ class Validation(Record):
     states : StatesUsed
         The states that were compared.
     mean_error_interval_mm : tuple of float, or None
-        95 % interval of the mean error; None if the fit has no draws. The upper end is None if the beam has no
-        equilibrium for a draw.
+        95 % interval of the mean error; None if the fit has no draws (random samples of its result). The upper end is
+        None if the beam has no equilibrium for a draw.
     stable : bool or None
         Whether the law is Drucker-stable over the stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
@@ -88,7 +88,7 @@ class Validation(Record):
     by_state: tuple[StateError, ...]
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with a row for each state. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame with the errors in each state. Raises ImportError without pandas."""
         return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
 
     def plot(self) -> Any:

@@ -1,4 +1,4 @@
-"""The fits and datasets of a report, as its panels receive them."""
+"""The fits and datasets of a report, as its panels receive them. A panel is one section of the report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class DatasetContents:
-    """One open dataset of a report, with the prediction of each fit for the dataset.
+    """One open dataset of a report, with its prediction (simulation) by each fit of the report.
 
     Attributes
     ----------
@@ -42,7 +42,10 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """Return the predictions for the dataset by the fits with which the beam has an equilibrium."""
+        """Return the predictions for the dataset by the fits with which the beam has an equilibrium.
+
+        A prediction is the simulation of the dataset with a fitted law.
+        """
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property
@@ -51,7 +54,7 @@ class DatasetContents:
         return [prediction.validation for prediction in self.predictions]
 
     def simulated_by(self, shown: ShownFit | None) -> Prediction[ShownFit] | None:
-        """Return the prediction of this fit for the dataset; None if the beam has no equilibrium with the fit."""
+        """Return the simulation of the dataset with this fit; None if the beam has no equilibrium with the fit."""
         return next((prediction for prediction in self.simulated if prediction.fitted_law == shown), None)
 
     @property
@@ -59,7 +62,8 @@ class DatasetContents:
         """Return the prediction for the dataset by the leading fit.
 
         If the beam has no equilibrium with the leading fit, return the prediction by the fit with the smallest mean
-        error. If the beam has no equilibrium with any fit, return None.
+        error. If the beam has no equilibrium with any fit, return None. The leading fit represents the dataset in
+        figures with only one fit.
         """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None

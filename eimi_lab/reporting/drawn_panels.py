@@ -1,7 +1,7 @@
 """Draw each panel of a report as soon as its contents are available.
 
 The order is: panels of the fits, panels of each dataset, panels of all datasets, panels of the intervals of errors.
-Panels are thus drawn while the workers still simulate.
+Panels are thus drawn while the workers still simulate. A panel is one section of the report.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ Values = Mapping[str, Any] | None
 
 
 class DrawnPanels:
-    """The panels of a report that were drawn, with the values for their templates. Each panel is drawn once."""
+    """The panels of a report that were drawn, with the values for their templates. Each panel is drawn once.
+
+    A panel is one section of the report.
+    """
 
     def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
@@ -35,37 +38,37 @@ class DrawnPanels:
         return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
-        """Draw the panels of a report that need only the fits."""
+        """Draw the panels (sections) of a report that need only the fits."""
         self._draw(report, [panel for panel in self._of_report if panel.of_fits])
 
     def dataset(self, shown: DatasetContents) -> None:
-        """Draw the panels of one dataset of a report."""
+        """Draw the panels (sections) of one dataset of a report."""
         self._datasets[shown.name] = [
             (panel, _drawn(panel, shown)) for panel in self._panels if isinstance(panel, DatasetPanel)
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels that need all datasets, except the panels that need the intervals of errors."""
+        """Draw the panels (sections) that need all datasets, except the panels that need the intervals of errors."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:
-        """Draw the panels of a report that were not drawn before."""
+        """Draw the panels (sections) of a report that were not drawn before."""
         self._draw(report, self._of_report)
 
     def summary(self) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the first pages of a report with their values, in the order in which they are shown."""
+        """Return the panels (sections) of the first pages of a report with the values for their templates, in order."""
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of the appendix that stand before or after the sections of the datasets.
+        """Return the panels (sections) of the appendix that stand before or after the panels of the datasets.
 
-        Each panel is returned with its values. The panels are in the order in which they are shown.
+        Each panel is returned with the values for its template. The panels are in the order in which they are shown.
         """
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]
 
     def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels of a dataset with their values, in the order in which they are shown."""
+        """Return the panels (sections) of a dataset with the values for their templates, in the order of the report."""
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
@@ -74,7 +77,7 @@ class DrawnPanels:
 
 
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
-    """Return the values of a panel, with the pictures among the values encoded for the page."""
+    """Return the values for the template of a panel (section), with all pictures encoded for the page."""
     from eimi_lab.showing.drawing import styled
 
     values: Values = styled(panel.values)(contents)

@@ -1,4 +1,8 @@
-"""Draw, for the first pages, the error of the leading fit of each dataset against the field."""
+"""Draw, for the first pages, the error of the leading fit of each dataset against the field.
+
+The leading fit represents the dataset in figures with only one fit. The error of a state is the root mean square of the
+distances between measured and simulated points.
+"""
 
 from __future__ import annotations
 

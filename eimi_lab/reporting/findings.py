@@ -64,7 +64,7 @@ class Finding:
 def findings(report: ReportContents) -> list[Finding]:
     """Return one finding for each set of datasets that were fitted together.
 
-    Without bending fits, return one finding for each tensile test.
+    Without bending fits, return one finding for each tensile test. A finding is the result of a fit in words.
     """
     groups: dict[tuple[str, ...], list[ShownFit]] = {}
     for shown in report.bending or report.tensile:
@@ -75,7 +75,7 @@ def findings(report: ReportContents) -> list[Finding]:
 
 
 def truth_of(contents: DatasetContents) -> tuple[str, dict[str, float], float] | None:
-    """Return the hidden material of a dataset from the virtual rig; None for a dataset from a real rig.
+    """Return the true material of a dataset from the virtual (simulated) rig; None for a dataset from a real rig.
 
     Parameters
     ----------
@@ -184,7 +184,10 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: Report
 def _on_unseen_specimens(
     fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents
 ) -> Iterator[Validation]:
-    """Yield the errors of a fit on each dataset of the report whose specimen was not used for the fit."""
+    """Yield the errors of a fit on each dataset of the report whose specimen was not used for the fit.
+
+    The errors are distances between measured and simulated points.
+    """
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:
         if contents.dataset.specimen.specimen.name not in fitted_specimens:
@@ -194,7 +197,7 @@ def _on_unseen_specimens(
 def _next(fit: FitRecord) -> Verdict | None:
     """Return the verdict on the quantity to measure better next, with the interval of the modulus to expect then.
 
-    Return None if the fit has no budget.
+    Return None if the fit has no budget, the list of sources of uncertainty with their effects on the modulus.
     """
     if not fit.budget:
         return None
@@ -272,7 +275,7 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield a verdict that compares a fit with the truth, for each hidden material of a virtual rig.
+    """Yield a verdict that compares a fit with the true material, for each material of a virtual (simulated) rig.
 
     The verdict names all datasets of the material.
     """

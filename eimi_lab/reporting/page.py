@@ -48,7 +48,7 @@ def write_report(
     datasets, fits : sequence of Path
         Datasets and fits files.
     flagged : bool
-        Whether to use states that a quality check has flagged.
+        Whether to use states with a flag, which is the name of a defect that a check found.
     force : bool
         Whether to overwrite existing files.
     assets : Path, optional
@@ -111,14 +111,14 @@ def write_report(
 def _has_motions_alone(path: Path) -> bool:
     """Return whether a dataset holds motions but no states.
 
-    The panel of the viscoelastic (Prony) law shows the motions of such a dataset.
+    The panel (section) of the viscoelastic (Prony) law shows the motions of such a dataset.
     """
     with open_dataset(path) as dataset:
         return not dataset.states
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
-    """Return the page as HTML, and the numbered figures and tables of the page. Panels without values are omitted."""
+    """Return the page as HTML, and its numbered figures and tables. Panels (sections) without values are omitted."""
     elements = Elements()
     environment = _environment(elements)
     drawn.report(report)
@@ -154,7 +154,7 @@ def _title(report: ReportContents) -> str:
 
 
 def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
-    """Return title, anchor and HTML body of each panel. Panels without values are omitted."""
+    """Return title, anchor and HTML body of each panel (section). Panels without values are omitted."""
     filled = []
     for panel, values in drawn:
         if values is not None:

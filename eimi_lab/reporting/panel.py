@@ -1,4 +1,4 @@
-"""The description of a panel of the report: place, title, template, and the function that fills the template.
+"""The description of a panel (a section of the report): place, title, template, and the function that fills it.
 
 Each module of `eimi_lab.reporting.panels` defines one panel, named `PANEL`. There is no other list of the panels.
 """
@@ -17,7 +17,7 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 
 @dataclass(frozen=True, kw_only=True)
 class _Panel:
-    """The fields that all panels of a report have: place in the report, title and template.
+    """The fields that all panels (sections) of a report have: place in the report, title and template.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class _Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportPanel(_Panel):
-    """A panel that occurs once in a report.
+    """A panel (section) that occurs once in a report.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class ReportPanel(_Panel):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetPanel(_Panel):
-    """A panel that occurs once for each dataset of a report.
+    """A panel (section) that occurs once for each dataset of a report.
 
     The function `values` returns the values for the template, or None to omit the panel.
     """
@@ -69,6 +69,6 @@ class DatasetPanel(_Panel):
 
 
 def all_panels() -> list[ReportPanel | DatasetPanel]:
-    """Return the panels of all modules in the folder `panels`, in the order of their places."""
+    """Return the panels (sections) of all modules in the folder `panels`, in the order of the report."""
     modules = [import_module(f"{panels.__name__}.{module.name}") for module in pkgutil.iter_modules(panels.__path__)]
     return sorted((module.PANEL for module in modules), key=lambda panel: panel.place)

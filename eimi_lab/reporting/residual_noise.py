@@ -1,4 +1,4 @@
-"""Test whether the residuals of a fit along the edges look like noise."""
+"""Test whether the residuals of a fit (distances of measured from simulated edges) look like noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from eimi_lab.reporting.shown import ShownFit
 class ResidualNoise:
     """The verdict on whether the residuals of a fit look like noise.
 
-    The fields are a short answer, the reason in sentences, and the sizes of the parts of the residuals.
+    The fields are a short answer, the reason in sentences, and the sizes (µm) of the random part and the systematic
+    part of the residuals.
     """
 
     answer: str
@@ -23,7 +24,10 @@ class ResidualNoise:
 
 
 def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
-    """Return the verdict on whether the residuals along the edges look like noise; None for tracked points."""
+    """Return the verdict on whether the residuals along the edges look like noise; None for tracked points.
+
+    The residuals are the distances of measured edge points from the simulated edges.
+    """
     if not isinstance(simulated.evidence.experiment.observed, EdgeObservation):
         return None
     tests = randomness_of(1e3 * simulated.residuals_mm)

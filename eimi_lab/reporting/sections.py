@@ -14,11 +14,12 @@ from eimi_lab.reporting.shown import ShownFit, sections_of
 def evidence_for_fits(
     path: Path, fits: Sequence[ShownFit], flagged: bool
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
-    """Read a dataset as evidence, once for each section assumption that the fits need.
+    """Read a dataset as evidence (beam model, loads, edges), once for each section assumption that the fits need.
 
-    A bending fit uses the section with which the law was fitted to this dataset. If the law was not fitted to this
-    dataset, the common section of the datasets of the fit is used. A tensile fit uses the section that all bending fits
-    share. If the bending fits have different sections, the section in the specimen file is used.
+    A section assumption says how the cross-section is modelled. A bending fit uses the section with which the law was
+    fitted to this dataset. If the law was not fitted to this dataset, the common section of the datasets of the fit is
+    used. A tensile fit uses the section that all bending fits share. If the bending fits have different sections, the
+    section in the specimen file is used.
 
     Parameters
     ----------
@@ -26,7 +27,7 @@ def evidence_for_fits(
         The dataset.
     fits : sequence of ShownFit
     flagged : bool
-        Whether to use states that a quality check has flagged.
+        Whether to use states with a flag, which is the name of a defect that a check found.
 
     Returns
     -------
@@ -55,9 +56,9 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section with which a fit is simulated on the dataset with this hash.
+    """Return the model of the cross-section with which a fit is simulated on the dataset with this hash.
 
-    Return None for the section that all fits share. This is the case for a tensile fit, and for a fit to other datasets
+    Return None for the model that all fits share. This is the case for a tensile fit, and for a fit to other datasets
     with several sections.
     """
     if not isinstance(shown.fit, FitRecord):

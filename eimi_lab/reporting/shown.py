@@ -90,7 +90,7 @@ def laws_of_time(paths: Sequence[Path]) -> tuple[tuple[str, LawOfTime], ...]:
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:
-    """Return the section assumptions of the datasets of a fit, without repetitions."""
+    """Return the models of the cross-section (such as plane strain) of the datasets of a fit, without repetitions."""
     return tuple(dict.fromkeys(reference.section for reference in fit.datasets))
 
 
@@ -126,7 +126,7 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a fit with the colour and marker of law number `law` and the line style of origin number `origin`."""
+    """Return a fit with the colour and marker of law number `law`, and line style number `origin` (kind of data)."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

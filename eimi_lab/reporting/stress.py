@@ -146,7 +146,7 @@ def reached(shown: ShownFit, mode: Mode) -> float:
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
     """Return the stress of a fit at m strains, shape (m,), with the 95 % band of the stress.
 
-    The band follows from the draws of the fit. Without draws the band is NaN.
+    The band follows from the draws of the fit (random samples of the parameters). Without draws the band is NaN.
     """
     fit = shown.fit
     law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)

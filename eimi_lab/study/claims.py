@@ -32,7 +32,10 @@ MEASURE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one claim of the paper for one material and section assumption, with numbers as evidence."""
+    """The verdict on one claim of the paper for one material and section assumption, with numbers as evidence.
+
+    Section assumption: how the cross-section of the beam is modelled, in plane strain or as a solid.
+    """
 
     claim: str
     material: str
@@ -42,7 +45,10 @@ class Verdict:
 
 
 def verdicts(findings: Findings) -> list[Verdict]:
-    """Return the verdict on each claim of the paper for each section assumption and material."""
+    """Return the verdict (whether the results agree) on each claim of the paper, for each section and material.
+
+    Section: how the cross-section of the beam is modelled, in plane strain or as a solid.
+    """
     return [
         verdict
         for section in SECTIONS
@@ -77,7 +83,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 def _lost(findings: Findings, key: str, section: str) -> str:
     """Return a text on the laws fitted to bending with which the beam has no equilibrium on an unseen type of specimen.
 
-    The text gives the limits of stability of these laws.
+    An unseen type is a type to which no law was fitted. The text gives the largest stable stretch of these laws.
     """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
@@ -90,7 +96,10 @@ def _lost(findings: Findings, key: str, section: str) -> str:
 
 
 def _bending_um(findings: Findings, key: str, section: str, kind: str) -> dict[str, float]:
-    """Return the mean error (µm) on one type of specimen, for each law fitted to bending."""
+    """Return the mean error (µm) on one type of specimen, for each law fitted to bending.
+
+    The error in a state is the root mean square distance between measured and simulated edges.
+    """
     routes = findings.routes(key, section)
     errors = findings.errors[key, section, kind]
     return {r.law: mean_error_um(e) for r, e in zip(routes, errors, strict=True) if r.source == BENDING}
@@ -158,7 +167,7 @@ def _type_4(findings: Findings, key: str, section: str) -> list[Verdict]:
 def in_words(findings: Findings) -> list[str]:
     """Return, for each material, a paragraph that compares laws fitted to bending with laws fitted to tension.
 
-    The comparison is made with the section assumptions plane strain and solid.
+    The comparison is made with the section (model of the cross-section) in plane strain and as a solid.
     """
     compared = {(a.material, a.section): a for a in advantages(findings, untwisted(findings))}
     lines = []

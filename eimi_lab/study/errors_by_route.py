@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
     """Compute the errors of identified laws on one specimen.
 
-    The depth correction of the first law is the starting point for the corrections of the other laws.
+    A depth correction is the change of the simulated edges from a planar to a solid beam model. The correction of the
+    first law is the starting point for the other laws.
 
     Parameters
     ----------
@@ -35,7 +36,8 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
     Returns
     -------
     list of dict
-        For each law: `error_mm` and `deviation_mm` by state, and the simulated edges `edges_mm` of the last state,
+        For each law: `error_mm` and `deviation_mm` by state (root mean square and standard deviation of the distances
+        between measured and simulated edges), and the simulated edges `edges_mm` of the last state,
         shape (2, n, 2). The axes of the edges are: left or right edge, n points, x and y in mm. All entries are None if
         the beam has no equilibrium with the law.
     """
@@ -63,10 +65,16 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 
 
 def mean_error_um(stored: dict[str, Any]) -> float:
-    """Return the mean error of a law over the states in µm; infinity if the beam has no equilibrium with the law."""
+    """Return the mean of a law's errors in all states in µm; infinity if the beam has no equilibrium with the law.
+
+    The error in a state is the root mean square distance between measured and simulated edges.
+    """
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Return the mean deviation of a law over the states in µm; infinity if the beam has no equilibrium."""
+    """Return the mean of a law's deviations in all states in µm; infinity if the beam has no equilibrium.
+
+    The deviation in a state is the standard deviation of the distances between measured and simulated edges.
+    """
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

@@ -21,15 +21,16 @@ class Extent:
     Attributes
     ----------
     materials, types, laws : tuple of str
-        Keys of the hidden materials, names of the shipped specimens, and names of the fitted laws.
+        Keys of the hidden materials (the true materials of the simulated specimens), names of the shipped specimens,
+        and names of the fitted laws.
     states : int or None
         Number of states that are chosen from each protocol at even distances; None for all states.
     windows_percent : tuple
-        Largest strains of the windows of tensile curves in per cent; None for the whole curve.
+        Largest strains, in per cent, up to which tensile curves are fitted; None for the whole curve.
     open_questions : bool
-        Whether the open questions are answered.
+        Whether the open questions of the paper (module `open_questions`) are answered.
     cases : int
-        Largest number of settings of an open question, and of seeds of an optimiser.
+        Largest number of cases, such as magnets, that answer an open question; largest number of seeds of an optimiser.
     """
 
     materials: tuple[str, ...] = ("dragon_skin_10", "ecoflex_00_50")

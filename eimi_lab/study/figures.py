@@ -35,9 +35,10 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index, among the routes, of the fit to the tensile curve of a material with the smallest errors.
+    """Return the index of the fit to the tensile curve of a material with the smallest errors.
 
-    The mean errors are summed over the types of specimen that `untwisted` returns.
+    The index counts all identified laws that `Findings.routes` returns. The mean errors are summed over the types of
+    specimen that `untwisted` returns.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
@@ -68,7 +69,8 @@ def _legend(figure: Figure) -> None:
 def _stress_strain(findings: Findings) -> Figure:
     """Draw figure 1: stress against strain.
 
-    The figure shows the hidden material, the laws fitted to bending, and Yeoh's law fitted to tension.
+    The figure shows the hidden material, the laws fitted to bending, and Yeoh's law fitted to tension. Hidden material:
+    the true material of the simulated specimens.
     """
     keys = findings.inputs.extent.materials
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
@@ -113,7 +115,7 @@ def _curves_by_route(axes: Axes, routes: list[Route], strain: Array) -> None:
 def _boxes(findings: Findings) -> Figure:
     """Draw figure 7: the errors of all states by type of specimen.
 
-    The figure shows each law fitted to bending and the best tensile fit.
+    The figure shows each law fitted to bending, and the law fitted to a tensile curve that has the smallest errors.
     """
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(SECTIONS), 5.2, 2.8)
@@ -188,7 +190,10 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Draw figure 9: the error against the field, as the mean over the unseen types of specimen without twist."""
+    """Draw figure 9: the error against the field, as the mean over the types to which no law was fitted.
+
+    Type 4, which twists, is left out if there are other such types.
+    """
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)
     for row, key in zip(grid, keys, strict=True):

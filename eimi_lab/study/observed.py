@@ -45,7 +45,7 @@ def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
 
 
 def specimen_of(kind: str) -> Specimen:
-    """Return the shipped specimen of a type, `type1` to `type4`, with a solid section."""
+    """Return the shipped specimen of a type, `type1` to `type4`, whose cross-section is modelled as a solid."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 
@@ -54,7 +54,7 @@ def outlines_mm(
 ) -> Array:
     """Simulate the left and right edges of a specimen of a hidden material without noise.
 
-    The beam model has a solid section.
+    The cross-section of the beam is modelled as a solid.
 
     Parameters
     ----------
@@ -135,10 +135,11 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:
-    """Return the data of a fit to a type of specimen (`kind`) with this section assumption.
+    """Return the data of a fit to a type of specimen (`kind`): beam model, loads and edges.
 
-    `edges`, shape (K, 2, n, 2), holds x and y in mm of n points of the left and right edge in K states. `fields`, shape
-    (K,), holds the fields of the states in mT.
+    `section` says how the beam model treats the cross-section: in plane strain, in plane stress or as a solid. `edges`,
+    shape (K, 2, n, 2), holds x and y in mm of n points of the left and right edge in K states. `fields`, shape (K,),
+    holds the fields of the states in mT.
     """
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)

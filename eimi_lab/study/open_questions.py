@@ -40,11 +40,11 @@ STATES = (2, 3, 6, 11, 16)
 
 
 def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit materials of finite bulk modulus, once as incompressible and once with a free bulk modulus.
+    """Fit materials of finite bulk modulus, once as incompressible and once with a fitted bulk modulus.
 
-    The incompressible fits are made once with a solid section and once in plane strain. The fit with a free bulk
-    modulus uses plane strain, because the search can free the bulk modulus only in plane strain. The edges of each fit
-    are simulated with the section assumption of the fit.
+    The incompressible fits are made once with a solid section and once in plane strain. The fit of the bulk
+    modulus uses plane strain, because the search can fit a bulk modulus only in plane strain. The edges of each fit
+    are simulated with the same section assumption (model of the cross-section) as the fit.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        A row for each ratio of bulk modulus to shear modulus.
+        A row of results for each ratio of bulk modulus to shear modulus of the simulated material.
     """
     specimen = specimen_of(TRAINED_ON)
     rows = []
@@ -90,17 +90,21 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a magnet that is stronger than stated, once with the stated moment and once with a prior on the moment.
+    """Fit a beam whose magnet is stronger than the specimen file says, with the given moment and with a prior on it.
 
     The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
     simulated by a stronger field. Each returned row holds the result for one magnet and one prior.
     """
-    off = 1 + MOMENT_OFF
+    off, percent = 1 + MOMENT_OFF, f"{100 * MOMENT_OFF:g}"
     settings: tuple[tuple[str, float, float | None], ...] = (
-        (f"{100 * MOMENT_OFF:g} % stronger than given, freed with a prior of {100 * MOMENT_OFF:g} %", off, MOMENT_OFF),
-        ("as strong as given, taken as exact", 1.0, None),
-        (f"{100 * MOMENT_OFF:g} % stronger than given, taken as exact", off, None),
-        (f"{100 * MOMENT_OFF:g} % stronger than given, freed with a prior of 20 %", off, 0.2),
+        (
+            f"magnet {percent} % stronger than given, moment fitted, prior standard deviation {percent} %",
+            off,
+            MOMENT_OFF,
+        ),
+        ("magnet as strong as given, given moment taken as exact", 1.0, None),
+        (f"magnet {percent} % stronger than given, given moment taken as exact", off, None),
+        (f"magnet {percent} % stronger than given, moment fitted, prior standard deviation 20 %", off, 0.2),
     )
     rows = []
     for words, factor, spread in settings[: extent.cases]:

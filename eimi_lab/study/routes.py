@@ -37,7 +37,7 @@ class Route:
         The data: bending of a specimen of type 1, the tensile curve of the hidden material, or a published tensile
         curve.
     window : str
-        The window of the tensile curve, such as `20 %` or `full`; empty for bending.
+        The fitted part of the tensile curve, from 0 to a largest strain: `20 %`, `full` and so on; empty for bending.
     """
 
     law: str
@@ -62,7 +62,8 @@ class Route:
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
     """Identify the parameters of a law from the bending of a specimen.
 
-    Return a dictionary for JSON with the fields of a `Route`, and with the cost of the search.
+    Return a dictionary for JSON with the fields of a `Route`, and with the numbers of evaluations and
+    generations, the errors and the time (s) of the search.
     """
     fit = identify(law, [experiment], seed=seed)
     return {
@@ -87,6 +88,8 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
     """Fit each law to each window of a tensile curve by least squares. Windows with too few rows are left out.
+
+    A window is the part of the curve up to a largest strain.
 
     Parameters
     ----------

@@ -16,13 +16,16 @@ _HEAD = "study"
 
 @dataclass(frozen=True)
 class StoredParts:
-    """The stored results of a study: one JSON file for each part, in the folder `parts` of the output folder."""
+    """The stored results of a study: one JSON file for each part, in the folder `parts` of the output folder.
+
+    A part is one result, such as the fit of one law.
+    """
 
     folder: Path
 
     @staticmethod
     def of(output: Path, head: dict[str, Any], force: bool) -> StoredParts:
-        """Open the stored parts of a study with the same inputs, or begin a new study.
+        """Open the stored parts (results) of a study with the same inputs, or begin a new study.
 
         Parameters
         ----------

@@ -63,7 +63,8 @@ class Findings:
         Measured edges in mm, by material and type of specimen. The axes are: state, left or right edge, n points, x and
         y.
     bending : dict of list
-        Fits to the bending of a specimen of type 1, one for each law, by material and section assumption.
+        Fits to the bending of a specimen of type 1, one for each law, by material and section assumption (model of the
+        cross-section: in plane strain or as a solid).
     tensile : dict of list
         Fits to tensile curves, by material.
     errors : dict of list
@@ -89,7 +90,7 @@ class Findings:
 
 
 def steps(extent: Extent) -> int:
-    """Return the number of parts of a study."""
+    """Return the number of parts of a study: the results that are computed and stored one by one."""
     specimens, sections = len(extent.materials) * len(extent.types), len(SECTIONS)
     fits = len(extent.materials) * (sections * len(extent.laws) + 1)
     return specimens + fits + specimens * sections + (len(QUESTIONS) if extent.open_questions else 0)
@@ -141,7 +142,10 @@ def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the fits to the tensile curve of a hidden material and, if available, to a published tensile curve."""
+    """Return the fits to the tensile curve of a hidden material and, if available, to a published tensile curve.
+
+    Hidden material: the true material of simulated specimens, which the fits do not know.
+    """
     fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])

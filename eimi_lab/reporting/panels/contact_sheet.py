@@ -1,4 +1,4 @@
-"""Show the first frame of each state with the edges, and the flags of the state."""
+"""Show the first frame of each state with the edges, and the flags (defects) of the state."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _thumbnail(
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
-    """Return the flags of each state, by index of the state.
+    """Return the flags (defects) of each state, by index of the state.
 
     The flags of the run come first, and the flags of the edges follow.
     """
@@ -99,7 +99,7 @@ def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
 
 
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
-    """Return a table of the flags of a dataset; None without flags.
+    """Return a table of the flags (defects) of a dataset; None without flags.
 
     For each flag the table gives the states, the value farthest from the limit, and the remedy.
     """

@@ -1,4 +1,7 @@
-"""Show the error of each fit in each state of a dataset."""
+"""Show the error of each fit in each state of a dataset.
+
+The error is the root mean square distance between measured and simulated points.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 
 
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
-    """Draw the errors of all fits in the states of a dataset against the field.
+    """Draw the errors of all fits in the states (load steps) of a dataset against the field.
 
     If the field is constant, the errors are drawn against the index of the state. The bars extend one standard
     deviation of the distances along the edges to each side. With several fits, a panel below shows the differences of

@@ -1,4 +1,7 @@
-"""Compare the errors of all fits on each specimen by box plots."""
+"""Compare the errors of all fits on each specimen by box plots.
+
+The error of a state is the root mean square distance between measured and simulated points.
+"""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ _ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Return each fit with its validations on all datasets.
+    """Return each fit with its validations (errors) on all datasets.
 
     Each validation comes with a bool that tells whether its mean error is the smallest of all fits on the dataset.
     """

@@ -110,8 +110,8 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 def picture_of(report: ReportContents) -> Picture | None:
     """Return the picture of the beam for the first page of a report; None without datasets.
 
-    The picture shows the first dataset that the fit of the first finding simulates. If this fit simulates no dataset,
-    the picture shows the last dataset.
+    The picture shows the first dataset that the fit of the first finding (result in words) simulates. If this fit
+    simulates no dataset, the picture shows the last dataset.
     """
     results = findings(report)
     best_fit = results[0].shown if results else None

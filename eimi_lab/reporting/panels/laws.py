@@ -93,7 +93,7 @@ def _marked(text: str, held: bool) -> str | Cell:
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
     """Return the label of each fit with the remarks on this fit, without doubts.
 
-    Doubts are listed separately, because several fits may share a doubt.
+    A doubt is a reason to distrust a fit. Doubts are listed separately, because several fits may share a doubt.
     """
     remarks_of_fits = []
     for shown in report.fits:
@@ -112,7 +112,7 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
 
 
 def _doubts(fits: Sequence[ShownFit]) -> list[tuple[str, str]]:
-    """Return each doubt once, with the labels of the fits that share this doubt."""
+    """Return each doubt (reason to distrust a fit) once, with the labels of the fits that share this doubt."""
     labels_of: dict[str, list[str]] = {}
     for shown in fits:
         for words in shown.fit.doubts_in_words():

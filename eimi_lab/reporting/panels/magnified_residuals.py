@@ -1,4 +1,4 @@
-"""Show the residuals of the best fit as magnified arrows on the beam."""
+"""Show the residuals of the best fit (measured minus simulated positions) as magnified arrows on the beam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Show the correlations between the errors of the unknowns of each fit."""
+"""Show the correlations between the errors of the unknowns of each fit.
+
+The unknowns are the parameters of the law and the uncertain inputs that were fitted with the law.
+"""
 
 from __future__ import annotations
 

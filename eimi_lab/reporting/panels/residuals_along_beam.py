@@ -1,4 +1,4 @@
-"""Show the residuals of the best fit along the edges of the beam."""
+"""Show the residuals of the best fit (distances of measured from simulated points) along the edges."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Draw the residuals along both edges, with a line for each state; the colour shows the field of the state."""
+    """Draw the distances of measured from simulated points along both edges; colours show the fields of the states."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")

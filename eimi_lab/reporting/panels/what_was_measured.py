@@ -120,7 +120,7 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """Return a function that returns, for a key of an input file, the stated uncertainty of the key as text.
+    """Return a function that returns, for a key of an input file, the uncertainty given in the file as text.
 
     The text is, for example, ` ± 0.02`. The text is empty for the uncertainty 0, and ` (± not stated)` without an
     uncertainty.
