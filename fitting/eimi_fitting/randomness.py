@@ -58,12 +58,18 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Return whether there are at least 10 pairs of neighbouring points, which is enough for both tests."""
+        """Return whether there are at least 10 pairs of neighbouring points.
+
+        Ten pairs are enough for the tests of randomness by sign changes and by serial correlation.
+        """
         return self.pairs >= _FEWEST
 
     @property
     def is_noise(self) -> bool:
-        """Return whether the residuals may be independent noise: the probabilities of both tests are at least 1 %."""
+        """Return whether the residuals may be independent noise.
+
+        True if the probabilities of the sign changes and of the serial correlation are both at least 1 %.
+        """
         return min(self.runs_probability, self.autocorrelation_probability) >= _SIGNIFICANT
 
 
@@ -79,7 +85,8 @@ def randomness_of(residuals: Array) -> Randomness:
     Returns
     -------
     Randomness
-        The results of both tests. Both probabilities are 1 if there is no pair of points or if all residuals are zero.
+        The results of the two tests. The two probabilities are 1 if there is no pair of points or if all residuals are
+        zero.
 
     Examples
     --------

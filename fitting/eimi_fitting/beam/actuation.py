@@ -78,13 +78,22 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm."""
+        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm.
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,)."""
+        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,).
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that distribute a force over the depth at a point (x, y) of the straight strip."""
+        """Return nodes and weights that distribute a force over the depth at a point (x, y) of the straight strip.
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
 
 
 def _turned(vector: Array, angle_rad: Array | float) -> Array:
@@ -163,7 +172,10 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the position (x, y) at rest, in mm, of a point (x, y) of the straight strip."""
+        """Return the position (x, y) at rest, in mm, of a point (x, y) of the straight strip.
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
@@ -177,7 +189,7 @@ class LoadedMesh:
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
-        """Add a dead force (2,) to the sum of all loads.
+        """Add a dead force (2,), which keeps its direction and size, to the sum of all loads.
 
         Parameters
         ----------
@@ -199,7 +211,7 @@ class LoadedMesh:
             total.nodal[..., :2] += shares
 
     def loads(self, actuations: tuple[Actuation, ...], numbers: Array, field_factor: Array) -> SolidLoads:
-        """Return the sum of all actuations in one state.
+        """Return the sum of all actuations (kinds of load, such as field and gravity) in one state.
 
         Parameters
         ----------

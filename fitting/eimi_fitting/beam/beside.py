@@ -78,6 +78,8 @@ class SolidOptions:
 class SolidShapes(Shapes):
     """The shapes of a solid model of the beam in K states, with the depth effect that was interpolated.
 
+    The depth effect is the difference between the shapes of the solid and of the planar model.
+
     Attributes
     ----------
     effect : DepthEffect or None
@@ -220,9 +222,10 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
-        States are solved one after another in Leja's order: the next state has the largest product of distances from
-        the solved states, with the distances along the scalar s of `beam.depth_effect`. No further state is solved if
-        the last solved shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
+        The depth effect is the shape of the solid model minus that of the planar model. States are solved one after
+        another in Leja's order: the next state has the largest product of distances from the solved states, with the
+        distances along the scalar s of `beam.depth_effect`. No further state is solved if the last solved shape
+        differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
 
         Returns None if the loads do not lie on a straight line. Also returns None if Newton's method does not converge
         in a few steps from the planar shape to the solid shape in one of the states.
@@ -305,7 +308,10 @@ class SolidBeside:
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid model in all states: the planar shapes plus the depth effect."""
+        """Return the shapes of the solid model in all states: the planar shapes plus the depth effect.
+
+        The depth effect is the interpolated difference between the shapes of the two models.
+        """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
         moved, turned = effect.displacements(places)
@@ -331,7 +337,10 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the depth effect of the first similar candidate with the same law and planar shape, or None."""
+    """Return the depth effect of the first similar candidate with the same law and planar shape, or None.
+
+    The depth effect is the shape of the solid model minus the shape of the planar model.
+    """
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -341,9 +350,9 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
     """Return the depth effect of a similar candidate that suits the given values s best; None if there is none.
 
-    The module `beam.depth_effect` defines the scalar s, which measures the bending. Only depth effects that are valid
-    at all given values s (``places``) are considered. The depth effect is chosen whose largest solved abs(s) is nearest
-    to the largest given abs(s).
+    The depth effect is the shape of the solid minus that of the planar model. The scalar s measures the bending. Only
+    depth effects that are valid at all given values s (``places``) are considered. The depth effect is chosen whose
+    largest solved abs(s) is nearest to the largest given abs(s).
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

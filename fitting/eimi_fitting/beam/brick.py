@@ -31,7 +31,7 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators of a mesh of E elements with q Gauss points each, which depend on its geometry only.
+    """The arrays (operators) of a mesh of E elements with q Gauss points each that depend on its geometry only.
 
     Arrays that contain the same entries in another order are computed when they are needed, for a few elements at a
     time. For all elements of a typical solid mesh, these arrays would fill 34 MB.
@@ -64,7 +64,7 @@ class Operators:
 
 
 def operators(mesh: Bricks) -> Operators:
-    """Return the operators of a mesh of hexahedra.
+    """Return the operators of a mesh of hexahedra: shape functions, derivatives and weights at the Gauss points.
 
     Raises
     ------

@@ -34,6 +34,8 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 class BentCandidate:
     """The properties of a candidate that determine its depth effect.
 
+    The depth effect is the shape of the solid model minus the shape of the planar model.
+
     Attributes
     ----------
     law : Law
@@ -61,7 +63,7 @@ class BentCandidate:
 class DepthEffect:
     """The difference between the solid and the planar model of a beam, interpolated between the solved states.
 
-    A scalar s measures the bending, and d(s) is the difference; see the module `beam.depth_effect`.
+    A scalar s measures the bending. d(s) is the difference of the displacements (the depth effect).
 
     Attributes
     ----------
@@ -86,19 +88,22 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the interpolated difference d(s) between the models at one value s (``place``)."""
+        """Return the interpolated difference d(s) of the solid from the planar model at one value s (``place``).
+
+        s measures the bending: the rotation of the tip in rad, or a distance along the line of the loads.
+        """
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated differences d(s) between the models at K values s, without stresses and pressures.
+        """Return the interpolated differences d(s) of the solid from the planar model, without stresses and pressures.
 
         Parameters
         ----------
         places : ndarray, shape (K,)
-            The values s.
+            The K values s, which measure the bending.
 
         Returns
         -------
@@ -120,13 +125,16 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return Lagrange's weights w_i(s) of the solved states at one value s (``place``)."""
+        """Return Lagrange's weights w_i(s) of the solved states at one value s (``place``) of the bending."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) in the solved states; b is the depth effect in ``base``."""
+        """The differences d_i - b(s_i) in the solved states: d_i is the solid minus the planar model.
+
+        b is the depth effect in ``base``, of a similar candidate.
+        """
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
@@ -140,6 +148,8 @@ class DepthEffect:
     def without_base(self) -> DepthEffect:
         """The same depth effect with ``base`` None, interpolated through d(s) at the solved values s of the base.
 
+        d(s) is the shape of the solid minus that of the planar model at the bending s.
+
         If ``by_turn``, these values s are scaled so that the first of them equals the first solved value s of this
         depth effect. If this depth effect has no solved states, the property is ``base``.
         """
@@ -150,21 +160,24 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether `without_base` is valid at all given values s (``places``); see `reaches`."""
+        """Return whether `without_base` is valid at all given values s (``places``), which measure the bending.
+
+        The range of valid values is that of `reaches`.
+        """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
         """Return whether the polynomial d(s) is valid at each of K values s (``places``), shape (K,).
 
-        The polynomial is valid in the range of the solved values s, which is extended by a tenth of its length at both
-        ends.
+        d(s) is the solid minus the planar model at the bending s. The polynomial is valid in the range of the solved
+        values s, which is extended by a tenth of its length at both ends.
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect, interpolated through at most ``most`` of its solved states.
+        """Return this depth effect (solid minus planar model), interpolated through at most ``most`` solved states.
 
         The values s of the selected states are far apart from each other. A polynomial through many equidistant values
         s would be inaccurate between these values. ``base`` must be None.
@@ -178,5 +191,8 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this depth effect with one more solved state: its value s (``place``) and its difference d."""
+        """Return this depth effect (solid minus planar model) with one more solved state.
+
+        ``place`` is the value s of the state, which measures the bending; ``difference`` is its difference d.
+        """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -39,7 +39,7 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """The operators of a mesh of E elements with q Gauss points each, which depend on its geometry only.
+    """The arrays (operators) of a mesh of E elements with q Gauss points each that depend on its geometry only.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Operators:
 
 
 def operators(mesh: Mesh) -> Operators:
-    """Return the operators of a planar mesh.
+    """Return the operators of a planar mesh: shape functions, derivatives and weights at the Gauss points.
 
     Raises
     ------

@@ -53,11 +53,11 @@ class SolidLoads:
     Attributes
     ----------
     nodal : ndarray, shape (B, N, d)
-        Dead forces on the nodes in N.
+        Dead forces on the nodes in N, which keep their direction and size.
     force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
-        Load on the rigid body in N, N mm and N mm. Let U be the translation of the body, theta its rotation and
-        R(theta) the matrix of this rotation. The potential of the load is -force . U - tensor : R(theta) - moment
-        theta.
+        Load on the rigid body (the magnet) in N, N mm and N mm. Let U be the translation of the body, theta its
+        rotation and R(theta) the matrix of this rotation. The potential of the load is -force . U - tensor : R(theta) -
+        moment theta.
     pressure : ndarray, shape (B,)
         Pressure on the face in N/mm².
     in_coil : DipoleInField or None
@@ -86,7 +86,7 @@ class Configuration:
     displacement : ndarray, shape (B, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (B, 3)
-        Translation (x, y) of the rigid body in mm, and rotation of the rigid body in rad.
+        Translation (x, y) of the rigid body (the magnet) in mm, and rotation of the rigid body in rad.
     pressure : ndarray, shape (E, B, d + 1)
         Coefficients of the pressure functions of each element in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
@@ -99,7 +99,7 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return the configuration of only the candidates whose numbers are in ``rows``."""
+        """Return displacements, pressures and stresses of only the candidates whose numbers are in ``rows``."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
@@ -110,7 +110,7 @@ class Configuration:
         self.stress[:, :, rows] = other.stress
 
     def copy(self) -> Configuration:
-        """Return a copy that shares no array with this configuration."""
+        """Return a copy of the displacements, pressures and stresses that shares no array with this configuration."""
         return Configuration(self.displacement.copy(), self.rigid.copy(), self.pressure.copy(), self.stress.copy())
 
 
@@ -159,7 +159,7 @@ class _Step:
     nodal : ndarray, shape (B, N, d)
         Change of the displacements of the N nodes in mm, in d dimensions.
     rigid : ndarray, shape (B, 3)
-        Change of the rigid body's translation (x, y) in mm and of its rotation in rad.
+        Change of the translation (x, y) in mm and of the rotation in rad of the rigid body (the magnet).
     pressure : ndarray
         Change of ``Configuration.pressure`` in N/mm².
     stress : ndarray
@@ -179,7 +179,7 @@ class _Step:
 
 
 class Solid:
-    """A mesh with its supports. It may contain a rigid body, and a pressure may act on one face.
+    """A mesh with its supports. It may contain a rigid body (the magnet), and a pressure may act on one face.
 
     Parameters
     ----------
@@ -350,7 +350,8 @@ class Solid:
             Newton's method has converged. None: at most 25 iterations, and the tangent stiffness need not be positive
             definite.
         only_try : bool
-            True: mark a candidate as DIVERGED if its tangent stiffness without the rigid body is not positive definite.
+            True: mark a candidate as DIVERGED if its tangent stiffness without the rigid body (the magnet) is not
+            positive definite.
             This saves a factorisation.
 
         Returns

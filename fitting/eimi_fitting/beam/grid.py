@@ -73,7 +73,7 @@ class Grid:
     Attributes
     ----------
     strip : Strip
-        The map from the straight strip to the specimen at rest.
+        The map from the straight strip (a straight beam of constant width and depth) to the specimen at rest.
     straight_mm : ndarray, shape (N, 2)
         Positions (x, y) of the N nodes in the straight strip.
     mesh : Mesh
@@ -143,11 +143,16 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm."""
+        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm.
+
+        The straight strip is a straight beam of constant width, which is mapped to the shape of the specimen at rest.
+        """
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,).
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
 
         A face of the magnet may have no silicone beyond it. Points outside the specimen beyond such a face move with
         the magnet.
@@ -163,7 +168,8 @@ class Grid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement at n points of the straight strip.
 
-        points_mm: coordinates x and y of the points in the straight strip, (n, 2).
+        points_mm: coordinates x and y of the points in the straight strip (the beam before it is mapped to its rest
+        shape), (n, 2).
 
         Raises
         ------
@@ -189,7 +195,10 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (x, y) of the straight strip."""
+        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (x, y) of the straight strip.
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:

@@ -87,7 +87,10 @@ class Inertia:
             np.add.at(self.point_shares, nodes, weights)
 
     def of_body(self, angle_rad: Array) -> Array:
-        """Return the mass matrices (B, 3, 3) of the rigid body at B rotations (B,) in rad; see `beam.inertia`."""
+        """Return the mass matrices (B, 3, 3) of the rigid body (the magnet) at B rotations (B,) in rad.
+
+        The three unknowns are the translation (x, y) and the rotation; the module `beam.inertia` has the matrix.
+        """
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         x, y = self.body_arm_mm
         matrix = np.zeros((len(angle_rad), 3, 3))

@@ -39,6 +39,8 @@ class UniformField:
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
         """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone.
 
+        A dead force keeps its direction and size.
+
         The torque is added to ``SolidLoads.tensor`` as the product B m'. B is the field in T times ``field_factor``,
         and m is the magnet's dipole at rest.
         """
@@ -97,7 +99,7 @@ class Gravity:
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the weight of the silicone to the nodes, and the weight of the magnet to the rigid body."""
+        """Add the weight of the silicone to the nodes, and the weight of the rigid body (magnet) to the rigid body."""
         total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
         weight = mesh.magnet_mass * numbers
         total.force[:] += weight
@@ -121,7 +123,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes around the loaded point, or to the rigid body if the point is on the magnet."""
+        """Add the force to the nodes around the loaded point, or to the rigid magnet if the point is on the magnet."""
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 

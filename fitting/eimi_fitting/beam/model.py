@@ -134,6 +134,8 @@ class BeamModel:
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
         """Return the displacements of n points of the straight strip (`beam.strip`), (P, K, n, 2) in mm.
 
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+
         There are P candidates and K states. straight_mm: coordinates x and y of the points in the strip, shape (n, 2).
 
         Raises

@@ -131,7 +131,7 @@ def candidates(
     bulk_modulus_Pa: Array | None,
     field_factor: Array | None,
 ) -> Candidates:
-    """Return P candidates.
+    """Return P candidates (sets of parameters of a law) that are solved together.
 
     Parameters
     ----------
@@ -278,7 +278,10 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark converged states as UNSTABLE if the law is not Drucker-stable up to the largest stretch of the state."""
+    """Mark converged states as UNSTABLE if the law is not stable up to the largest stretch of the state.
+
+    Stable by Drucker's criterion: a larger strain always needs a larger stress.
+    """
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The kinematics of the nodes that move with a rigid body, and of the elements that have such nodes.
+    """The kinematics of the nodes that move with a rigid body (a magnet), and of the elements that have such nodes.
 
     Let U be the translation of the body's reference point, R(theta) the matrix of its rotation theta, and s the vector
     from the reference point to a node at rest. The displacement of the node is U + (R(theta) - 1) s. The node does not
@@ -45,7 +45,7 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Overwrite the displacements of the rigid body's nodes in the displacements (B, N, d) of all N nodes, in mm.
+        """Overwrite the displacements of the nodes of the rigid body (magnet) in those (B, N, d) of all N nodes, in mm.
 
         There are B candidates and d coordinates. rigid: translation (x, y) in mm and rotation in rad of the body for
         each candidate, (B, 3).
@@ -56,7 +56,9 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of element unknowns by the rigid body's translation and rotation, (Et, B, u, 3).
+        """Return the derivatives of element unknowns by translation and rotation of the rigid body, (Et, B, u, 3).
+
+        The rigid body is the magnet with the silicone that moves rigidly with it.
 
         Et elements have nodes of the body. Each element has u unknowns, and there are B candidates. rigid: see `carry`.
         """
@@ -67,7 +69,9 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness of the rigid body due to the forces on its nodes, (B,) for B candidates.
+        """Return the rotational stiffness of the rigid body (magnet) due to the forces on its nodes, (B,).
+
+        There are B candidates.
 
         force: forces (E, B, u) on the u unknowns of each of E elements. rigid: see `carry`.
         """
@@ -78,6 +82,8 @@ class RigidBody:
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
     """Return the moment and the stiffness of a dead load with the potential -tensor : R(theta), (B,) each.
+
+    A dead load keeps its direction and size while the rigid body (the magnet) turns.
 
     R(theta) is the matrix of the rotation theta of a rigid body. The stiffness is minus the derivative of the moment by
     theta. tensor: (B, 2, 2) for B candidates, or (1, 2, 2). rigid: translation of the body and rotation theta, (B, 3).

@@ -57,7 +57,7 @@ class SolidGrid:
     flat : Grid
         The planar mesh with the same lines.
     strip : Strip
-        The map from the straight strip to the specimen at rest.
+        The map from the straight strip (a straight beam of constant width and depth) to the specimen at rest.
     straight_mm : ndarray, shape (N, 3)
         Positions (x, y, z) of the N nodes in the straight strip.
     z_mm : ndarray
@@ -98,6 +98,8 @@ class SolidGrid:
     def straightened(self, points_mm: Array) -> Array:
         """Return the points of the straight strip that correspond to n points of the specimen at rest, in mm.
 
+        The straight strip is a straight beam of constant width and depth, which is mapped to the rest shape.
+
         points_mm: positions (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
@@ -108,6 +110,8 @@ class SolidGrid:
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return whether each of n points of the straight strip moves with the magnet, shape (n,).
+
+        The straight strip is a straight beam of constant width and depth, which is mapped to the rest shape.
 
         points_mm: positions (x, y, z) in mm, (n, 3), or (x, y), (n, 2), for points at mid-depth.
         """
@@ -120,7 +124,8 @@ class SolidGrid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at n points of the strip.
 
-        points_mm: positions (x, y, z) of the points in the straight strip, (n, 3). A point with z < 0 is replaced by
+        points_mm: positions (x, y, z) of the points in the straight strip (the beam before it is mapped to its rest
+        shape), (n, 3). A point with z < 0 is replaced by
         its mirror image.
 
         Raises
@@ -148,7 +153,7 @@ class SolidGrid:
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return nodes (n, 27) and weights (n, 27) that distribute a force evenly in depth over n points.
 
-        point_mm: position (x, y) of the force in the straight strip.
+        point_mm: position (x, y) of the force in the straight strip (the beam before it is mapped to its rest shape).
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

@@ -110,7 +110,10 @@ class Strip:
         return CubicHermiteSpline(ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the positions (x, y) at rest of n points (x, y) of the straight strip, (n, 2) in mm."""
+        """Return the positions (x, y) at rest of n points (x, y) of the straight strip, (n, 2) in mm.
+
+        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        """
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -124,7 +127,7 @@ class Strip:
     def straightened(self, places_mm: Array) -> Array:
         """Return the points (x, y) of the straight strip that correspond to n points (x, y) at rest, (n, 2) in mm.
 
-        This method is the inverse of `at_rest`.
+        The straight strip is a straight beam of constant width, which `at_rest` maps to the rest shape.
         """
         places = np.asarray(places_mm, float)
         if self.is_straight:
@@ -151,8 +154,9 @@ class Strip:
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
         """Return the distances in mm of the magnet's side and of the beam's edge from the centre line, for two shapes.
 
-        The first result, (2, 1), is for the straight strip. The second result, (2, n), is for the beam at rest at n arc
-        lengths s (n,) in mm. The first row of each result belongs to the side of the magnet.
+        The first result, (2, 1), is for the straight strip (a straight beam of constant width). The second result, (2,
+        n), is for the beam at rest at n arc lengths s (n,) in mm. The first row of each result belongs to the side of
+        the magnet.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -169,12 +173,16 @@ class Strip:
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
         """Return the distances from mid-depth at rest for n points of the straight strip, (n,) in mm.
 
+        The straight strip is a straight beam of constant depth, which is mapped to the rest shape.
+
         s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth in the strip in mm, (n,).
         """
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
         """Return the distances from mid-depth in the straight strip for n points of the beam at rest, (n,) in mm.
+
+        The straight strip is a straight beam of constant depth, which is mapped to the rest shape.
 
         s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth at rest in mm, (n,). This
         method is the inverse of `z_at_rest_mm`.
@@ -189,7 +197,7 @@ class Strip:
     def thickness(self, s: Array) -> Array | None:
         """Return the depth of the beam divided by the depth of the straight strip, (n,), at n arc lengths s in mm.
 
-        None if the depth is the same everywhere.
+        The straight strip has constant depth and is mapped to the rest shape. None if the depth is the same everywhere.
         """
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
@@ -208,7 +216,7 @@ def _moved(value: Array, before: Array, after: Array) -> Array:
 
 
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
-    """Return a table of the width or the depth with a short ramp in place of every step.
+    """Return a table of the width or the depth along the beam with a short ramp in place of every step (jump).
 
     The ramp lies on the wider side of the step, because the shoulders of the wider part bear little stress. At a face
     of the magnet, the ramp lies on the narrower side.

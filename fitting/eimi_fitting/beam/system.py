@@ -1,4 +1,4 @@
-"""The linear system of a Newton step: the band matrix of the nodes and the three unknowns of a rigid body.
+"""The linear system of a Newton step: the band matrix of the nodes and the three unknowns of a rigid body (the magnet).
 
 A rigid body at the end of the beam is coupled to the last few nodes only, and the rows of the body fit in the band. A
 rigid body with silicone around it is coupled to many columns of nodes and would widen the band. The three unknowns y of
@@ -37,7 +37,7 @@ class Solution(NamedTuple):
     nodes : ndarray, shape (B, n)
         The n unknowns of the nodes.
     body : ndarray, shape (B, 3)
-        The three unknowns of the rigid body.
+        The three unknowns of the rigid body (the magnet): changes of its translation (x, y) and of its rotation.
     sound : ndarray of bool, shape (B,)
         Whether the system could be solved.
     indefinite : ndarray of bool, shape (B,)
@@ -57,7 +57,7 @@ class System:
     ----------
     dofs : ndarray of int, shape (E, d)
         Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to a node of the rigid
-        body.
+        body (the magnet with the silicone that moves rigidly with it).
     n : int
         Number of unknowns of the nodes.
     tied : ndarray of int or None
@@ -110,9 +110,9 @@ class System:
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the Et elements with nodes of the rigid body: the derivatives (Et, B, d, 3) of the elements' unknowns by
-            the body's unknowns. For the body: the additional stiffness, (B, 3, 3), and the right-hand side, (B, 3) or
-            (1, 3). None without a body.
+            For the Et elements with nodes of the rigid body (the magnet): the derivatives (Et, B, d, 3) of the
+            elements' unknowns by the body's unknowns, its translation and rotation. For the body: the additional
+            stiffness, (B, 3, 3), and the right-hand side, (B, 3) or (1, 3). None without a body.
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
@@ -164,7 +164,10 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements; append the matrices of the body's elements to ``tied``."""
+        """Yield the matrices of each group of elements; append those of elements at the rigid body to ``tied``.
+
+        An element is at the rigid body (the magnet) if some of its nodes move with this body.
+        """
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -174,15 +177,18 @@ class System:
     def _reach(self, rows: Array) -> Array:
         """Return the sum of element rows (Et, B, 3, d) over the Et elements with nodes of the rigid body, (B, 3, m).
 
-        The m columns are the unknowns of the nodes that are coupled to the body. There are B candidates, and an element
-        has d unknowns.
+        The m columns are the unknowns of the nodes that are coupled to the body (the magnet). There are B candidates,
+        and an element has d unknowns.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the rigid body's rows and 3 x 3 matrix into the lower band, as the last three unknowns."""
+        """Write the rows and the 3 x 3 matrix of the rigid body (the magnet) into the lower band of the system matrix.
+
+        The translation (x, y) and the rotation of the body are the last three unknowns.
+        """
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]
@@ -212,8 +218,9 @@ class FactoredSystem:
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        For the Et elements with nodes of the rigid body: the derivatives (Et, B, d, 3) of the elements' unknowns by the
-        body's unknowns. For the body: the additional stiffness, (B, 3, 3). None without a body.
+        For the Et elements with nodes of the rigid body (the magnet): the derivatives (Et, B, d, 3) of the elements'
+        unknowns by the body's unknowns, its translation and rotation. For the body: the additional stiffness, (B, 3,
+        3). None without a body.
 
     Attributes
     ----------
@@ -247,7 +254,8 @@ class FactoredSystem:
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
         """Return the n nodal unknowns, (m, B, n), and the body's unknowns, (m, B, 3), for m right-hand sides.
 
-        There are B candidates. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns.
+        There are B candidates. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns. The
+        unknowns of the body (the rigid magnet) are its translation (x, y) and its rotation.
         """
         structure = self._structure
         if self._body is None:

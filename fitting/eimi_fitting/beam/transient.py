@@ -46,10 +46,10 @@ class NotSolved(Exception):
 class _State:
     """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
 
-    Arrays of the N nodes have the shape (N, 2) for the coordinates x and y. Arrays of the two mass points of the rigid
-    body have the shape (2, 2). ``rigid`` contains the translation of the body in mm and the rotation of the body in
-    rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the internal variables Q_i; the module
-    `beam.transient` defines S_e and Q_i.
+    Arrays of the N nodes have the shape (N, 2) for the coordinates x and y. Arrays of the two mass points that stand
+    for the rigid body (the magnet) have the shape (2, 2). ``rigid`` contains the translation of the body in mm and the
+    rotation of the body in rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the internal
+    variables Q_i; the module `beam.transient` defines S_e and Q_i.
     """
 
     nodes: Array
@@ -217,7 +217,10 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return one step of Newton's method for the nodes, (N, 2) in mm, and for the body, (3,) in mm and rad."""
+        """Return one step of Newton's method for the N nodes, (N, 2) in mm, and for the rigid body (the magnet), (3,).
+
+        The three numbers of the body are its translation (x, y) in mm and its rotation in rad.
+        """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
         K = element.stiffness(solid.ops, ev, ev.S + remembered)
@@ -279,7 +282,7 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return the displacements of all N nodes, (N, 2) in mm; nodes of the rigid body move with the body."""
+        """Return the displacements of all N nodes, (N, 2) in mm; nodes of the rigid magnet move with the magnet."""
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -296,6 +299,8 @@ class Transient:
     def _turned(self, rigid: Array, derivative: int) -> Array:
         """Return the vectors (x, y) from the rigid body's reference point to its two mass points, (2, 2) in mm.
 
+        The rigid body is the magnet; two mass points have its mass and its rotary inertia.
+
         derivative: 0 for the vectors, 1 or 2 for the first or second derivatives of the vectors by the angle.
         """
         angle = rigid[2] + 0.5 * np.pi * derivative
@@ -303,7 +308,7 @@ class Transient:
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _carried(self, rigid: Array) -> Array:
-        """Return the displacements (x, y) of the rigid body's two mass points, (2, 2) in mm."""
+        """Return the displacements (x, y) of the two mass points of the rigid body (the magnet), (2, 2) in mm."""
         return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
 
 

@@ -45,7 +45,8 @@ _TOLERANCE_MM = 1e-5
 class ReducedMotion:
     """The matrices of small motions of B candidates, reduced to m shapes.
 
-    The module `beam.vibration` defines the matrices K_m, K_g and M.
+    K_m is the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the
+    mass matrix.
 
     Attributes
     ----------
@@ -77,12 +78,12 @@ class ReducedMotion:
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
         """Return the complex rates s of the lowest ``count`` vibrations of B candidates, (B, count) in 1/s.
 
-        ratio: the function r(s). See `complex_roots`.
+        ratio: the complex modulus at the rate s divided by the modulus of the equilibrium, r(s); see `complex_roots`.
         """
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the reduced motion of the given candidates only."""
+        """Return the matrices of the reduced motion of only the candidates with the indices ``rows``."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],
@@ -99,7 +100,8 @@ def complex_roots(
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidates, reduced to m shapes; see the module `beam.vibration`.
+        K_m, K_g and M of B candidates, reduced to m shapes: the stiffness due to the tangent of the law, the stiffness
+        due to stresses and loads, and the mass.
     ratio : callable
         The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
         equilibrium, (B, count).
@@ -129,7 +131,8 @@ def fixed_point(
 ) -> ComplexArray:
     """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration with Aitken's acceleration.
 
-    lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M, see the module `beam.vibration`.
+    lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M. K_m is the stiffness due to the tangent of
+    the law, K_g that due to stresses and loads, and r the ratio of the complex modulus to that of the equilibrium.
 
     Parameters
     ----------
@@ -166,8 +169,9 @@ def fixed_point(
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
     """Return the lowest eigenvalues of stiffness r K_m + K_g and mass M for q ratios r, (B, q, count) in 1/s².
 
-    material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m); see the module
-    `beam.vibration`. stiffening: the q real ratios r, (q,).
+    material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m): stiffness due to the tangent
+    of the law, stiffness due to stresses and loads, mass. stiffening: q real ratios r, (q,), of the modulus in the
+    vibration to the modulus of the equilibrium.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -176,7 +180,8 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return the stiffness matrices K_m and K_g in coordinates in which M is the unit matrix, (B, m, m) each.
 
-    There are B candidates and m shapes; see the module `beam.vibration`.
+    There are B candidates and m shapes. K_m is the stiffness due to the tangent of the law, K_g the stiffness due to
+    stresses and loads, and M the mass.
 
     A shape that is nearly a sum of other shapes gets a stiffness that is larger than the stiffness of all other shapes,
     because it adds no motion. If a matrix of a candidate has entries that are not finite, both stiffness matrices of
@@ -229,7 +234,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the reduced motion of B candidates about their equilibria in one state, and the equilibria.
+        """Return the reduced motion (matrices for a few shapes) of B candidates about equilibria, and the equilibria.
 
         Parameters
         ----------
@@ -273,7 +278,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion of B candidates about given configurations in equilibrium.
+        """Return the reduced motion (matrices for a few shapes) of B candidates about given equilibria.
 
         chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. For the other
         parameters see `about`.
@@ -314,7 +319,7 @@ class Vibration:
         """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
 
         The m modes have unit mass. Returns the n unknowns of the nodes, (m, B, n), and the motion of the rigid body,
-        (m, B, 3), in the modes of B candidates.
+        (m, B, 3), in the modes of B candidates. The rigid body is the magnet.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -348,7 +353,7 @@ class Vibration:
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
         """Return the displacements of the u unknowns of each of E elements in m shapes of B candidates, (m, E, B, u).
 
-        free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body in the shapes.
+        free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body (the magnet).
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -397,7 +402,7 @@ class Vibration:
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the mass matrix times m shapes: for n nodal unknowns, (m, B, n), and for the body, (m, B, 3).
 
-        There are B candidates. For the arguments see `_local`.
+        The body is the rigid magnet. There are B candidates. For the arguments see `_local`.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -443,9 +448,9 @@ def _tangents(
 ) -> tuple[Array, Array, Array | None, Array]:
     """Return the two parts K_m and K_g of the tangent stiffness about an equilibrium, and the rigid body's derivatives.
 
-    The module `beam.vibration` defines K_m and K_g. The first two results are K_m and K_g of each of E elements with u
-    unknowns for B candidates, (E, B, u, u) each. The third result is that of `RigidBody.matrix`, or None without a
-    body. The last result is the part of K_g that belongs to the body, (B, 3, 3).
+    K_m contains the tangent of the law, and K_g the stresses and loads. The first two results are K_m and K_g of each
+    of E elements with u unknowns for B candidates, (E, B, u, u) each. The third result is that of `RigidBody.matrix`,
+    or None without a rigid body (magnet). The last result is the part of K_g that belongs to the body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

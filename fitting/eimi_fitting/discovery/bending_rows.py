@@ -138,7 +138,7 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Return the misfit of a law, and the simulated shape of the beam as a start for later solutions.
+    """Return the misfit (residuals) of a law, and the simulated shape of the beam as a start for later solutions.
 
     ``coefficients`` has the shape (J,) for J terms. The simulated shape is None for a three-dimensional beam model.
     """
@@ -194,7 +194,8 @@ def _whitened(
     """Return the equations of one experiment divided by the noise, and the standard deviation of the noise in mm.
 
     In each state, the residuals are projected on the span of three kinds of vectors: the derivatives in the
-    coefficients, the changes by the nuisances, and the error of the beam model. A few equations remain for each state.
+    coefficients, the changes by the nuisances (errors of inputs), and the error of the beam model. A few equations
+    remain for each state.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
@@ -233,7 +234,7 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return the root mean square residual of a fit of all terms and nuisances, in units of the noise.
+    """Return the root mean square residual of a fit of all terms and nuisances (errors of inputs), in noise units.
 
     A value above 1 indicates an error of the beam model.
     """

@@ -2,9 +2,11 @@
 
     observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-``noise`` has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard deviation 1. All
-terms of the library are fitted to each tensile curve alone and to each beam alone. The residuals of this fit give the
-noise of the curve or beam. Correlated residuals count as fewer independent residuals (`eimi_fitting.correlation`).
+A nuisance is an error of an input, such as a width, or of the modulus of all beams. Its size is one of the
+``amplitudes``. ``noise`` has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard
+deviation 1. All terms of the library are fitted to each tensile curve alone and to each beam alone. The residuals of
+this fit give the noise of the curve or beam. Correlated residuals count as fewer independent residuals
+(`eimi_fitting.correlation`).
 """
 
 from __future__ import annotations
@@ -22,6 +24,9 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Rows:
     """N linear equations for the coefficients of J terms of a law and the amplitudes of q nuisances.
+
+    A nuisance is an error of an input, such as a width, or of the modulus of all beams. Its amplitude is the error in
+    standard uncertainties.
 
     Parameters
     ----------
@@ -47,6 +52,8 @@ class Rows:
     def fit_all_terms(self) -> tuple[Array, Array]:
         """Return the non-negative coefficients of J terms in Pa, (J,), and the amplitudes of q nuisances, (q,).
 
+        An amplitude is the size of a nuisance (an error of an input or of the modulus) in standard uncertainties.
+
         The coefficients and amplitudes minimise |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two
         non-negative numbers, because the solver accepts only non-negative unknowns.
         """
@@ -58,7 +65,10 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all ``parts`` together; zeros stand for nuisances that a part does not have."""
+        """Return the equations of all ``parts`` together.
+
+        Zeros stand for the effects of nuisances (errors of inputs) that a part does not have.
+        """
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(

@@ -43,7 +43,7 @@ class Support:
     coefficients, standard_errors : array, shape (k,)
         Coefficient of each term and its standard error in Pa, on the assumption that the law has exactly these k terms.
     amplitudes : array, shape (q,)
-        Amplitudes of the q nuisances.
+        Amplitudes of the q nuisances: errors of inputs, such as a width, in standard uncertainties.
     prediction_errors : array, shape (N,)
         Error of the prediction of each equation by a fit that omits the group of this equation, in units of the noise.
     excess : float

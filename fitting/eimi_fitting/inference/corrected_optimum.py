@@ -66,8 +66,8 @@ class SearchEnd:
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence, in standard deviations
-        (`Linearisation.prior_distances`).
+        Distance of each prior on a parameter of the law from the other evidence (edges, tensile curves, other priors),
+        in standard deviations (`Linearisation.prior_distances`).
     not_considered : tuple of str
         One sentence for each source of uncertainty that the intervals do not contain.
     """
@@ -153,6 +153,8 @@ def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
     """Correct the residuals of the coarse problem, first to the meshes of ``problem`` and then to finer meshes.
+
+    The coarse problem is the same fit on the coarse mesh of the search.
 
     Returns
     -------

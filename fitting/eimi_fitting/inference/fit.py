@@ -26,8 +26,8 @@ class IdentifiedLaw(Estimate):
     Parameters
     ----------
     mean_error_mm, mean_deviation_mm : float
-        Mean over the states of the error and mean over the states of the deviation, in mm
-        (`inference.evidence.measurements`).
+        Means over the states of error and deviation in mm. The error of a state is the root mean square distance of
+        its measured from its simulated points, and the deviation is the standard deviation of these distances.
     max_stretch : float
         Largest stretch in the beam at the optimum, computed on the planar meshes of the experiments.
     priors : tuple of Prior
@@ -74,7 +74,8 @@ class Fit(IdentifiedLaw):
     law : Law
         The hyperelastic law.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Error and deviation of each state in mm, see `inference.evidence.measurements`.
+        Root mean square distance of measured from simulated points (``error_mm``) and standard deviation of these
+        distances (``deviation_mm``) in mm, for each state; see `inference.evidence.measurements`.
     residuals_mm : tuple of ndarray, shape (K, G, m)
         Residuals of each experiment with K states and G groups of m neighbouring points, see `Misfit`; NaN for points
         that were not measured.
@@ -83,8 +84,8 @@ class Fit(IdentifiedLaw):
     curve_rmse_Pa : tuple of float
         Root mean square residual of each tensile curve for the law of this fit, in Pa.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence, in standard deviations
-        (`Linearisation.prior_distances`).
+        Distance of each prior on a parameter of the law from the other evidence (edges, tensile curves, other priors),
+        in standard deviations (`Linearisation.prior_distances`).
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float

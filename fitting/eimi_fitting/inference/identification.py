@@ -91,8 +91,8 @@ def identify(
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances to free, with their priors. If the field was measured in both polarities, the fit frees further
-        sources of uncertainty (`inference.evidence.polarity`).
+        Nuisances (uncertain inputs) that the fit determines together with the law, with their priors. If the field was
+        measured in both polarities, the fit frees further sources of uncertainty (`inference.evidence.polarity`).
     free_bulk : bool
         Whether the fit also determines the bulk modulus.
     tensile : sequence of TensileCurve
@@ -249,7 +249,10 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Return the result of the search on the coarse mesh; raise NothingConverged if no candidate is valid."""
+    """Return the result of the search for the problem ``coarse``; raise NothingConverged if no candidate is valid.
+
+    The problem ``coarse`` has a mesh of few elements.
+    """
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,

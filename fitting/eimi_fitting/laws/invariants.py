@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class _Invariant(NamedTuple):
     """The value of an invariant of a planar deformation, and the derivatives of the invariant by a and J.
 
-    `laws.law` defines a and J. The second derivative by a is zero.
+    a = F : F and J = det F with the deformation gradient F in the plane. The second derivative by a is zero.
     """
 
     value: Array
@@ -35,7 +35,10 @@ class _Invariant(NamedTuple):
 
 
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the first isochoric invariant I1 of planar deformations and its derivatives, see `laws.law`."""
+    """Return the first isochoric invariant I1 of planar deformations and its derivatives by a and J.
+
+    a = F : F and J = det F with the deformation gradient F in the plane.
+    """
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
@@ -45,7 +48,10 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Return the second isochoric invariant I2 of planar deformations and its derivatives, see `laws.law`."""
+    """Return the second isochoric invariant I2 of planar deformations and its derivatives by a and J.
+
+    a = F : F and J = det F with the deformation gradient F in the plane.
+    """
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
@@ -163,7 +169,7 @@ class InvariantLaw(InvariantEnergy):
 
     @abstractmethod
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates of the search into parameters, see `Law.from_coordinates`."""
+        """Convert coordinates (the quantities that the search varies) into parameters, see `Law.from_coordinates`."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the largest stable stretch of each candidate, computed by `laws.stability.scanned_limit`."""

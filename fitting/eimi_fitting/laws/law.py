@@ -53,7 +53,7 @@ class PlanarEnergy(NamedTuple):
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate of the search for a law's parameters.
+    """One coordinate of the search for a law's parameters: a quantity that the search varies.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Law(Protocol):
         """
 
     def from_coordinates(self, x: Array) -> Array:
-        """Convert coordinates of the search into parameters of the law.
+        """Convert coordinates (the quantities that the search varies) into parameters of the law.
 
         Parameters
         ----------

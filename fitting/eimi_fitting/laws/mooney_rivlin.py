@@ -49,7 +49,7 @@ class MooneyRivlin(InvariantLaw):
     def from_coordinates(self, x: Array) -> Array:
         """Return the parameters C10 and C01 of P candidates, (P, 2), from the coordinates of the search, (P, 2).
 
-        The coordinates are 2 (C10 + C01) and C01/(C10 + C01).
+        The coordinates (the quantities that the search varies) are 2 (C10 + C01) and C01/(C10 + C01).
         """
         mu0, share = x[:, 0], x[:, 1]
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])

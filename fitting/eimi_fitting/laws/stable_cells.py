@@ -72,8 +72,9 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
     """Return a lower bound (n,) of f(e) for e between start and end, for n intervals.
 
-    f(e) is the sum of weight exp(alpha e) over the terms. A tangent lies below each convex term, and a chord lies below
-    each concave term. The sum of these lines is a straight line, whose minimum is at one end of the interval.
+    f(e), the sum of weight exp(alpha e) over the terms, is an entry of the Hessian of the strain energy. A tangent lies
+    below each convex term, and a chord lies below each concave term. The sum of these lines is a straight line, whose
+    minimum is at one end of the interval.
     """
     start, end = start[..., None], end[..., None]
     first, last = weight * np.exp(alpha * start), weight * np.exp(alpha * end)

@@ -237,7 +237,10 @@ class SumOfTerms:
         return np.array([float(term.has_modulus) for term in self.terms])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Return the initial shear modulus of the law: the sum of the coefficients that contribute to it."""
+        """Return the initial shear modulus of the law: the sum of the coefficients mu of its terms.
+
+        The coefficients C of the terms i1^2 and i1^3 do not contribute.
+        """
         return np.asarray(parameters @ self._has_modulus)
 
     @cached_property

@@ -75,7 +75,10 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm."""
+        """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm.
+
+        Reduced signals: a few independent signals whose combinations give all channels (coordinates of points).
+        """
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 

@@ -74,7 +74,7 @@ class Decay:
         the changes are not significant.
     time_s, displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
         Times of the n frames of the fitted part. For the channel with the largest amplitude: displacement without the
-        baseline, envelope, and fitted vibrations.
+        baseline (the slow motion), envelope, and fitted vibrations.
     noise : float
         Standard deviation of the residuals near the frequency of the dominant vibration, divided by the standard
         uncertainty of the recording.

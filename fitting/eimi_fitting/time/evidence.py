@@ -81,7 +81,10 @@ class RingEvidence:
 
     @staticmethod
     def of(table: RingTable, decay: Decay) -> RingEvidence:
-        """Return the evidence of a ring-down. Vibrations that belong to no planar mode of the beam are left out."""
+        """Return the evidence of a ring-down: frequency and loss factor of each mode with uncertainties.
+
+        Vibrations that belong to no planar mode of the beam are left out.
+        """
         computed = table.beam.undamped_Hz(table.middle_Pa) * table.solid_over_planar
         modes = [(0, decay.modes[0])]
         for mode in decay.modes[1:]:
@@ -188,8 +191,8 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
     """Return the stiffness of gravity against a rotation of the tip (Pa).
 
-    This stiffness is the shear modulus times K_g / K_m of the lowest mode. The module `beam.vibration` defines
-    K_g and K_m.
+    This stiffness is the shear modulus times K_g / K_m of the lowest mode. K_m is the stiffness due to the material,
+    and K_g is the stiffness due to stresses and gravity.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -197,7 +200,7 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load, as evidence for a viscoelastic law.
+    """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
 
     Only changes of the rotation are measured. Therefore the weighted mean is subtracted from the residuals.
 
@@ -245,7 +248,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus from an elastic fit to the static states of a run, as evidence.
+    """The shear modulus from an elastic fit to the static states of a run, as evidence (a residual of a Prony fit).
 
     The edges of a state are measured some time after the load was set. The material has relaxed during this time.
 
@@ -344,7 +347,9 @@ class StaticEvidence:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The shear modulus for which the computed sag of the beam at rest equals the measured sag, as evidence.
+    """The shear modulus for which the computed sag of the beam at rest equals the measured sag.
+
+    The modulus is evidence for a viscoelastic law: its deviation is one residual of the fit of the law.
 
     Attributes
     ----------
@@ -359,7 +364,7 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence that the sag of the beam in a recorded ring-down gives.
+        """Return the evidence (a modulus with its uncertainty) that the sag of the beam in a recorded ring-down gives.
 
         None if the beam hardly bends under its own weight, or if no modulus near the modulus of the ring-down gives the
         measured sag.

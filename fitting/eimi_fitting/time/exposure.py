@@ -16,7 +16,7 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return a decay in which the amplitudes in the frames are replaced by the true amplitudes of the beam.
+    """Return a decay (fitted vibrations) whose amplitudes in the frames are replaced by the true ones of the beam.
 
     The decay is returned unchanged if the amplitudes in the frames are below 30 % of the true amplitudes.
 

@@ -228,7 +228,10 @@ def _same(one: Loads, other: Loads) -> bool:
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its decay, and the doubts about the recordings; the decay is None without a vibration."""
+    """Return each motion with its decay (fitted vibrations), and the doubts about the recordings.
+
+    The decay is None for a motion without a vibration.
+    """
     analysed: list[tuple[RecordedMotion, Decay | None]] = []
     doubts = []
     for recorded in motions:
@@ -276,7 +279,7 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the evidence of creep, from the recordings that begin with a known step of the load.
+    """Return the evidence of creep (rotations of the tip over time) from recordings that begin with a step of the load.
 
     If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used.
     """
@@ -305,9 +308,9 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the evidence of the sag at rest, from the first ring-down of a table without a step of the load.
+    """Return the modulus that the sag at rest gives (evidence), from the first ring-down without a step of the load.
 
-    None if there is no such ring-down.
+    Only ring-downs with the loads of ``table`` count. None if there is no such ring-down.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
@@ -338,7 +341,10 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times in s that the evidence covers, extended by half a decade at both ends."""
+    """Return the range of times in s that ring-downs, creep and static states cover.
+
+    The range is extended by half a decade at both ends.
+    """
     shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     for creep in creeps:

@@ -70,7 +70,7 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law with a given number of terms to the evidence.
+    """The fit of a viscoelastic law with a given number of terms to ring-downs, creep and static states (the evidence).
 
     Attributes
     ----------
@@ -86,7 +86,10 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the m unknowns: those of ``terms``, then the logarithm of the load factor, shape (m,)."""
+        """The prior means of the m unknowns, shape (m,): those of ``terms``, then the logarithm of the load factor.
+
+        The load factor is a factor on the magnetic loads.
+        """
         return np.append(self.terms.mean, 0.0)
 
     @property
@@ -95,7 +98,7 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the evidence for P candidates, (P, k).
+        """Return the k residuals of ring-downs, creep and static states (the evidence) for P candidates, (P, k).
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
@@ -105,7 +108,9 @@ class Problem:
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the k residuals of the evidence, then the m residuals of the priors, for P candidates, (P, k + m).
+        """Return the k residuals of the recordings and static states, then the m residuals of the priors, (P, k + m).
+
+        There are P candidates.
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
@@ -145,7 +150,7 @@ class TimeOptimum:
     chi2 : float
         Sum of the squared residuals of the evidence, without the priors.
     log_evidence : float
-        Logarithm ln Z of the evidence for this number of terms, see the module `time.law_of_time`.
+        Logarithm ln Z of the evidence (probability density of the data) for this number of terms.
     evaluations : int
         Number of candidates that were computed.
     converged : bool
@@ -184,6 +189,8 @@ class TimeOptimum:
     def load_step(self, sigma: float) -> Array:
         """Return the change of the m unknowns at the optimum due to a change of the load factor's prior mean, (m,).
 
+        The load factor is a factor on the magnetic loads.
+
         sigma: the change of the prior mean of the logarithm of the load factor.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
@@ -191,8 +198,8 @@ class TimeOptimum:
     def with_free_load(self) -> TimeOptimum:
         """Return the optimum of the fit if the magnetic moment is unknown.
 
-        The logarithm of the load factor then has the prior standard deviation `FREE_LOAD`. The least-squares fit starts
-        at the present optimum.
+        The logarithm of the factor on the magnetic loads then has the prior standard deviation `FREE_LOAD`. The
+        least-squares fit starts at the present optimum.
         """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
@@ -270,7 +277,8 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
     """Return the optimum with the chosen number of terms, and all optima that were computed.
 
-    The problems have an increasing number of terms. Terms are added as long as ln Z increases by at least 1. The fewest
+    The problems have an increasing number of terms. Z is the probability density of the data for a number of terms
+    (evidence). Terms are added as long as ln Z increases by at least 1. The fewest
     terms whose ln Z is within 1 of the largest are chosen.
     """
     optima: list[TimeOptimum] = []
@@ -291,7 +299,7 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
     """Return f quantities of P candidates in which the residuals are almost linear, (P, f).
 
     The f quantities are logarithms of moduli, loss factors of the material at the angular frequencies ``omegas``
-    (rad/s), and the logarithm of the load factor. unknowns: the m unknowns of each candidate, (P, m).
+    (rad/s), and the logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))

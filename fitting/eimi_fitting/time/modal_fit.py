@@ -42,7 +42,10 @@ _MOST_MODES = 3
 
 @dataclass(frozen=True)
 class ModalFit:
-    """A fit of m damped vibrations (modes) to the signals of a ring-down; for symbols see `time.modal_fit`.
+    """A fit of m damped vibrations (modes) to the signals of a ring-down.
+
+    omega is the angular frequency and delta the decay rate of a mode. kappa_1 and kappa_2 describe how frequency and
+    loss factor of the first mode grow with the squared amplitude (equations in `time.modal_fit`).
 
     Attributes
     ----------
@@ -52,7 +55,8 @@ class ModalFit:
     modes : ndarray, shape (m, 2)
         For each mode ln omega (omega in rad/s) and the loss factor 2 delta / omega.
     bend : ndarray, shape (2,)
-        The coefficients kappa_1 and kappa_2 of the first mode.
+        kappa_1 and kappa_2 of the first mode. At the first frame, its frequency is higher by the fraction kappa_1, and
+        its loss factor is larger by 2 kappa_2, than at small amplitudes.
     has_bend : bool
         Whether kappa_1 and kappa_2 were fitted; otherwise they are 0.
     chi2 : float
@@ -95,7 +99,7 @@ class ModalFit:
         modes : ndarray, shape (m, 2)
             See the attribute ``modes``.
         has_bend : bool
-            Whether to fit kappa_1 and kappa_2 too.
+            Whether to fit the change of the first mode with the amplitude (kappa_1 and kappa_2) too.
         """
         count = len(modes)
 
@@ -134,7 +138,7 @@ class ModalFit:
         return self.signals.in_mm(design[:, rows] @ self.linear[rows])
 
     def slow_mm(self) -> Array:
-        """Return the fitted baseline in n frames and c channels (coordinates of points), (n, c) in mm.
+        """Return the fitted baseline (slow motion) in n frames and c channels (coordinates of points), (n, c) in mm.
 
         The baseline includes the shift that is proportional to the square of the first mode's amplitude.
         """
@@ -180,9 +184,11 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the complex exponent psi of a mode at n times, (n,); the module `time.modal_fit` defines the symbols.
+    """Return the complex exponent psi of a mode at n times, (n,): the mode vibrates as Re(a exp(psi)).
 
-    time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2, or empty for 0.
+    time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2, the fraction by
+    which the frequency, and half the amount by which the loss factor, is larger at the first frame than at small
+    amplitudes; empty for 0.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -197,8 +203,9 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combination is fitted to the signals, (n, functions) at n times.
 
     The columns are the decaying cosine and sine of each mode, cosine and sine of the two harmonics of the first mode,
-    the shift that is proportional to the square of the first mode's amplitude, and the functions of the baseline.
-    ``time`` and ``bend`` are those of `exponent`. ``modes`` has one row for each mode: ln omega and the loss factor.
+    the shift that is proportional to the square of the first mode's amplitude, and the functions of the slow baseline.
+    time: seconds since the first frame. modes: ln omega and loss factor in each row. bend: the rise of frequency and
+    loss factor with the amplitude, see `exponent`.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
@@ -211,7 +218,10 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
 
 
 def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return the real and the imaginary part of exp(psi), (n,) each, for the exponent psi of a mode at n times."""
+    """Return the real and the imaginary part of exp(psi), (n,) each, for the exponent psi of a mode at n times.
+
+    The mode vibrates as Re(a exp(psi)) with the complex amplitude a.
+    """
     size = np.exp(np.minimum(psi.real, 30.0))
     return size * np.cos(psi.imag), size * np.sin(psi.imag)
 
@@ -233,7 +243,7 @@ def _baseline(time: Array, frequency: float) -> Array:
 
 
 def _misfit(signals: Signals, mode: Array) -> float:
-    """Return the sum of the squared residuals of a fit with one mode whose frequency and loss are given."""
+    """Return the sum of the squared residuals of a fit with one mode whose frequency and loss factor are given."""
     orthogonal, _ = np.linalg.qr(design_matrix(signals.time_s, mode[None], np.zeros(0)))
     inner = orthogonal.T @ signals.reduced
     return float((signals.reduced**2).sum() - (inner**2).sum())

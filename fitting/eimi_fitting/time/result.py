@@ -75,8 +75,8 @@ class RingDown:
         Frequencies of the higher modes that were used.
     windows : tuple of Window
     time_s, displacement_mm, envelope_mm : tuple of float
-        Times of the frames. For the channel with the largest amplitude: displacement without the baseline, and
-        envelope.
+        Times of the frames. For the channel with the largest amplitude: displacement without the baseline (the slow
+        motion), and envelope.
     """
 
     label: str
@@ -138,7 +138,7 @@ class LawOfTime:
         Contributions to the uncertainty of the dynamic modulus, the largest first.
     small_effects : tuple of SmallEffect
     log_evidence : tuple of float
-        Logarithm of the evidence for one, two, ... terms.
+        Logarithm of the evidence (probability density of the data) for one, two, ... terms.
     chi2, rows : float, int
         Sum of the squared residuals, each divided by its standard uncertainty, and number of residuals.
     doubts : tuple of str

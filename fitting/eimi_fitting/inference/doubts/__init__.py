@@ -4,7 +4,7 @@ checks                the comparison of the residuals with the noise and with th
 causes                the probability of each possible cause of the residuals
 collinear_causes      classes of causes that the residuals do not distinguish
 edge_coefficients     the description of the residuals by a few coefficients along each edge
-marginal_likelihood   the evidence of linear Gaussian models
+marginal_likelihood   the evidence (probability density of the data) of linear Gaussian models
 signatures            the change of the residuals by each possible cause
 possible_causes       the possible errors of a bench, each with the measurement that decides about it
 """

@@ -13,8 +13,9 @@ size eta in mm and the covariance G, which is smooth along an edge and over the 
 Stat. Soc. B 63:425). The columns of J also contain the remaining errors of the finer mesh and of the three-dimensional
 model.
 
-The evidence. The model is linear and Gaussian, so that the evidence has a closed form. Let L = sigma^2 tau + eta^2 G,
-let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L) r. For normal priors,
+The evidence p(r | H) is the probability density of the residuals. It has a closed form for a linear Gaussian model. Let
+L = sigma^2 tau + eta^2 G, let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L)
+r. For normal priors,
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
 
@@ -122,12 +123,15 @@ class Cause:
 class Weighed:
     """The possible causes of the residuals of a fit, and the errors that would remain with each cause.
 
+    A cause is a possible error of the bench, such as a tilted camera. An error is a root mean square residual in mm.
+
     Parameters
     ----------
     causes : tuple of Cause
         The causes, the most probable first.
     in_the_fit : frozenset of str
-        Names of the causes that the fit has taken into account, because the inputs were freed or measured.
+        Names of the causes that the fit has taken into account, because the inputs were freed (determined by the fit)
+        or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
         For each cause by name, one array for each experiment: the errors in mm of the K states if the fit took only
         this cause into account.
@@ -144,7 +148,7 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Return the probabilities of the possible causes of the residuals at an optimum.
+    """Return the probabilities of the possible causes (errors of the bench) of the residuals at an optimum.
 
     Parameters
     ----------
@@ -161,9 +165,10 @@ def weighed_causes(
     Returns
     -------
     Weighed
-        The causes with probabilities of at least 0.001. An input that was freed or measured is also a cause. The value
-        of this cause is the deviation of the input from its stated value. There is no cause if the coarse model has no
-        equilibrium at the optimum, or if no cause changes the residuals.
+        The causes with probabilities of at least 0.001. An input that the fit determined (a freed input) or that was
+        measured is also a cause, whose value is the deviation of the input from its stated value. There is no cause if
+        the planar model on the coarse mesh of the search has no equilibrium at the optimum, or if no cause changes the
+        residuals.
     """
     about = About.of(problem, optimum, possible)
     if not about.solved:
@@ -203,7 +208,10 @@ def weighed_causes(
 
 
 class _Weighing:
-    """The hypotheses about the causes of the residuals, each with a linear Gaussian model."""
+    """The hypotheses about the causes of the residuals, each with a linear Gaussian model.
+
+    A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two.
+    """
 
     def __init__(
         self, about: About, effects: Sequence[Effect], columns_by_cause: Mapping[PossibleCause, Sequence[Column]]
@@ -255,12 +263,18 @@ class _Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes from which `Cause.value` is computed, for one cause by its index."""
+        """Return the number of amplitudes from which `Cause.value` is computed, for one cause by its index.
+
+        An amplitude is the size of one part of a cause, such as a shift in x.
+        """
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return classes of indistinguishable causes as indices, in each class the most probable cause first."""
+        """Return classes of causes that change the residuals alike, as indices of the causes.
+
+        The first cause of each class is the most probable one.
+        """
         alone = slice(1 + len(self._causes))  # no cause, and each cause alone
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         variance = self._variance + posterior.error_squared[best] * self._project.error
@@ -274,7 +288,10 @@ class _Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def posterior(self) -> Posterior:
-        """Return the evidence and the amplitudes of all hypotheses, after simulations of the probable hypotheses."""
+        """Return evidence and amplitudes of all hypotheses, after simulations of the probable hypotheses.
+
+        A hypothesis is a set of causes. Its evidence is the probability density of the residuals under the hypothesis.
+        """
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -310,14 +327,15 @@ class _Weighing:
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
         """Return hypotheses that were not simulated, each with the most probable simulated part of its causes.
 
-        The linear model of such a hypothesis is then exact where that of the part is. Without this, one more cause
-        would seem to make the agreement worse. A part without a cause that the fit contains has another shape at rest,
-        so that a part contains the same causes of the fit as the hypothesis.
+        A hypothesis is a set of causes, and a part is a smaller hypothesis. The linear model of the hypothesis is then
+        exact at the same amplitudes as the model of the part. Otherwise one more cause would seem to make the agreement
+        worse. A part contains the same causes as the hypothesis among the causes that the fit has taken into account,
+        because the shape at rest would differ without them.
 
         Parameters
         ----------
         result : Posterior
-            The evidence of the H hypotheses.
+            The evidence (probability density of the residuals) of the H hypotheses.
         known : ndarray of bool, shape (H,)
             Whether each hypothesis was simulated.
 
@@ -341,20 +359,26 @@ class _Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance of N coefficients of the residuals due to errors of the simulation, shape (N,).
+        """Return the variance in mm^2 of N coefficients of the residuals due to errors of the simulation, shape (N,).
 
-        The errors are 1 per cent of each of C changes ``moves``, shape (C, N), and the errors that remain after the
-        corrections.
+        The errors are 1 per cent of each of C changes of the coefficients, ``moves``, shape (C, N) in mm, and the
+        errors that remain after the corrections by better beam models.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the unexplained part of ``y``, in units of the noise variance."""
+        """Return the mean square of the part of ``y`` that ``amplitudes`` do not explain, over the noise variance.
+
+        ``y`` has the coefficients of the residuals with the opposite sign, in mm.
+        """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the most probable amplitudes of the hypothesis ``row``, computed by Gauss-Newton with simulations."""
+        """Return the most probable amplitudes of the causes of one hypothesis, by Gauss-Newton with simulations.
+
+        ``row`` is the index of the hypothesis, a set of causes.
+        """
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
         active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
@@ -395,7 +419,7 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of the probable hypotheses, which are simulated."""
+        """Return the indices of the probable hypotheses (sets of causes), which are simulated."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far
@@ -419,7 +443,7 @@ class _Weighing:
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
         """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
 
-        The residuals are computed with the linear model for ``amplitudes``.
+        The residuals are computed with the linear model for ``amplitudes`` of the law and the causes.
         """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(

@@ -123,8 +123,8 @@ def check_explained(
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether priors or tensile curves exclude the optimum (`Evaluation.beyond`). Every state then counts as not
-        explained.
+        Whether priors or tensile curves raise the objective of the optimum to its largest value
+        (`Evaluation.beyond`). Every state then counts as not explained.
 
     Raises
     ------
@@ -236,7 +236,10 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior whose distance from the other evidence exceeds three standard deviations."""
+    """Return a doubt for each prior that is more than three standard deviations from the other evidence.
+
+    A doubt is a reason to distrust the fit. The other evidence: the edges, the tensile curves and the other priors.
+    """
     return tuple(
         Doubt(
             f"the estimate from the data alone differs from the prior on {prior.parameter}, {prior.mean:.5g} ± "
@@ -249,7 +252,10 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each mistake in the stated loads that more than doubles the error."""
+    """Return a doubt for each mistake in the stated loads, such as a reversed field, that more than doubles the error.
+
+    The error is the mean over the states of the root mean square residual in mm.
+    """
     return tuple(
         Doubt(
             f"check the loads in the files for {slip.words}: without this mistake the mean error would be about "
@@ -266,10 +272,11 @@ def cause_doubts(
 ) -> tuple[Doubt, ...]:
     """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
 
-    A cause concerns the modulus under one of two conditions. The corrected modulus would lie outside the 95 % interval,
-    or the cause explains more than half of the mean error. The doubt also names the causes that the residuals do not
-    distinguish from the first cause. A cause that the fit has taken into account causes no doubt. A different doubt is
-    returned if residuals exceed ten times the stated noise and most probably no listed cause explains them.
+    A cause is a possible error of the bench. A cause concerns the modulus under one of two conditions. The corrected
+    modulus would lie outside the 95 % interval, or the cause explains more than half of the mean error. The doubt also
+    names the causes that the residuals do not distinguish from the first cause. A cause that the fit has taken into
+    account causes no doubt. A different doubt is returned if residuals exceed ten times the stated noise and most
+    probably no listed cause explains them.
 
     Returns
     -------
@@ -303,10 +310,10 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """Return at most two other causes that the data do not distinguish from the first cause.
 
-    If the first cause belongs to a class of causes with nearly collinear signatures, the other causes of this class are
-    returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned cause has a
-    probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both causes are
-    probably present together.
+    If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
+    of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
+    cause has a probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both
+    causes are probably present together.
     """
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
@@ -319,7 +326,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt: the first cause, with similar causes or a second cause that is present."""
+    """Return the text of a doubt: the first cause of the residuals, with similar causes or a second present cause."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 
@@ -381,12 +388,14 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of an experiment: error of the state divided by its stated noise."""
+    """Return the median over the states of an experiment: root mean square residual divided by the stated noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of K states in mm, shape (K,), without the uncertainty that flags have added.
+    """Return the stated noise of K states in mm, shape (K,), without the uncertainty that was added for flags.
+
+    A flag marks a defect of a picture.
 
     The added uncertainty could hide a wrong law.
     """
@@ -397,7 +406,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square uncertainty of the points of K states in mm, shape (K,); infinite without points."""
+    """Return the root mean square stated uncertainty of the points of K states in mm, (K,); infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

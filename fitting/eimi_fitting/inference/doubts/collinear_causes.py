@@ -38,7 +38,7 @@ _LARGEST_CLASS = 3
 def classes(
     remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
 ) -> list[tuple[int, ...]]:
-    """Return the classes of causes that the residuals do not distinguish.
+    """Return the classes of causes (possible errors of the bench) that the residuals do not distinguish.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def classes(
         The N remaining residuals in units of the noise. The first row belongs to no cause, and each further row to one
         of M causes alone.
     amplitudes : sequence of int, length M
-        Number of amplitudes of each cause.
+        Number of amplitudes of each cause: the sizes of its parts, such as a shift in x and in y.
     evidence : ndarray, shape (M,)
-        Logarithm of the evidence of the hypothesis that only this cause is present, for each cause.
+        Logarithm of the evidence (probability density of the residuals) if only this cause is present, for each cause.
     negligible : ndarray of bool, shape (M,)
         Whether the size of each cause is negligible.
 
@@ -76,10 +76,12 @@ def classes(
 def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
     """Return the logarithms of the probabilities of hypotheses, with equal probabilities for indistinguishable causes.
 
+    A hypothesis is a set of causes (possible errors of the bench) that are present.
+
     Parameters
     ----------
     score : ndarray, shape (H,)
-        Logarithm of the probability of each of H hypotheses by its evidence.
+        Logarithm of the probability of each of H hypotheses, from the probability density of the residuals.
     hypotheses : sequence of tuple of int
         Indices of the causes of each hypothesis.
     of_causes : sequence of tuple of int

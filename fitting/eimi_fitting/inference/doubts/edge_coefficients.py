@@ -42,8 +42,8 @@ class Projection:
         For each experiment, the rotation of the K states to independent combinations (``over_states``) and the rotation
         of the G groups to independent combinations (``over_groups``).
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no listed cause
-        explains (``error``).
+        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no possible
+        cause in `POSSIBLE_CAUSES` explains (``error``).
     """
 
     bases: tuple[Array, ...]
@@ -68,7 +68,10 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of N coefficients, (N,), for smooth errors as large as the C rows of ``moves``."""
+        """Return the variance of N coefficients in mm^2, (N,), for smooth errors as large as the C rows of ``moves``.
+
+        ``moves`` has changes of the N coefficients in mm, shape (C, N).
+        """
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -84,8 +87,8 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
     experiments : sequence of Experiment
         The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        For each experiment, residuals at the optimum in mm, and weights that are positive for used points. There are G
-        groups of m points in K states.
+        For each experiment, residuals at the optimum in mm, and weights that are positive for the points that are
+        compared; points near the ends of an edge are not compared. There are G groups of m points in K states.
 
     Returns
     -------
@@ -112,7 +115,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return D polynomials along each edge that are orthonormal over the used points of the edge.
+    """Return D polynomials along each edge that are orthonormal over the points with True in ``is_used``.
 
     The shape is (K, G, m, D) for G edges of m points in K states.
     """
@@ -144,7 +147,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) of an unexplained error between K states; large for similar loads."""
+    """Return the covariance (K, K) between K states of an error that no cause explains; large for similar loads."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

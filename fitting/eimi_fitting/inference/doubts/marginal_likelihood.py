@@ -1,4 +1,7 @@
-"""Compute the evidence of linear Gaussian models of the same data (equations in `inference.doubts.causes`)."""
+"""Compute the evidence (probability density of the data) of linear Gaussian models of the same data.
+
+The equations are in `inference.doubts.causes`.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,8 @@ class Posterior:
     Parameters
     ----------
     log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence of each hypothesis. The evidence is averaged over the size eta of an error that no
-        hypothesis explains.
+        Logarithm of the evidence (probability density of the data) of each hypothesis. The evidence is averaged over
+        the size eta in mm of an error that no hypothesis explains.
     means : ndarray, shape (H, C)
         Posterior mean of each coefficient, divided by the prior standard deviation of the coefficient. Zero for a
         coefficient that the hypothesis does not have.
@@ -38,6 +41,8 @@ class Posterior:
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
     """Return the evidence of H hypotheses and the posterior means of their coefficients.
+
+    A hypothesis is a linear Gaussian model. Its evidence is the probability density of the data under the model.
 
     Parameters
     ----------

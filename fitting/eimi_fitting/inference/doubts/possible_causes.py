@@ -67,7 +67,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The factor on the field and the map of the image that follow from the assumed deviations."""
+        """The factor on the field and the map from the beam to the picture for the assumed deviations of inputs."""
         return Setup.of(self.deviations, 1)
 
 
@@ -114,7 +114,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds deviations of inputs to assumptions, in proportion to amplitudes.
+    """Return a function that adds deviations of inputs to the assumptions of a fit, in proportion to amplitudes.
 
     Each of ``parts`` belongs to one amplitude. The part maps (source, index) to
     the deviation for an amplitude of 1. The index counts the parts of the source.
@@ -155,7 +155,7 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
     Returns
     -------
     callable
-        Takes assumptions and amplitudes, and returns the assumptions with displaced measured points.
+        Takes the assumptions of a fit and amplitudes, and returns the assumptions with displaced measured points.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -177,7 +177,10 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return x and y in mm, (2,), of the lens axis in the plane of the beam, or of the middle of the used points."""
+    """Return x and y in mm, (2,), of the lens axis in the plane of the beam, or of the middle of the measured points.
+
+    The middle is used if the axis is not known; points that the fit does not use are left out.
+    """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
@@ -212,19 +215,25 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm, (..., 2), of positions (x, y) by two tilts of the camera in degrees."""
+    """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera in degrees.
+
+    A positive first (second) tilt brings the points at larger x (y) nearer to the camera.
+    """
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm, (..., 2), of positions (x, y) if the beam is farther than the calibration."""
+    """Return the displacements in mm, (..., 2), of positions (x, y) in mm if the beam is farther from the camera.
+
+    The first amplitude is the distance in mm of the beam behind the plane of the calibration.
+    """
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions with a beam whose width varies.
+    """Return the assumptions of a fit with a beam whose width varies.
 
     The two amplitudes in mm are the change of the width from the clamp to the end of the flexible part, and the width
     at both ends minus the width in the middle.
@@ -254,7 +263,7 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads that describe a beam that softens in proportion to time, with equal time steps."""
+    """Return larger loads that describe a beam that softens in proportion to time, with equal time between states."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
@@ -302,7 +311,7 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions with two more terms of the law, (I1 - 3)^2 and I2 - 3.
+    """Return the assumptions of a fit with two more terms of the law, (I1 - 3)^2 and I2 - 3.
 
     The two amplitudes are the coefficients of the terms as shares of the initial shear modulus. The initial shear
     modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.

@@ -1,8 +1,9 @@
 """Compute the changes of the residuals of a fit by the possible errors of a bench (the signatures of the causes).
 
 A cause has one or several amplitudes. The signature is the change of the residuals in mm divided by the amplitude. The
-signature is a finite difference, computed with the planar model on the coarse mesh. The model is not solved again for a
-cause that changes only the picture. Only the signature of a wrong section is computed with a three-dimensional model.
+signature is a finite difference, computed with the planar model on the coarse mesh of the search. The model is not
+solved again for a cause that changes only the picture. Only the signature of a wrong section is computed with a
+three-dimensional model.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 class Column:
     """One amplitude of a possible cause of residuals, with its signature.
 
+    The signature is the change of the residuals in mm for an amplitude of one.
+
     Parameters
     ----------
     part : int
@@ -53,7 +56,8 @@ class Column:
     size : float
         Standard deviation of the prior of the amplitude.
     start : float
-        Value of the amplitude in the fit; zero unless the uncertain input was freed or measured.
+        Value of the amplitude in the fit; zero unless the uncertain input was freed (determined by the fit) or
+        measured.
     changes : tuple of ndarray or None
         For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
         groups of m points in K states. None if the cause does not belong to the experiment or the model finds no
@@ -69,7 +73,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The assumptions of a fit about one experiment, with the simulated shapes of the beam and the residuals in mm."""
+    """The assumptions of a fit about one experiment, with the simulated shapes of the beam and the residuals in mm.
+
+    The assumptions are the law, the loads, and the deviations of inputs from their stated values.
+    """
 
     assumed: Assumed
     bent: Experiment
@@ -115,7 +122,8 @@ class Solved:
         """Return 1 for a measured point of an edge that no usual cause moves beyond an end of the edge, else 0.
 
         Beyond an end, the distance of a point from the edge is its distance from the end. This distance is not a smooth
-        function of the place of the point. A signature would then depend on the sign of the finite difference.
+        function of the place of the point. The signature of a cause (the change of the residuals by an error of the
+        bench) would then depend on the sign of the finite difference.
 
         Returns
         -------
@@ -153,6 +161,8 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 class About:
     """The optimum of a fit, with the simulations and slopes from which the signatures of causes are computed.
 
+    A cause is a possible error of the bench. Its signature is the change of the residuals that it produces.
+
     Parameters
     ----------
     problem : Problem
@@ -160,19 +170,19 @@ class About:
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
     kept : ndarray of int, shape (l,)
-        Indices of the l coordinates that every hypothesis varies: the coordinates of the law, and the freed inputs that
-        are not among the possible causes.
+        Indices of the l coordinates that vary under every hypothesis (set of causes): those of the law, and the freed
+        inputs (determined by the fit) that are not among the possible causes.
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of the l coordinates ``kept``.
     slopes : tuple of ndarray, shape (l, K, G, m)
         For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups of m points in K
         states.
     residuals, used : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals at the optimum in mm, and weights that are positive for used points. Points
-        of an edge near its ends are not used.
+        For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
+        comparison uses. Points of an edge near its ends are not used.
     solved : tuple of Solved
-        For each experiment, the simulation at the optimum on the coarse mesh. Empty if an experiment has no
-        equilibrium.
+        For each experiment, the simulation at the optimum on the coarse mesh (the mesh of the search). Empty if an
+        experiment has no equilibrium.
     """
 
     problem: Problem
@@ -212,16 +222,17 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """For each experiment, the simulation at the optimum on the planar mesh; None without an equilibrium."""
+        """For each experiment, the simulation at the optimum on the mesh of the fit; None without an equilibrium."""
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude that the fit of one dataset has assumed for one part of a cause.
+        """Return the amplitude that the fit of one dataset has assumed for one part of a cause (error of the bench).
 
-        If the uncertain input was freed or measured, the amplitude is its deviation from the stated value, else 0.
+        If the fit determined the uncertain input (freed it) or the input was measured, the amplitude is the deviation
+        of the input from its stated value, else 0.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         start = float(measured[part]) if part < len(measured) else 0.0
@@ -234,6 +245,8 @@ class About:
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
         """Return the residuals in mm of each experiment for changed unknowns and for given amplitudes of causes.
+
+        A cause is a possible error of the bench, and its amplitudes are the sizes of this error.
 
         Parameters
         ----------
@@ -272,7 +285,10 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return the assumptions of the candidate ``unit`` (n,) about one dataset, with a planar model."""
+    """Return law, loads and deviations of inputs that a candidate assumes for one dataset, with a planar model.
+
+    ``unit`` has the n unit coordinates of the candidate, shape (n,).
+    """
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
     freed = tuple(
@@ -284,7 +300,10 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return each amplitude of a cause with its signature; empty if the cause does not change the residuals."""
+    """Return each amplitude of a cause with its signature; empty if the cause does not change the residuals.
+
+    The signature is the change of the residuals in mm for an amplitude of one.
+    """
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -299,7 +318,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets that share an amplitude, each with the stated uncertainty (0 if none)."""
+    """Return the groups of datasets that share an amplitude of a cause, each with its stated uncertainty, else 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]

@@ -1,4 +1,4 @@
-"""Reduce experiments to a coarse mesh and few points of each edge, for the search of a fit.
+"""Reduce experiments to a coarse mesh (the default mesh of `BeamModel`) and few points of each edge, for the search.
 
 The search has to come only near the optimum, because Gauss-Newton follows. The coarse mesh changes the simulated edges
 by a few thousandths of a millimetre. The effect of the omitted points is smaller.

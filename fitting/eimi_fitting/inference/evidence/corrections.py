@@ -100,7 +100,7 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar beam model that the Gauss-Newton method uses.
+    """Return the experiment with the planar beam model that the Gauss-Newton method uses after the search.
 
     If the section is "solid", the planar model has the mesh of the three-dimensional model. Otherwise the experiment
     keeps its model.
@@ -263,10 +263,10 @@ def by_better_model(
     Returns
     -------
     tuple or None
-        The misfit of the better model, the edges of the beam, and the correction. The edges have the shape (K, 2, S, 3,
-        2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh finds no
-        equilibrium, misfit and edges belong to the coarse mesh and the correction is None. The result is None if the
-        planar or the three-dimensional model finds no equilibrium.
+        The misfit (residuals) of the better model, the edges of the beam, and the correction. The edges have the shape
+        (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh finds
+        no equilibrium, misfit and edges belong to the mesh of the experiment and the correction is None. The result is
+        None if the planar or the three-dimensional model finds no equilibrium.
     """
     if here.unconverged[0]:
         return None

@@ -95,7 +95,8 @@ class Experiment:
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
         """Return a misfit after the correction of the experiment ``before`` is replaced by the correction of this one.
 
-        A correction (``change``) is added to the residuals. The two experiments may differ only in ``change``.
+        A misfit has the distances (residuals) of the measured points. A correction (``change``) is added to them. The
+        two experiments may differ only in ``change``.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -185,7 +186,7 @@ class Comparison:
 
     @property
     def objective_mm(self) -> Array:
-        """Mean error over all states in mm for P candidates, (P,); `DISCARDED_MM` for an invalid candidate."""
+        """Mean over all states of the root mean square distance in mm, (P,); `DISCARDED_MM` for invalid candidates."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
@@ -301,7 +302,10 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the misfit of all candidates, with the edges of each candidate projected by the lens of its group."""
+    """Return the distances of the measured points from the edges of all candidates (the misfit).
+
+    The edges of each candidate are projected by the lens of the group of the candidate in ``seen``.
+    """
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:
         through = experiment.under(seen[0][1]) if seen else experiment

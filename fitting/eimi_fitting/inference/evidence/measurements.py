@@ -2,7 +2,7 @@
 
 Let d_ki be the distance in mm of the measured point i of state k from the simulated edge on the same side of the beam.
 For a tracked point, d_ki is its distance from its simulated position. Let N_k be the number of points of state k. Error
-and deviation of the state are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+and deviation of the state, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
     error_k     = sqrt(sum_i d_ki^2 / N_k)
     deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
@@ -128,7 +128,8 @@ class Misfit:
         Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each component of a tracked
         point. The error of a state satisfies error_mm^2 = sum(residuals^2) / sum(weights).
     error_mm, deviation_mm : ndarray, shape (P, K)
-        Error and deviation of each candidate in each state, in mm.
+        Root mean square distance (``error_mm``) and standard deviation of the distances without sign
+        (``deviation_mm``), in mm, for each candidate in each state.
     """
 
     residuals: Array
@@ -137,12 +138,12 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the misfit of only the candidates with the indices ``rows``."""
+        """Return the misfit (distances of the measured points) of only the candidates with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Return one misfit of all candidates from the misfits of several groups of candidates to the same measurements."""
+    """Join the misfits (distances of the measured points) of several groups of candidates to the same measurements."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -231,7 +232,7 @@ class EdgeObservation:
         Returns
         -------
         Misfit
-            The distances as residuals, with error and deviation of each candidate in each state.
+            The distances in mm as residuals, with their root mean square (error) and standard deviation (deviation).
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -249,8 +250,10 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of given residuals in mm, with error and deviation of P candidates in K states.
+        """Return residuals in mm with error and deviation in mm of each of P candidates in each of K states.
 
+        The error is the root mean square distance of the measured points from the edge, and the deviation is the
+        standard deviation of these distances without sign. Points with an infinite uncertainty do not count.
         ``residuals`` has the shape (P, K, 2, n): left and right edge with n points each.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
@@ -314,8 +317,8 @@ class PointObservation:
         Returns
         -------
         Misfit
-            The residuals in two groups, x and y. Error and deviation are computed from the distance of each point from
-            its simulated position.
+            The residuals in mm in two groups, x and y, with the root mean square (error) and the standard deviation
+            (deviation) of the distances in mm of the points from their simulated positions.
         """
         k_states, n, _ = self.rest_mm.shape
         rest = self.rest_mm.reshape(-1, 2)
@@ -331,9 +334,11 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the misfit of given residuals in mm, with error and deviation of P candidates in K states.
+        """Return residuals in mm with error and deviation in mm of each of P candidates in each of K states.
 
-        ``residuals`` has the shape (P, K, 2, n): x and y for n points.
+        The error is the root mean square distance of the measured points from their simulated positions, the deviation
+        the standard deviation of these distances. Points with an infinite uncertainty do not count. ``residuals`` has
+        the shape (P, K, 2, n): x and y for n points.
         """
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))

@@ -1,4 +1,4 @@
-"""Compute the objective of a fit: one number for each candidate law, from all the evidence.
+"""Compute the objective of a fit: one number for each candidate law, from the evidence (edges, tensile curves, priors).
 
 State k has the error e_k in mm (`inference.evidence.measurements`), and e is the mean of e_k over all states. Let the
 noise of the edges be normal. The likelihood of N independent points, maximised over the noise level, is then
@@ -36,7 +36,7 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The comparison of P candidates of a fit with all the evidence.
+    """The comparison of P candidates of a fit with all the evidence: edges, tensile curves and priors.
 
     Parameters
     ----------
@@ -45,7 +45,8 @@ class Evaluation:
     curves : ndarray, shape (P, m)
         Standardised residuals of the m rows of the tensile curves.
     priors : ndarray, shape (P, f)
-        Standardised deviations of the f freed nuisances from their stated values.
+        Deviations of the f freed nuisances (inputs that the fit determines) from their stated values, in standard
+        deviations of their priors.
     law_priors : ndarray, shape (P, q)
         Standardised residuals of the q priors on the law's parameters.
     independent_points : float
@@ -70,7 +71,10 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """Standardised residuals of m rows of curves, f nuisances and q priors for P candidates, (P, m + f + q)."""
+        """Standardised residuals of m rows of tensile curves, f freed inputs and q priors, shape (P, m + f + q).
+
+        There are P candidates. The fit determines a freed input together with the law.
+        """
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
@@ -90,7 +94,10 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether priors or curves raise the objective of each of P candidates to 0.99 `DISCARDED_MM`, (P,)."""
+        """Whether priors or tensile curves raise the objective of a candidate to its limit, for P candidates, (P,).
+
+        The limit is 0.99 `DISCARDED_MM`, the largest objective of a valid candidate.
+        """
         return self.objective_mm == _MOST_MM
 
     @property
@@ -117,7 +124,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of a fit: a hyperelastic law, the unknowns and the evidence.
+    """The problem of a fit: a hyperelastic law, the unknowns and the evidence (edges, tensile curves, priors).
 
     Parameters
     ----------
@@ -141,7 +148,7 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether the problem of a fit has freed nuisances, tensile curves or priors on the law."""
+        """Whether a fit has freed nuisances (inputs that it determines), tensile curves or priors on the law."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
@@ -172,13 +179,14 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Compare P candidates of a fit with all the evidence.
+        """Compare P candidates of a fit with all the evidence: edges, tensile curves and priors.
 
         Parameters
         ----------
         unit : ndarray, shape (P, searched) or (P, n)
             P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either those that the search
-            varies (``Unknowns.searched``), or all n unknowns. By default nuisances have their stated values.
+            varies (``Unknowns.searched``), or all n unknowns. By default nuisances (uncertain inputs) have their stated
+            values.
         independent_points : float
             Number of independent edge points.
         experiments : sequence of Experiment, optional

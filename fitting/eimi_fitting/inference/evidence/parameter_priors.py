@@ -4,7 +4,7 @@ A prior with mean m and standard deviation s enters the fit as one more observat
 Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
 noise of the edges. The fit does not weigh the prior against the uncertainty of a source that keeps its stated value,
 such as the width of the beam. If the modulus is more uncertain because of such a source than because of the prior, free
-the source. The prior then also determines the source.
+the source (let the fit determine it). The prior then also determines the source.
 """
 
 from __future__ import annotations

@@ -29,6 +29,8 @@ def has_both_polarities(loads: Loads) -> bool:
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
     """Return the sources of uncertainty that a fit frees because the field was measured in both polarities.
 
+    A freed source is an uncertain input, such as the background field, that the fit determines with the law.
+
     Parameters
     ----------
     experiments : sequence of Experiment
@@ -39,8 +41,9 @@ def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[Nuisan
     Returns
     -------
     tuple of NuisancePrior
-        The sources with an even effect (``Source.is_even``) for which every experiment states an uncertainty above 0.
-        The stated standard uncertainty is the prior. Empty unless every experiment has both polarities.
+        The sources whose effect is the same in a reversed field (``Source.is_even``) for which every experiment states
+        an uncertainty above 0. The stated standard uncertainty is the prior. Empty unless every experiment has both
+        polarities.
     """
     if not all(has_both_polarities(experiment.loads) for experiment in experiments):
         return ()

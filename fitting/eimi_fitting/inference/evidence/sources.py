@@ -55,7 +55,7 @@ class Source:
         Whether all datasets share one error of the source. If False, each dataset has a separate error. The value is
         used if no file specifies which datasets share the error.
     covers : tuple of str
-        Keys of other sources with the same effect. These sources are ignored if this source is freed.
+        Keys of other sources with the same effect. These sources are ignored if the fit determines this source.
     stated_in : str or None
         The file that specifies the uncertainty: "specimen", "calibration" or "rig"; None if no file specifies it.
     key : str
@@ -393,7 +393,7 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with deviations of its dimensions and materials, each of shape (parts,).
+    """Return the specimen with deviations of its dimensions and materials from their stated values, each (parts,).
 
     The point of a tip force keeps its position relative to length and width, so that it stays on the specimen.
     """
@@ -409,7 +409,10 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with deviations of gravity and field, each of shape (parts,)."""
+    """Return the loads with deviations of gravity and field from their stated values, each of shape (parts,).
+
+    The parts of a source are its numbers, such as the x and y components.
+    """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -417,7 +420,10 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with deviations of stand-off and tilt, each of shape (parts,)."""
+    """Return the view of the lens with deviations of stand-off and tilt from their stated values, each (parts,).
+
+    The stand-off is the distance of the lens from the beam. The parts of a source are its numbers.
+    """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             view = change(view, deviation)

@@ -1,4 +1,4 @@
-"""Tensile curves as additional evidence in a fit to measured edges.
+"""Tensile curves (stress against strain) as additional data in a fit to measured edges.
 
 The law with n parameters is first fitted to the curve of m rows alone. The sum Q of the squared residuals of this fit
 gives the noise s = sqrt(Q / (m - n)). The noise is at least 1e-4 of the largest stress. tau neighbouring rows with
@@ -57,7 +57,7 @@ class TensileCurve:
 
 @dataclass(frozen=True)
 class TensileEvidence:
-    """A tensile curve with the noise of the measured stress.
+    """A tensile curve (stress against strain) with the noise of the measured stress.
 
     Parameters
     ----------

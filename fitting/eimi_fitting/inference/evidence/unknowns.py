@@ -1,9 +1,10 @@
 """The unknowns of a fit: the coordinates of the hyperelastic law, the bulk modulus and the freed nuisances.
 
 A nuisance is an uncertain number of specimen, calibration or rig (`inference.evidence.sources`). A nuisance either
-keeps its stated value or is freed. A freed nuisance has a normal prior about the stated value, which enters the fit as
-one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown has a unit coordinate u from 0 to
-1. The deviation of a nuisance from its stated value is 2 RANGE s (u - 1/2), with the standard deviation s of its prior.
+keeps its stated value or is freed (the fit determines it). A freed nuisance has a normal prior about the stated value,
+which enters the fit as one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown has a unit
+coordinate u from 0 to 1. A nuisance with the prior standard deviation s deviates by 12 s (u - 1/2) from its stated
+value: the values u = 0 and u = 1 are 6 standard deviations (the constant `RANGE`) below and above the stated value.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interva
 @dataclass(frozen=True)
 class NuisancePrior:
     """A source of uncertainty that a fit frees, with the standard deviation of its prior.
+
+    A source is an uncertain input, such as the moment of the magnet. A fit determines a freed source with the law.
 
     Parameters
     ----------
@@ -64,7 +67,7 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One freed number of a fit: the deviation of an input from its stated value.
+    """One freed number of a fit: the deviation of an input from its stated value, determined together with the law.
 
     Parameters
     ----------
@@ -88,17 +91,22 @@ class Nuisance:
 
     @property
     def unit(self) -> str:
-        """The unit of the nuisance, which is that of its source."""
+        """The unit of the deviation of this input, which is the unit of its entry in `SOURCES`."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Return the deviation in the unit of the source for a unit coordinate from 0 to 1."""
+        """Return the deviation of the input from its stated value for a unit coordinate from 0 to 1.
+
+        The deviation has the unit of the source. The unit coordinate 1/2 gives the deviation 0.
+        """
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
     """The factor on the field and the map from the beam to the picture of one dataset, for P candidates.
+
+    A candidate is one set of values of the unknowns of a fit.
 
     Parameters
     ----------
@@ -146,7 +154,7 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the setup of the candidates with the indices ``rows``."""
+        """Return field factor and image map (the setup) of only the candidates with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
@@ -163,6 +171,8 @@ class Setup:
 def freed_number(name: str) -> tuple[str, int]:
     """Return the key of the source and the index of the part, for a freed number by its name in a result.
 
+    A freed number is an uncertain input, or a part of it such as its x component, that the fit determines.
+
     Raises
     ------
     KeyError
@@ -174,7 +184,7 @@ def freed_number(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """A source, and a group of datasets that share one error of this source.
+    """A source of uncertainty (an uncertain input), and a group of datasets that share one error of this source.
 
     Parameters
     ----------
@@ -191,7 +201,7 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one part of the source in a fit to ``datasets`` datasets.
+        """Return the name of one part (such as x or y) of the source of uncertainty in a fit to ``datasets`` datasets.
 
         The name contains the datasets that share the error, unless all datasets of the fit share it.
         """
@@ -203,7 +213,7 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Return the groups of datasets that share one error of a source.
+    """Return the groups of datasets that share one error of a source of uncertainty (an uncertain input).
 
     Parameters
     ----------
@@ -232,7 +242,7 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """Return the freed numbers of a fit.
+    """Return the freed numbers of a fit: the uncertain inputs that the fit determines together with the law.
 
     Parameters
     ----------
@@ -280,7 +290,7 @@ class Unknowns:
     space : SearchSpace
         The coordinates of the law and, if it is searched, of the bulk modulus.
     freed : tuple of Nuisance
-        The freed nuisances.
+        The freed nuisances: uncertain inputs that the fit determines together with the law.
     """
 
     space: SearchSpace
@@ -288,7 +298,10 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of coordinates that CMA-ES varies; nuisances keep their stated values until Gauss-Newton."""
+        """Number of coordinates that CMA-ES varies: those of the law, and of the bulk modulus if it is unknown.
+
+        The inputs that the fit determines too (freed nuisances) keep their stated values until the Gauss-Newton steps.
+        """
         return len(self.space.names)
 
     @property
@@ -305,7 +318,7 @@ class Unknowns:
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """Names of the freed nuisances that scale the magnetic load.
+        """Names of the freed nuisances (inputs that the fit determines) that scale the magnetic load.
 
         Without priors the data determine only the ratio of magnetic load to modulus.
         """
@@ -315,8 +328,8 @@ class Unknowns:
     def prior(self) -> Array:
         """The inverse of the prior variance of each unit coordinate, shape (n,).
 
-        The value is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance it is
-        (2 RANGE)^2.
+        The value is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance (an
+        uncertain input) the value is 144, because the unit coordinate covers 12 prior standard deviations.
         """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         precision[self.searched :] = (2 * RANGE) ** 2
@@ -325,7 +338,7 @@ class Unknowns:
     def whole(self, unit: Array) -> Array:
         """Return all n unit coordinates of P candidates, (P, n); missing nuisances get their stated values.
 
-        ``unit`` has the shape (P, searched) or (P, n).
+        ``unit`` has the shape (P, n), or (P, `searched`) without the coordinates of the nuisances (uncertain inputs).
         """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
@@ -340,14 +353,18 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return f freed nuisances divided by their prior standard deviations, (P, f), for P candidates.
+        """Return the deviations of f freed inputs over their prior standard deviations, (P, f), for P candidates.
+
+        The fit determines a freed input together with the law.
 
         ``unit`` has the n unit coordinates of each candidate, shape (P, n).
         """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the factor on the field and the map to the picture of each dataset; None if no nuisance is freed.
+        """Return the factor on the field and the map to the picture of each dataset for P candidates.
+
+        The result is None if the fit determines no uncertain input (no nuisance is freed).
 
         ``unit`` has the n unit coordinates of each of P candidates, shape (P, n).
         """
@@ -360,7 +377,9 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates that have the same specimens and loads.
+        """Return groups of candidates that have the same specimens and loads, with the deviations of their inputs.
+
+        A candidate is one set of values of the unknowns of a fit.
 
         Parameters
         ----------
@@ -378,7 +397,10 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates with the same lenses; `bent` describes the parameters and the result."""
+        """Return groups of candidates (sets of values of the unknowns) that have the same deviations of the lens.
+
+        The parameters and the form of the result are those of `bent`.
+        """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
     def _grouped(

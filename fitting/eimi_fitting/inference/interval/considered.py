@@ -1,9 +1,9 @@
 """Compute the effect of the uncertainties of inputs on the residuals and on the optimum of a fit.
 
-A source is an input with a standard uncertainty that a file specifies. A source that is not freed keeps its stated
-value in the fit, and an error of this value changes the optimum. Let c_s be the change of the residuals for one
-standard uncertainty of source s, J the derivatives of the residuals in the unknowns, W the weights of the residuals,
-and H the Hessian (`inference.interval.covariance`). The optimum changes by
+A source is an input with a standard uncertainty that a file specifies. A source that is not freed (determined by the
+fit) keeps its stated value in the fit, and an error of this value changes the optimum. Let c_s be the change of the
+residuals for one standard uncertainty of source s, J the derivatives of the residuals in the unknowns, W the weights of
+the residuals, and H the Hessian (`inference.interval.covariance`). The optimum changes by
 
     d_s = -inv(H) J' W c_s
 
@@ -76,7 +76,10 @@ class ConsideredSources:
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the sources of uncertainty of a problem that are neither freed nor covered by a freed source."""
+    """Return the sources of uncertainty that a fit neither frees nor replaces by a freed source of the same effect.
+
+    A source is an uncertain input. The fit determines a freed source together with the law.
+    """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
@@ -92,8 +95,8 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
     """Return important sources of uncertainty that no file specifies, with their usual uncertainty.
 
-    These sources have ``Source.is_decisive`` and are not freed. A source is returned only if it changes the specimen
-    and if the specimen is in a field.
+    These sources have ``Source.is_decisive`` and are not freed (the fit does not determine them). A source is returned
+    only if it changes the specimen and if the specimen is in a field.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -159,7 +162,8 @@ def changes_of(
     problem : Problem
         The problem of the fit.
     unit : ndarray, shape (n,)
-        Unit coordinates at which the changes are computed. A freed source starts from its value at these coordinates.
+        Unit coordinates at which the changes are computed. A source that the fit determines (a freed source) starts
+        from its value at these coordinates.
     numbers : sequence of (SharedUnknowns, int)
         For each uncertain number, its source and its index among the parts of the source.
 
@@ -199,6 +203,8 @@ def _changes(
 class Candidate:
     """One candidate of a fit: a hyperelastic law with n parameters, and the deviations of the freed nuisances.
 
+    A freed nuisance is an uncertain input that the fit determines together with the law.
+
     Parameters
     ----------
     law : Law
@@ -220,7 +226,7 @@ class Candidate:
 
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model of a specimen on the coarse mesh, which finite differences use."""
+    """Return the planar model of a specimen on the coarse mesh (few elements), for fast finite differences."""
     return BeamModel(specimen, plane=specimen.planar_section)
 
 
@@ -237,7 +243,7 @@ def changes_by(
     candidate : Candidate
         The candidate.
     experiment : Experiment
-        The experiment. Its model is replaced by the planar model on the coarse mesh.
+        The experiment. Its model is replaced by the planar model on the coarse mesh of the search.
     numbers : sequence of (str, int, float)
         For each deviation, its source, its index among the parts of the source, and its size in the unit of the source.
     near : Configuration, optional
@@ -316,7 +322,7 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
     Parameters
     ----------
     about : Linearisation
-        The evidence linearised about the optimum.
+        The evidence (edges, tensile curves, priors) linearised about the optimum.
     sources : sequence of ConsideredSources
         The S uncertain numbers.
     covariance : ndarray, shape (n, n)

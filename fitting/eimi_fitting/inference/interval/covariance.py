@@ -1,4 +1,4 @@
-"""Linearise the evidence of a fit about its optimum, and compute the covariance of the optimum.
+"""Linearise the evidence of a fit (edges, tensile curves, priors) about its optimum, and compute the covariance there.
 
 State k has N_k points and residuals r_k with the root mean square e_k. J_k = dr_k/dx are the slopes of the residuals in
 the unknowns x. With K states, the mean e of the errors e_k, and N independent points
@@ -6,7 +6,7 @@ the unknowns x. With K states, the mean e of the errors e_k, and N independent p
 
     w_k = N / (K e N_k e_k).
 
-The data have the information A and the variance B of the score:
+The data have the information A and the variance B of the score (the gradient of minus the log-likelihood):
 
     A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k.
 
@@ -64,7 +64,10 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The sum over the states k of w_k J_k' J_k, shape (n, n), for weights w_k and slopes J_k in n unknowns."""
+        """The sum over the states k of w_k J_k' J_k, shape (n, n), for weights w_k and slopes J_k in n unknowns.
+
+        J_k are the derivatives of the residuals of state k in the unknowns.
+        """
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
@@ -76,6 +79,8 @@ class LinearStates:
 
     def score_variance(self, observed: Observation) -> Array:
         """Return the contribution of this experiment to the variance B of the score, shape (n, n).
+
+        The score is the gradient of minus the log-likelihood.
 
         For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k with the symbols of the module `inference.interval.covariance`.
         Tracked points are assumed to have one common error in x and one in y in each state: B = sum_k w_k^2 v_k S_k'
@@ -100,7 +105,7 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence of a fit, linearised about an optimum of n unknowns.
+    """The evidence of a fit (edges, tensile curves, priors), linearised about an optimum of n unknowns.
 
     Parameters
     ----------
@@ -129,14 +134,16 @@ class Linearisation:
     curve_slopes : ndarray, shape (n, m)
         Derivatives of ``curves`` in the n unknowns.
     priors : ndarray, shape (f,)
-        Deviations of the f freed nuisances, divided by their prior standard deviations.
+        Deviations of the f freed nuisances (inputs that the fit determines), divided by their prior standard
+        deviations.
     law_priors : ndarray, shape (q,)
         Standardised residuals of the q priors on the law's parameters.
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        The information A of the data, the variance B of the score, and the inverse variance P of the priors (see the
-        module). ``prior`` does not contain the priors on the law's parameters.
+        The information A of the data, the variance B of the score (gradient of minus the log-likelihood), and the
+        inverse variance P of the priors (see the module). ``prior`` does not contain the priors on the law's
+        parameters.
     """
 
     unit: Array
@@ -195,6 +202,8 @@ class Linearisation:
 
     def prior_distances(self) -> tuple[float, ...]:
         """Return the distance of each prior on a parameter of the law from the other evidence.
+
+        The other evidence: the edges, the tensile curves and the other priors.
 
         Returns
         -------
@@ -259,7 +268,7 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """Linearise the evidence of a fit about its optimum, by central differences.
+    """Linearise the evidence of a fit (edges, tensile curves, priors) about its optimum, by central differences.
 
     Parameters
     ----------
@@ -327,6 +336,8 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
     """Return the contribution of the tensile curves to the variance of the score in n unknowns, shape (n, n).
+
+    The score is the gradient of minus the log-likelihood.
 
     The residuals ``z`` at the optimum of the joint fit give the noise of each curve. This noise is at least the noise
     of a fit to the curve alone.

@@ -67,8 +67,8 @@ def draw_noise(
     covariance : ndarray, shape (n, n)
         Covariance of the optimum due to noise and priors.
     ends : Ends
-        Ends of the intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown are
-        scaled to these ends.
+        Ends of the 95 % intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown
+        are scaled to these ends.
     model_errors : ndarray, shape (C, n)
         Change of the n unknowns by one standard deviation of each of C errors of the beam models, in unit coordinates.
     modulus_errors : ndarray, shape (C,)

@@ -108,15 +108,15 @@ class Estimate:
     bulk_modulus : Quantity or None
         The bulk modulus in Pa; None unless it was freed.
     freed : tuple of FreedNuisance
-        The freed nuisances.
+        The freed nuisances: uncertain inputs that the fit has determined.
     identifiability : Identifiability
         The combinations of unknowns that the data determine.
     mesh, section_change : CorrectionEffect or None
         Effect of a mesh twice as fine (``mesh``), and effect of the three-dimensional model of a solid section
         (``section_change``). None for a correction that does not apply.
     held_out_error_mm : float or None
-        Mean error in mm of states that were omitted from the fit, by cross-validation. The uncertain inputs have the
-        values that explain the residuals best. None if there is only one state.
+        Mean over states that were omitted from the fit (cross-validation) of their root mean square residual in mm. The
+        uncertain inputs have the values that explain the residuals best. None if there is only one state.
     budget : tuple of BudgetEntry
         The effect of each source of uncertainty on the initial shear modulus, the largest effect first.
     measure_next : MeasureNext
@@ -164,9 +164,10 @@ def estimate(
     effects : sequence of Effect
         The changes of the optimum by the corrections.
     noise : Noise
-        The evidence linearised at the optimum, with the noise separated from the errors of the sources.
+        The evidence (edges, tensile curves, priors) linearised at the optimum, with the noise separated from the errors
+        of the sources of uncertainty.
     refinements : sequence of str
-        Names of all corrections that were tried.
+        Names of all corrections by better beam models that were tried.
     seed : int
         Seed of the random draws.
 
@@ -217,7 +218,7 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors that remain after C corrections, in unit coordinates.
+    """Return 95 % bounds of the errors that remain after C corrections by better beam models, in unit coordinates.
 
     Returns
     -------
@@ -286,7 +287,10 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the intervals of all unknowns; the profile likelihood corrects the ends for ``checked``."""
+    """Return the ends of the 95 % intervals of all unknowns.
+
+    The profile likelihood corrects the ends of the unknowns with the indices ``checked``.
+    """
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
@@ -329,7 +333,10 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return fields of `Estimate` by name: the parameters, the moduli, the freed nuisances and the draws."""
+    """Return fields of `Estimate` by name: the parameters, the moduli, the freed nuisances and the draws.
+
+    A freed nuisance is an uncertain input that the fit determines together with the law.
+    """
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))

@@ -1,9 +1,9 @@
 """Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
 
-Let A be the information of the data and P the diagonal inverse variance of the priors
-(`inference.interval.covariance`). The eigenvectors of P^(-1/2) A P^(-1/2) are combinations of unknowns with independent
-errors. A combination with the eigenvalue v has the prior standard deviation s_0 before the fit and s_0 / sqrt(1 + v)
-after the fit.
+Let A be the information of the data (the second derivatives of minus the log-likelihood) and P the diagonal inverse
+variance of the priors (`inference.interval.covariance`). The eigenvectors of P^(-1/2) A P^(-1/2) are combinations of
+unknowns with independent errors. A combination with the eigenvalue v has the prior standard deviation s_0 before the
+fit and s_0 / sqrt(1 + v) after the fit.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ _CORRELATED = 0.9  # two unknowns are described as one combination above this co
 class Direction:
     """A combination of unknowns with an independent error: an eigenvector of the information of the data.
 
+    The information is the matrix of second derivatives of minus the log-likelihood.
+
     Parameters
     ----------
     words : str
@@ -51,7 +53,7 @@ class Identifiability:
     statement : str
         A summary in a few sentences.
     not_fixed : tuple of str
-        Names of the law's coordinates that the data do not determine.
+        Names of the law's coordinates (quantities that the search varies) that the data do not determine.
     held_by_bounds : tuple of str
         Names of the parameters whose interval is mainly determined by the bounds of the search.
     at_bound : tuple of str
@@ -110,6 +112,8 @@ def is_open(modulus: Quantity) -> bool:
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return for which parameters more than half of the variance comes from coordinates that only bounds limit.
 
+    A coordinate is a quantity that the search varies within bounds, such as the initial shear modulus.
+
     Parameters
     ----------
     slopes : ndarray, shape (m, n)
@@ -137,7 +141,7 @@ def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[
     names : sequence of str
         Names of the n unknowns.
     information : ndarray, shape (n, n)
-        Information A of the data.
+        Information A of the data: the second derivatives of minus the log-likelihood.
     prior : ndarray, shape (n, n)
         Diagonal inverse variance P of the priors.
 
@@ -189,8 +193,8 @@ def statement(
     eigen : sequence of Direction
         Combinations of unknowns with independent errors, the best determined first.
     ratios : sequence of str
-        Names of the nuisances that scale the magnetic load. The data determine only the ratio of the magnetic load to
-        the modulus.
+        Names of the nuisances (uncertain inputs) that scale the magnetic load. The data determine only the ratio of the
+        magnetic load to the modulus.
     remaining : sequence of float
         For each unknown, its standard deviation after the fit over its prior standard deviation.
     modulus : Quantity

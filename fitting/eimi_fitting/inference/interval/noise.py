@@ -43,7 +43,7 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence of a fit, linearised at the values of n unknowns and S uncertain inputs that explain it best.
+    """The evidence of a fit (edges, tensile curves, priors), linearised where n unknowns and S inputs explain it best.
 
     Parameters
     ----------
@@ -64,6 +64,8 @@ class Explained:
 @dataclass(frozen=True)
 class Effect:
     """The change of the optimum of a fit by a correction of the residuals to a better beam model.
+
+    A better model has a finer mesh or is three-dimensional.
 
     Parameters
     ----------
@@ -92,10 +94,13 @@ class Effect:
 class Noise:
     """The evidence of a fit linearised at the optimum, with noise separated from errors of uncertain inputs.
 
+    The evidence: edges, tensile curves and priors. Noise: the part of the residuals that no uncertain input explains.
+
     Parameters
     ----------
     about : Linearisation
-        The linearised evidence at the optimum. The variance of the score is computed from the noise alone.
+        The linearised evidence at the optimum. The variance of the score (the gradient of minus the log-likelihood) is
+        computed from the noise alone.
     explained : Explained
         The linearised evidence at the values of unknowns and uncertain inputs that explain the residuals best.
     sources : tuple of ConsideredSources
@@ -123,7 +128,7 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Linearise the evidence of a fit, and separate noise from the errors of uncertain inputs.
+    """Linearise the evidence of a fit (edges, curves, priors), and separate noise from errors of uncertain inputs.
 
     Parameters
     ----------
@@ -142,7 +147,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
     Notes
     -----
-    Let the noise have N independent points and the mean error e, and let E be the mean error of all residuals. The
+    Let the noise have N independent points and the mean error e in mm, and let E be that of all residuals. The
     likelihood uses N (E / e)^2 points, so that the weights w_k are those of the noise.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
@@ -162,7 +167,10 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the remaining error of the beam model in mm, (K,) for each experiment."""
+    """Return the standard deviation of the error of the beam model that remains after the corrections.
+
+    The result has one array (K,) in mm for each experiment with K states.
+    """
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -192,7 +200,10 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
 def _explained(
     problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
 ) -> Explained:
-    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the step with the least objective."""
+    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised evidence.
+
+    The evidence (edges, tensile curves, priors) is that of the step with the least objective.
+    """
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -242,7 +253,9 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return e exp(q / (2 N)) in mm, for the mean error e of all states and N = ``points`` independent points.
+    """Return e exp(q / (2 N)) in mm, for the mean e of the errors of all states and N = ``points`` independent points.
+
+    The error of a state is its root mean square residual.
 
     e contains the error of the beam model. q is the sum of the squared deviations of all uncertain inputs, in standard
     uncertainties. The logarithm of the result is minus the log-likelihood divided by N.
@@ -325,7 +338,10 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with the weights w_k (see the module) from level and correlation of their residuals."""
+    """Return the states with new weights w_k in the fit, from level and correlation of their residuals.
+
+    The module `inference.interval.covariance` defines the weights.
+    """
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
@@ -335,11 +351,14 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return sqrt(e^2 + m^2) in mm, (K,) for each experiment, for the errors e and model errors m of K states."""
+    """Return sqrt(e^2 + m^2) in mm, (K,) for each experiment, for the errors e and model errors m of K states.
+
+    e is the root mean square residual, and m the standard deviation of the error of the beam model.
+    """
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals in mm, and with the errors of these residuals."""
+    """Return the states with other residuals in mm, and with the root mean square of these residuals in each state."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

@@ -42,8 +42,8 @@ class Candidate:
     unknowns : int
         Number of fitted unknowns.
     errors : tuple of tuple
-        Pairs of a number of independent points and an error. The first pair belongs to the edges (error in mm), and
-        each further pair to a tensile curve (error in Pa).
+        Pairs of a number of independent points and an error (root mean square residual). The first pair belongs to the
+        edges (error in mm), and each further pair to a tensile curve (error in Pa).
     held_out_error_mm : float or None
         Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     stated_squares : float

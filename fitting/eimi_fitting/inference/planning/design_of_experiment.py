@@ -193,9 +193,10 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
 
-        For the noise, the bound assumes that every state gives as much information as the best state. For the sources,
-        the error is a weighted mean of the errors of estimates from single states. The weights are non-negative and
-        their sum is one. Non-negative least squares gives the weights with the smallest sum of squared errors.
+        For the noise, the bound assumes that every state determines the quantity as well as the best state. For the
+        sources, the error is a weighted mean of the errors of estimates from single states. The weights are
+        non-negative and their sum is one. Non-negative least squares gives the weights with the smallest sum of squared
+        errors.
 
         Raises
         ------
@@ -416,7 +417,10 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return one standard deviation of the mesh error in mm, (K, 2, m), by name; empty without an equilibrium."""
+    """Return one standard deviation of the error of the edges due to the mesh in mm, (K, 2, m), by name.
+
+    The shape belongs to m points of 2 edges in K states. The result is empty without an equilibrium.
+    """
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -435,7 +439,10 @@ def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivative of the goal quantity in n unknowns over its value, (n,); KeyError for an unknown name."""
+    """Return the derivative of the goal quantity in n unknowns over its value, (n,); KeyError for an unknown name.
+
+    Goal quantity: the initial shear modulus or the parameter of the law whose interval is to be narrow.
+    """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

@@ -61,7 +61,10 @@ _NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate i
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect of a solid section (see the module), and the modulus in Pa at its first computation."""
+    """The depth effect of a solid section, and the modulus in Pa at its first computation.
+
+    Depth effect: displacements of the three-dimensional model minus displacements of the planar model.
+    """
 
     effect: DepthEffect
     modulus_Pa: float
@@ -79,7 +82,7 @@ class ModulusSoFar:
         Lower and upper end of the 95 % interval of the modulus in Pa, due to noise, stated uncertainties and the
         remaining error of the beam model.
     error_mm : float
-        Mean error of the fit over its states, in mm.
+        Mean over the states of the root mean square residual, in mm.
     states : int
         Number of states that the estimate uses.
     limited_by : str
@@ -219,7 +222,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the linearised evidence at the optimum, in which all residuals count as noise."""
+    """Return the evidence (the edges) linearised at the optimum, in which all residuals count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

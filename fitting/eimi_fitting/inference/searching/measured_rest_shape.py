@@ -176,7 +176,10 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the modes whose amplitudes exceed three standard deviations and the least amplitude."""
+    """Return the indices of the shape modes whose amplitudes exceed three standard deviations and the least amplitude.
+
+    The least amplitude is 0.005 mm for a mode of the middle line and 0.003 mm for a mode of the width.
+    """
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
@@ -199,7 +202,10 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals of the used points in mm, for each map in ``setups``; None without an equilibrium."""
+    """Return the residuals in mm of the edge points that the fit uses, as one array for each element of ``setups``.
+
+    A setup is a map from the beam to the picture: a rotation and a shift. The result is None without an equilibrium.
+    """
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -211,7 +217,9 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Return the amplitudes of the shape modes ``used`` in mm, and the standard uncertainties of the amplitudes in mm.
+    """Return the amplitudes of shape modes in mm, and the standard uncertainties of the amplitudes in mm.
+
+    The modes with the indices ``used`` are fitted; the other amplitudes keep the values of ``start``.
 
     The result is None if the model finds no equilibrium, or if the edges remain more than 0.2 mm from the best shape.
     """
@@ -254,14 +262,20 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the modulus in Pa for which the planar model has the smallest error, from a wide scan."""
+    """Return the shear modulus in Pa for which the edges of the planar model have the smallest error, by a wide scan.
+
+    The error is the root mean square distance of the measured points from the simulated edges.
+    """
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the modulus in Pa near ``near_Pa`` with the smallest error; ``near_Pa`` without an equilibrium."""
+    """Return the shear modulus in Pa near ``near_Pa`` with the smallest distance of the simulated from measured edges.
+
+    The result is ``near_Pa`` if a state has no equilibrium.
+    """
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:
@@ -272,7 +286,11 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return the root mean square of the errors of all states for each of S moduli, shape (S,) in mm."""
+    """Return the root mean square distance of the measured points from the simulated edges, for S shear moduli.
+
+    The shape is (S,), in mm; the value is a root mean square over all states. It is `DISCARDED_MM` without an
+    equilibrium.
+    """
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))
     return np.where(shapes.converged, error, DISCARDED_MM)

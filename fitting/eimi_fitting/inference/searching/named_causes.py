@@ -72,7 +72,8 @@ class NamedCause(Exception):
     slip : str
         Key of the mistake.
     error_mm, error_without_mm : float
-        Smallest error of a scan over moduli in mm, with the stated loads and with the corrected loads.
+        Smallest error of a scan over moduli in mm (mean over the states of the root mean square distance), with the
+        stated loads and with the corrected loads.
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -134,7 +135,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Parameters
     ----------
     problem : Problem
-        The problem on the coarse mesh.
+        The problem of the fit on the coarse mesh of the search.
     scan : Scan
         The scan of the whole problem, with more moduli about its best modulus (`narrowed`).
     independent_points : float
@@ -169,7 +170,10 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error in mm of a scan with loads corrected for ``cause``; infinite if no load changes."""
+    """Return the smallest error in mm of a scan over moduli with loads corrected for the mistake ``cause``.
+
+    The error is the mean over the states of the root mean square residual. Infinite if the correction changes no load.
+    """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):

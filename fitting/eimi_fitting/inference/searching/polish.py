@@ -183,7 +183,10 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return gradient g (n,) and Hessian H (n, n) of weighted least squares for n unknowns (see the module)."""
+    """Return gradient g (n,) and Hessian H (n, n) of least squares with the weights 1 / (N_k e_k), for n unknowns.
+
+    N_k is the number of points of state k and e_k its root mean square residual.
+    """
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:
