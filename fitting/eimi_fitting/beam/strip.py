@@ -30,6 +30,10 @@ _FINE = 512  # intervals of the integration of the centre line; Simpson's error 
 _STEP = 0.1  # length of the ramp that stands for a step, as a share of the change of the width
 
 
+class ImpossibleShape(ValueError):
+    """The error of a rest shape whose width or depth is not positive everywhere."""
+
+
 class Strip:
     """The geometry of a specimen at rest.
 
@@ -47,7 +51,7 @@ class Strip:
 
     Raises
     ------
-    ValueError
+    ImpossibleShape
         The width or the depth is not positive everywhere.
     """
 
@@ -69,7 +73,7 @@ class Strip:
             for name, table in (("width_mm", self.width_mm), ("depth_mm", self.depth_mm)):
                 smallest = float(table(np.linspace(0, self._length, 257)).min())
                 if not smallest > 0:
-                    raise ValueError(f"{name} of the rest shape falls to {smallest:g} mm, but must be above 0 mm")
+                    raise ImpossibleShape(f"{name} of the rest shape falls to {smallest:g} mm, but must be above 0 mm")
                 if magnet:
                     sizes[name] = float(table(along).min())
             self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])

@@ -443,11 +443,12 @@ class _Weighing:
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
         """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
 
-        The residuals are computed with the linear model for ``amplitudes`` of the law and the causes.
+        The residuals are computed with the linear model for ``amplitudes`` of the law and the causes. Points near the
+        ends of an edge are counted.
         """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(
-            zip(self._stated, self._about.slopes, self._about.used, strict=True)
+            zip(self._stated, self._about.slopes, self._about.in_error, strict=True)
         ):
             remaining = residual + np.tensordot(amplitudes[:law], slopes, axes=1)
             for column, amplitude in zip(self._columns, amplitudes[common:-1], strict=True):

@@ -19,6 +19,7 @@ from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.outline import outline
+from eimi_fitting.beam.strip import ImpossibleShape
 from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause
 from eimi_fitting.inference.evidence.experiment import TOLERANCE_MM, Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
@@ -180,6 +181,9 @@ class About:
     residuals, used : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
         comparison uses. Points of an edge near its ends are not used.
+    in_error : tuple of ndarray, shape (K, G, m)
+        For each experiment, weights that are positive for points that the error of a state counts. Points near the ends
+        of an edge are counted, so that a fit with large residuals there is still refused.
     solved : tuple of Solved
         For each experiment, the simulation at the optimum on the coarse mesh (the mesh of the search). Empty if an
         experiment has no equilibrium.
@@ -192,6 +196,7 @@ class About:
     slopes: tuple[Array, ...]
     residuals: tuple[Array, ...]
     used: tuple[Array, ...]
+    in_error: tuple[Array, ...]
     solved: tuple[Solved, ...]
 
     @staticmethod
@@ -217,6 +222,7 @@ class About:
                 states.used if one is None else states.used * one.between_ends()
                 for states, one in zip(about.states, solved, strict=True)
             ),
+            tuple(states.used for states in about.states),
             complete if len(complete) == len(solved) else (),
         )
 
@@ -259,7 +265,7 @@ class About:
         -------
         list of ndarray or None
             The residuals, shape (K, G, m), of G groups of m points in K states. None if the model finds no
-            equilibrium.
+            equilibrium, or if a cause of this amplitude leaves no positive width.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -276,7 +282,10 @@ class About:
                         steps[column.part] = amplitude - column.start
                         if cause.change is None and (change := column.changes[i]) is not None:
                             more += amplitude * change
-                trial = cause.change(trial, steps) if cause.change else trial
+                try:
+                    trial = cause.change(trial, steps) if cause.change else trial
+                except ImpossibleShape:
+                    return None
             there = Solved.of(trial, here)
             if there is None:
                 return None
