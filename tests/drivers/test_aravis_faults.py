@@ -177,7 +177,9 @@ def test_a_camera_that_was_restarted_or_replaced_gives_no_frame(none_served: Non
         assert np.unique(again.grab(GRAB_S).image).size == 1
         again.close()
         if serial_number != "EIMI01":
-            with pytest.raises(InstrumentDisconnected, match=r"no camera has this serial number; attached: EIMI02"):
+            with pytest.raises(
+                InstrumentDisconnected, match=r"no camera has this serial number; attached cameras: EIMI02"
+            ):
                 opened(source="EIMI01")
 
 

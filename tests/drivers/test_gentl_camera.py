@@ -66,7 +66,9 @@ def test_settings_that_the_camera_cannot_have_are_refused(producer: Path, settin
 
 def test_attached_cameras_are_listed_by_serial_number(producer: Path) -> None:
     assert {found.address for found in list_gentl_cameras()} == {"0", "1", "2"}
-    with pytest.raises(InstrumentDisconnected, match=r"camera 7: no camera has this serial number; attached: 0 "):
+    with pytest.raises(
+        InstrumentDisconnected, match=r"camera 7: no camera has this serial number; attached cameras: 0 "
+    ):
         open_camera("gentl", "7")
 
 

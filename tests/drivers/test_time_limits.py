@@ -291,7 +291,10 @@ def test_a_gentl_camera_with_a_trigger_input_skips_no_frame() -> None:
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"payload": 2}, "payload type 2"), ({"shape": (3, 4)}, r"frame 9 has 3 x 4 pixels, but the region is")],
+    [
+        ({"payload": 2}, "payload type 2"),
+        ({"shape": (3, 4)}, r"frame 9 has 3 x 4 pixels, but the region in the settings is"),
+    ],
 )
 def test_a_gentl_frame_with_unexpected_contents_is_an_error_and_its_buffer_is_returned(
     change: dict[str, Any], words: str

@@ -161,7 +161,9 @@ def test_a_run_whose_guardian_has_ended_raises_an_error() -> None:
         guardian.check()
         os.kill(guardian._process.pid, signal.SIGKILL)
         wait_for(guardian)
-        with pytest.raises(InstrumentError, match="guardian process ended"):
+        with pytest.raises(
+            InstrumentError, match="guardian process, which switches the coil off if the run dies, ended"
+        ):
             guardian.check()
 
 
@@ -395,6 +397,6 @@ def test_the_report_that_the_coil_is_off_is_printed_after_the_report_of_the_doub
     listen(OffNotConfirmed(by="run", reason="no answer", trying_process=7))
     listen(off)
     assert printed == [
-        "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try: no answer",
+        "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try to switch the coil off: no answer",
         "the coil is off, the measured current is below 0.02 A",
     ]

@@ -110,7 +110,7 @@ def test_an_image_that_needs_too_much_of_the_free_memory_is_refused(
     cv2.imwrite(str(tmp_path / "flat.png"), np.zeros((4000, 4000), np.uint8))
     assert read_image(tmp_path / "flat.png").shape == (4000, 4000)
     monkeypatch.setattr(limits, "free_memory_bytes", lambda: 64 << 20)
-    with pytest.raises(InputError, match=r"flat\.png: a size of 4000 x 4000 px would take"):
+    with pytest.raises(InputError, match=r"flat\.png: an image of 4000 x 4000 px would take"):
         read_image(tmp_path / "flat.png")
 
 

@@ -421,7 +421,7 @@ def test_the_supply_gets_its_voltage_limit_and_the_dataset_its_tip_force(setup: 
 def test_a_dry_run_prints_the_stricter_limits_and_the_longest_duration(setup: Any) -> None:
     messages: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, messages.append)
-    assert any(line.startswith("limits: 1 A, 10 V;") for line in messages)
+    assert any(line.startswith("limits of the supply: 1 A, 10 V;") for line in messages)
     shortest, longest = (
         float(word) for word in messages[-1].replace("s ", " ").split() if word.replace(".", "").isdigit()
     )

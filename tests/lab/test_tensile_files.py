@@ -209,7 +209,7 @@ def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ("yeoh abaqus --bulk-ratio 9", "holds 2 fits of yeoh; give one of --index 0 (yeoh, window 50 %)"),
+        ("yeoh abaqus --bulk-ratio 9", "holds 2 fits of the law yeoh; give one of --index 0 (yeoh, window 50 %)"),
         ("yeoh abaqus --index 2 --bulk-ratio 9", "--index 2: should be the index of a yeoh fit"),
         ("ogden abaqus --bulk-ratio 9", "--model ogden: should be one of the file's fits"),
         ("hooke abaqus --bulk-ratio 9", "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),

@@ -186,7 +186,7 @@ def test_the_next_run_is_planned(bench, fitted, tmp_path):
     planned = eimi.plan(fitted, *toml, states=3, output=tmp_path / "planned.toml")
     assert len(planned.protocol.currents_A) == 3
     assert load_protocol(tmp_path / "planned.toml").currents_A == planned.protocol.currents_A
-    assert "best:" in repr(planned)
+    assert "best run:" in repr(planned)
     assert "<table>" in planned._repr_html_()
 
 
