@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from zeroconf import InterfaceChoice, IPVersion, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
@@ -76,6 +77,16 @@ def list_lan_instruments(
     OSError
         The network cannot be used.
     """
+    with ThreadPoolExecutor(1, "search of the network") as thread:
+        return _by_host(thread.submit(_announced_services, search_s, interfaces).result())
+
+
+def _announced_services(search_s: float, interfaces: Sequence[str] | InterfaceChoice) -> list[ServiceInfo]:
+    """Return the services that instruments announce within `search_s` (s).
+
+    Call the function in a thread of its own. In a thread with a running event loop, such as that of a notebook,
+    zeroconf would use this loop, which cannot run while the thread waits here.
+    """
     services: dict[tuple[str, str], None] = {}
 
     def note(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
@@ -86,7 +97,7 @@ def list_lan_instruments(
         time.sleep(search_s)
         browser.cancel()
         infos = [network.get_service_info(kind, name, timeout=500) for kind, name in list(services)]
-    return _by_host([info for info in infos if info is not None])
+    return [info for info in infos if info is not None]
 
 
 def _by_host(infos: Sequence[ServiceInfo]) -> tuple[LanInstrument, ...]:
