@@ -90,7 +90,9 @@ def demo(
         str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="material of the hidden specimen")
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
-    quick: Annotated[bool, typer.Option("--quick", help="fit only one law, to fewer states")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="save time: fit only neo-hookean, and to fewer states of the beam")
+    ] = False,
     seed: Annotated[int, typer.Option(help="seed of the random numbers of the search", min=1)] = 1,
     rig: Annotated[
         str, typer.Option(metavar="FILE", help="rig.toml of a virtual rig, or the name of a shipped virtual rig")

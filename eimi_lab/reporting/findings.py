@@ -275,9 +275,9 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield a verdict that compares a fit with the true material, for each material of a virtual (simulated) rig.
+    """Yield, for each true material of the datasets of a fit, a verdict that compares the initial shear moduli.
 
-    The verdict names all datasets of the material.
+    Only datasets of a virtual (simulated) rig contain a true material. The verdict names all datasets of the material.
     """
     truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
     for place, (_, truth) in enumerate(truths):

@@ -82,7 +82,7 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
     """
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
-        raise ValueError("tracked points have no edges")
+        raise ValueError("a dataset of tracked points contains no edges")
     return [observed.points_mm[k, side][np.isfinite(observed.sigma_mm[k, side])] for side in range(2)]
 
 

@@ -1,4 +1,6 @@
-"""A magnet that is magnetised at an angle to the beam: its torque, its part of an interval, and both polarities.
+"""A magnet that is magnetised at an angle to the beam.
+
+The tests check its torque, the share of this angle in the interval of the modulus, and fits to both polarities.
 
 The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
 rotation of a uniform field. In an independent solid model of 27-node hexahedra, three degrees change the modulus of

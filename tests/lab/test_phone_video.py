@@ -1,4 +1,7 @@
-"""Videos of a phone are imported: irregular frame times, a moving camera, and clicks instead of a calibration."""
+"""Videos of a phone are imported.
+
+Their frame times are irregular, the camera moves, and points that a person clicks replace a calibration file.
+"""
 
 from __future__ import annotations
 

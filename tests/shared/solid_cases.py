@@ -85,9 +85,10 @@ def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, 
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Return the largest error of the displacement in a patch test: a distorted mesh under even biaxial stretch.
+    """Return the largest error of a displacement in a patch test: a distorted mesh under uniform biaxial stretch.
 
-    along, across: the two stretches that the tractions on two faces impose.
+    The mesh is a cube with side 1, so that the error is a fraction of this side. name: the name of the hyperelastic
+    law. along, across: the two stretches that the tractions on two faces impose.
     """
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)

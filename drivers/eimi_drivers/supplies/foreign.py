@@ -52,9 +52,9 @@ class Interruptions:
 class ForeignSupply:
     """Wrapper of another package's supply, which raises the errors of the package's driver as InstrumentError.
 
-    Three kinds of errors are raised unchanged: an InstrumentError, the error of the function that `open_supply` calls
-    between two messages, and an error that is not a subclass of `Exception`, such as KeyboardInterrupt. An error in
-    `safe_off` is raised as SwitchOffFailed.
+    The caller of `open_supply` may give a function that is called between two messages, for example to stop a run.
+    Three kinds of errors are raised unchanged: an InstrumentError, an error of this function, and an error that is not
+    a subclass of `Exception`, such as KeyboardInterrupt. An error in `safe_off` is raised as SwitchOffFailed.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class ForeignSupply:
     address : str
         The address, for messages.
     interruptions : Interruptions, optional
-        The wrapper of the function that is called between two messages. None if there is no such function.
+        The function that is called between two messages. None if there is no such function.
     """
 
     def __init__(

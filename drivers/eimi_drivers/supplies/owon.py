@@ -18,7 +18,7 @@ STATE = "MEAS:ALL:INFO?"
 """The query whose answer contains voltage, current, power, three protections (ON if tripped) and the mode."""
 
 TRIPS = {3: OVER_VOLTAGE_TRIPPED, 4: OVER_CURRENT_TRIPPED, 5: TOO_HOT}
-"""The protection that has tripped if a field of the answer to `STATE` is ON, by the index of the field."""
+"""For the index of a field of the answer to `STATE`: the protection that has tripped if this field is ON."""
 
 FIELDS = 7
 

@@ -116,7 +116,10 @@ KEYSIGHT_RP7900 = replace(
         Register(
             "STAT:QUES2:COND?",
             (
-                *((8, "current sharing failed"), (16, "another unit of the group switched the output off")),
+                *(
+                    (8, "current sharing failed"),
+                    (16, "another supply of the group of parallel supplies switched the output off"),
+                ),
                 (32, "the safety disconnect system switched the output off"),
                 (64, "under-voltage protection tripped"),
             ),

@@ -151,8 +151,8 @@ def _sound(
 ) -> Mask:
     """Return whether each of the two edges is reliable at each of n stations, shape (2, n).
 
-    A station is a place along the beam. An edge is reliable where its colour step is clear, the edge is smooth, and its
-    two sides clearly differ in colour.
+    A station is a place along the beam. An edge is reliable where the picture has a clear step of colour at the edge,
+    where the edge is smooth, and where the colours beside the edge, inside and outside the beam, differ clearly.
     """
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])

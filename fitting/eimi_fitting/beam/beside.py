@@ -300,9 +300,10 @@ class SolidBeside:
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as configurations of the solid model without stress, a row per state.
+        """Return the planar shapes in some states as configurations of the solid model, with one row for each state.
 
-        lift: the result of `_lift`. All nodes of the solid mesh with the same x and y are displaced equally.
+        Only displacements are set; the stresses stay zero. lift: the planar displacements, interpolated at the x and y
+        of the nodes of the solid mesh (`_lift`). All nodes with the same x and y are displaced equally.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])

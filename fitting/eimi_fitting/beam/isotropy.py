@@ -113,9 +113,10 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the stress p J C^-1 of a pressure p to the stress S, and the derivative of this stress to D, in place.
+    """Add the contribution of a pressure p to the second Piola-Kirchhoff stress S and to the tangent D, in place.
 
-    pressure: p; volume: J C^-1; J, S, D: see `response`.
+    The contribution to S is p J C^-1 with the right Cauchy-Green tensor C. The contribution to D is the derivative of
+    p J C^-1 as `response` defines D for S. pressure: p; volume: J C^-1; J: the ratio of volumes.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))

@@ -128,8 +128,9 @@ def _outward(curves: Array) -> Array:
 def _farthest(lines: Array, normal: Array) -> Array:
     """Return the point (x, y) of each of n lines that lies farthest along a normal (..., n, 2), shape (..., n, 2).
 
-    Each line runs in depth along a face of the beam. In the picture a line consists of D quadratic segments with 2 D +
-    1 points (x, y), (..., n, 2 D + 1, 2).
+    Each line runs across the depth of the beam, on one of its faces, and is curved because the solid bends. Its
+    projection into the picture consists of one quadratic segment for each of the D elements across the depth, given by
+    2 D + 1 points (x, y), (..., n, 2 D + 1, 2). The farthest point lies on the visible outline.
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last

@@ -103,7 +103,10 @@ def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
 
 
 def disturbed(motion: Motion, added_mm: np.ndarray) -> Motion:
-    """Return a motion whose points (p,) all move by an additional displacement (n,) times their share of the length."""
+    """Return a motion in which each point also moves by the displacement `added_mm`, in mm, shape (n,) for n frames.
+
+    The displacement of a point is multiplied by the square of its distance from the clamp over the length of the beam.
+    """
     points = motion.points_mm.copy()
     points[..., 1] += added_mm[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2
     return replace(motion, points_mm=points)

@@ -167,7 +167,10 @@ class Correction:
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with the changes of this correction added to earlier changes of the residuals."""
+        """Return the experiments with this correction, which is added to earlier corrections.
+
+        A correction is a change of the residuals in mm, by which a better model differs from the model of the search.
+        """
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)

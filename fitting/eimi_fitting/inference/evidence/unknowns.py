@@ -247,7 +247,7 @@ def nuisances(
     Parameters
     ----------
     priors : sequence of NuisancePrior
-        The sources to free.
+        The sources of uncertainty that the fit determines, with their prior standard deviations.
     datasets : int
         Number of datasets.
     stated : sequence of sequence of StatedSource, optional
@@ -256,12 +256,13 @@ def nuisances(
     Returns
     -------
     tuple of Nuisance
-        One number for each part of a source and each group of datasets that share an error of the source.
+        One number for each part of a source, such as x and y of the clamp, and for each group of datasets that share an
+        error of the source.
 
     Raises
     ------
     ValueError
-        If a prior has no standard deviation, and a dataset specifies no uncertainty of the source or the value 0.
+        If a prior has no standard deviation, and a dataset gives no uncertainty of the source or an uncertainty of 0.
     """
     freed: list[Nuisance] = []
     for prior in priors:

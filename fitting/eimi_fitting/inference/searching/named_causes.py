@@ -86,7 +86,7 @@ class NamedCause(Exception):
 
     @property
     def words(self) -> str:
-        """The name of the mistake in the stated loads, for people."""
+        """The mistake in the loads that explains the large error, such as "a field in the opposite direction"."""
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
