@@ -47,7 +47,7 @@ class BentBeam:
 
     @property
     def status(self) -> NDArray[np.int8]:
-        """The `Status` of each of K states, shape (K,), or (P, K) for P candidates."""
+        """The outcome of the solution (`Status`) in each of K states, shape (K,), or (P, K) for P candidates."""
         return self._rows(self.shapes.status)
 
     @property

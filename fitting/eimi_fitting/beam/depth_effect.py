@@ -88,9 +88,10 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the interpolated difference d(s) of the solid from the planar model at one value s (``place``).
+        """Return the depth effect d(s), solid minus planar configuration, interpolated at one value s (``place``).
 
-        s measures the bending: the rotation of the tip in rad, or a distance along the line of the loads.
+        A configuration contains displacements, pressures and stresses. s measures the bending: the rotation of the tip
+        in rad, or a distance along the line of the loads.
         """
         weights = self._weights(place)
         if self.base is None:

@@ -45,10 +45,11 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Overwrite the displacements of the nodes of the rigid body (magnet) in those (B, N, d) of all N nodes, in mm.
+        """Give the nodes of the rigid body (magnet) their displacements, in place.
 
-        There are B candidates and d coordinates. rigid: translation (x, y) in mm and rotation in rad of the body for
-        each candidate, (B, 3).
+        displacement: displacements of all N nodes with d coordinates for B candidates, (B, N, d) in mm. The rows of the
+        nodes of the body are overwritten. rigid: translation (x, y) in mm and rotation in rad of the body for each
+        candidate, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T

@@ -104,7 +104,7 @@ class System:
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
             The matrices of all E elements with d unknowns each, or an iterable over the matrices of groups of
-            ``at_once`` elements. The matrices of a group are not kept in memory.
+            ``at_once`` elements (the argument of `System`). The matrices of a group are not kept in memory.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)

@@ -267,7 +267,7 @@ def _alone(
 ) -> Comparison:
     """Return the comparison of one candidate with experiments, simulated without other candidates.
 
-    ``unit`` has the n unit coordinates of the candidate. Other candidates in the batch would change the rounding
-    errors, which matter for small corrections.
+    ``unit`` has the n unit coordinates (0 to 1) of the candidate. Other candidates in the batch would change the
+    rounding errors, which matter for small corrections.
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -278,7 +278,8 @@ class Law(Protocol):
         solver
             Name of the program, usually one of `laws.cards.SOLVERS`.
         p
-            Parameters of the law by name. bulk
+            Parameters of the law by name.
+        bulk
             Bulk modulus, in the unit of the moduli in ``p``.
 
         Raises

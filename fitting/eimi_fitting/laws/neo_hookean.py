@@ -37,7 +37,10 @@ class NeoHookean(InvariantLaw):
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = mu/2 x with x = I1 - 3, and dW/dx, dW/dy and d²W/dx²."""
+        """Return W = mu/2 x, and dW/dx, dW/dy and d²W/dx².
+
+        x = I1 - 3 and y = I2 - 3. The law does not depend on y.
+        """
         half = 0.5 * parameters[..., 0]
         zero = np.zeros_like(x)
         return half * x, half + zero, zero, zero

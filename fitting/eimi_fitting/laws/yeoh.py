@@ -79,7 +79,10 @@ class Yeoh(InvariantLaw):
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = C10 x + C20 x^2 + C30 x^3 with x = I1 - 3, and dW/dx, dW/dy and d²W/dx²."""
+        """Return W = C10 x + C20 x^2 + C30 x^3, and dW/dx, dW/dy and d²W/dx².
+
+        x = I1 - 3 and y = I2 - 3. The law does not depend on y.
+        """
         c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
         return (
             x * (c10 + x * (c20 + x * c30)),

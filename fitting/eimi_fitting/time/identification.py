@@ -308,7 +308,9 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the modulus that the sag at rest gives (evidence), from the first ring-down without a step of the load.
+    """Return the shear modulus that the sag of the beam at rest gives, as evidence for the viscoelastic law.
+
+    The sag is measured in the first ring-down without a step of the load.
 
     Only ring-downs with the loads of ``table`` count. None if there is no such ring-down.
     """

@@ -136,8 +136,9 @@ def slow_rotations(
     Returns
     -------
     tuple of ndarray, or None
-        Times, rotations and standard uncertainties of the rotations (rad). None if there are fewer than three averages,
-        or if no point moves.
+        Times, rotations and standard uncertainties of the rotations (rad). The motion is averaged over intervals of at
+        least one period of the vibration, and each average gives one rotation. None if there are fewer than three
+        intervals, or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:

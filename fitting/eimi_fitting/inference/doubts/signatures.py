@@ -169,7 +169,7 @@ class About:
     problem : Problem
         The problem of the fit.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates (0 to 1).
     kept : ndarray of int, shape (l,)
         Indices of the l coordinates that vary under every hypothesis (set of causes): those of the law, and the freed
         inputs (determined by the fit) that are not among the possible causes.
@@ -296,7 +296,7 @@ class About:
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
     """Return law, loads and deviations of inputs that a candidate assumes for one dataset, with a planar model.
 
-    ``unit`` has the n unit coordinates of the candidate, shape (n,).
+    ``unit`` has the n unit coordinates (0 to 1) of the candidate, shape (n,).
     """
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)

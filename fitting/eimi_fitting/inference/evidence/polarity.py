@@ -21,7 +21,10 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether a state has a component opposite to the strongest field, above 0.2 of the strongest field."""
+    """Return whether the field of one state points against the strongest field of all states.
+
+    The component against the strongest field must exceed 0.2 of the strongest field.
+    """
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 

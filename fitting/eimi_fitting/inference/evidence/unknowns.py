@@ -337,7 +337,7 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return all n unit coordinates of P candidates, (P, n); missing nuisances get their stated values.
+        """Return all n unit coordinates (0 to 1) of P candidates, (P, n); missing nuisances get their stated values.
 
         ``unit`` has the shape (P, n), or (P, `searched`) without the coordinates of the nuisances (uncertain inputs).
         """
@@ -346,11 +346,14 @@ class Unknowns:
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the m parameters of the law, shape (P, m), for P candidates in unit coordinates (P, n)."""
+        """Return the m parameters of the law, shape (P, m), for P candidates in unit coordinates (0 to 1), (P, n)."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli in Pa, (P,), of P candidates in unit coordinates (P, n); None if not searched."""
+        """Return the bulk moduli in Pa, (P,), of P candidates; None if the bulk modulus is not searched.
+
+        ``unit`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
+        """
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
@@ -358,7 +361,7 @@ class Unknowns:
 
         The fit determines a freed input together with the law.
 
-        ``unit`` has the n unit coordinates of each candidate, shape (P, n).
+        ``unit`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
         """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
@@ -367,7 +370,7 @@ class Unknowns:
 
         The result is None if the fit determines no uncertain input (no nuisance is freed).
 
-        ``unit`` has the n unit coordinates of each of P candidates, shape (P, n).
+        ``unit`` has the n unit coordinates (0 to 1) of each of P candidates, shape (P, n).
         """
         if not self.freed:
             return None
@@ -385,7 +388,7 @@ class Unknowns:
         Parameters
         ----------
         unit : ndarray, shape (P, n)
-            P candidates in unit coordinates.
+            P candidates in unit coordinates (0 to 1).
         datasets : int
             Number of datasets.
 

@@ -124,7 +124,7 @@ def budget(
     moves : Moves
         The random changes of the optimum.
     modulus : callable
-        Takes P candidates in unit coordinates (P, n) and returns their initial shear moduli (P,) in Pa.
+        Takes P candidates in unit coordinates (0 to 1), (P, n), and returns their initial shear moduli (P,) in Pa.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def budget_entries(
     sources : sequence of ConsideredSources
         The S uncertain numbers.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates (0 to 1).
     sizes : ndarray, shape (S, n)
         Change of the optimum for one standard uncertainty of each number, in unit coordinates.
     modulus : callable

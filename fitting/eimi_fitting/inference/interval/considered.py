@@ -129,7 +129,7 @@ def considered(
     problem : Problem
         The problem of the fit.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates (0 to 1).
     groups : sequence of SharedUnknowns, optional
         The sources of uncertainty whose effect is computed; by default the result of `sources_of`.
 
@@ -301,7 +301,7 @@ class Steps:
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Change for one standard uncertainty of each source, in unit coordinates.
+        Change for one standard uncertainty of each source, in unit coordinates (the bounds of the search are 0 and 1).
     held : ndarray, shape (n,)
         Vector from an optimum on a bound to the optimum without this bound, at most two standard deviations long. Zero
         if no bound is active or if there is no source.

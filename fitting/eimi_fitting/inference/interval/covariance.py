@@ -44,7 +44,7 @@ class LinearStates:
     residuals : ndarray, shape (K, G, m)
         Residuals in mm, in G groups of m neighbouring points.
     slopes : ndarray, shape (n, K, G, m)
-        Derivatives of the residuals in the unit coordinates of the unknowns, in mm.
+        Derivatives of the residuals in the unit coordinates (0 to 1) of the unknowns, in mm.
     used : ndarray, shape (K, G, m)
         Above zero for points that are used, else zero (``Misfit.weights``).
     weights : ndarray, shape (K,)

@@ -63,7 +63,7 @@ def draw_noise(
     rng : numpy.random.Generator
         Generator of the random numbers.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates.
+        The optimum in unit coordinates (0 to 1).
     covariance : ndarray, shape (n, n)
         Covariance of the optimum due to noise and priors.
     ends : Ends

@@ -218,12 +218,13 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors that remain after C corrections by better beam models, in unit coordinates.
+    """Return 95 % bounds of the errors of the unknowns that remain after C corrections by better beam models.
 
     Returns
     -------
     model_errors : ndarray, shape (C, n)
-        Bounds for the n unknowns: the change of the optimum by each correction, times the share that remains uncertain.
+        Bounds for the n unknowns in unit coordinates (the bounds of the search are 0 and 1): the change of the optimum
+        by each correction, times the share that remains uncertain.
     modulus_errors : ndarray, shape (C,)
         Additional bounds for the modulus: sqrt(b² - a²), or 0 if a > b. Here a is the bound of the modulus in
         ``model_errors``. b is the bound of the modulus if the other unknowns are fixed, or ``Effect.least_percent`` if
@@ -366,7 +367,7 @@ def _quantities(
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
     """Return the unknowns of P candidates in physical units, as one array (P,) for each name.
 
-    ``units`` has the n unit coordinates of each candidate, shape (P, n).
+    ``units`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
     """
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
@@ -425,7 +426,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """Return the derivatives (m, n) of the m parameters of the law in the n unit coordinates."""
+    """Return the derivatives (m, n) of the m parameters of the law in the n unit coordinates (0 to 1)."""
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

@@ -72,7 +72,7 @@ class Effect:
     correction : Correction
         The change of the residuals by a finer mesh or a three-dimensional model.
     moved : ndarray, shape (n,)
-        Change of the optimum in unit coordinates.
+        Change of the optimum in unit coordinates (the bounds of the search are 0 and 1).
     share : float, optional
         Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
     least_percent : float
@@ -266,7 +266,7 @@ def _value(
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """Return the slopes of the residuals in n unit coordinates, in mm, by central differences (`difference_batch`).
+    """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
     The shape is (n, K, G, m) for G groups of m points in K states.
     """
@@ -276,7 +276,7 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Return the slopes of the residuals in the unit coordinates of n unknowns and S sources, in mm.
+    """Return the slopes of the residuals in the unit coordinates (0 to 1) of n unknowns and S sources, in mm.
 
     The shape is (n + S, K, G, m) for G groups of m points in K states.
     """
@@ -316,7 +316,7 @@ def _least(
     Returns
     -------
     ndarray, shape (n + S,)
-        The minimum in unit coordinates.
+        The minimum in unit coordinates (0 to 1).
     list of LinearStates
         The states with their residuals and weights at the minimum.
     """

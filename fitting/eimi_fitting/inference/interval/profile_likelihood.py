@@ -42,7 +42,7 @@ class Ends:
     Parameters
     ----------
     low, high : ndarray, shape (n,)
-        Lower and upper ends in unit coordinates.
+        Lower and upper ends in unit coordinates (0 to 1).
     profiled : tuple of int
         Indices of the coordinates whose ends are those of the profile likelihood.
     """
@@ -65,7 +65,7 @@ class _End:
     target : float
         The deviance that the end must have.
     point : ndarray, shape (n,)
-        The present candidate for the end, in unit coordinates.
+        The present candidate for the end, in unit coordinates (0 to 1).
     deviance, score : float and ndarray, shape (n,)
         Deviance of the candidate, and gradient (``score``) of half the deviance in the n coordinates.
     inside, outside : float

@@ -22,7 +22,7 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """A number to be minimised by a choice of states, such as the variance of the modulus."""
+    """A number that a plan minimises by its choice of the states to measure, such as the variance of the modulus."""
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""
@@ -80,7 +80,11 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Return a choice of states that no exchange improves, after at most 20 rounds over all states."""
+    """Exchange the states of a choice one at a time for better states, and return the improved choice.
+
+    A better state lowers the criterion, such as the variance of the modulus. The exchanges end if none lowers the
+    criterion, and after 20 rounds over all chosen states at the latest.
+    """
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

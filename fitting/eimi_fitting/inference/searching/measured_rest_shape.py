@@ -88,7 +88,8 @@ class MeasuredRestShape:
         experiment : Experiment
             The experiment with the stated specimen.
         of : str
-            Name of the states without load. Datasets with different names have independent errors of the rest shape.
+            Name of the measurement of the rest shape. Datasets with the same name share one error of the rest shape,
+            and datasets with different names have independent errors.
 
         Returns
         -------

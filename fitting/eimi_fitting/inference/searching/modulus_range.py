@@ -136,7 +136,10 @@ def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> 
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return the n unknowns with bounds that contain S moduli, and the unit coordinates (S, n) of S candidates."""
+    """Return the unknowns with bounds that contain S moduli, and S candidates in unit coordinates (0 to 1).
+
+    The candidates have the shape (S, n) for n unknowns.
+    """
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])

@@ -130,8 +130,8 @@ def polish(
     Parameters
     ----------
     evaluate : callable
-        Takes P candidates of n unknowns in unit coordinates (P, n), and an earlier evaluation of similar candidates or
-        None. Returns the evaluation of the P candidates.
+        Takes P candidates of n unknowns in unit coordinates (0 to 1), (P, n),, and an earlier evaluation of similar
+        candidates or None. Returns the evaluation of the P candidates.
     unit : ndarray, shape (n,)
         The start in unit coordinates.
     start : (Evaluation, ndarray), optional

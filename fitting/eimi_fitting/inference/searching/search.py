@@ -84,7 +84,7 @@ class Generation:
     mean_mm : float
         Mean objective of the valid candidates of this generation, in mm.
     step_size : float
-        Step size sigma in unit coordinates.
+        Step size sigma in unit coordinates (the bounds of the search are 0 and 1).
     axis_ratio : float
         Length of the longest axis of the normal distribution of candidates, divided by the length of the shortest axis.
     discarded : int
@@ -108,7 +108,7 @@ class Run:
     population : int
         Number of candidates in a generation.
     step_size : float
-        First step size sigma in unit coordinates.
+        First step size sigma in unit coordinates (the bounds of the search are 0 and 1).
     generations : int
         Number of generations.
     best_mm : float
@@ -188,7 +188,7 @@ def search(
     Parameters
     ----------
     objective : callable
-        Takes the unit coordinates (P, n) of the P candidates of a generation and returns the objectives.
+        Takes the unit coordinates (0 to 1), (P, n), of the P candidates of a generation and returns the objectives.
     n : int
         Number of coordinates of a candidate.
     seed : int
