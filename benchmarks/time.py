@@ -106,7 +106,8 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
     recorded : list of RecordedMotion
         The noisy recordings of ring-downs and creep.
     static : StaticStates
-        The fields, their times, and the modulus of an elastic fit to the states at the ends of the fields.
+        The static states: the fields, the times at which each field was set and the edges were measured, and the
+        modulus of an elastic fit to these states.
     """
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))

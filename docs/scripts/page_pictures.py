@@ -82,7 +82,7 @@ def keep(page: Any, name: str) -> None:
 
 
 def of_the_bench(browser: Browser, address: str) -> None:
-    """Take the pictures of the page for runs: before a run, during a run and after a stop."""
+    """Save pictures of the page that shows a run: before the run begins, during the run, and after it was stopped."""
     page = browser.new_page(viewport=SIZE)
     page.set_default_timeout(120_000)
     page.goto(address)
@@ -110,7 +110,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
 
 
 def of_a_fit(browser: Browser, address: str) -> None:
-    """Take the picture of the page with the result of a fit."""
+    """Save a picture of the page that shows the result of a fit."""
     page = browser.new_page(viewport={**SIZE, "height": 1100})
     page.set_default_timeout(300_000)
     page.goto(f"{address}#runs")
@@ -125,7 +125,7 @@ def of_a_fit(browser: Browser, address: str) -> None:
 
 
 def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
-    """Take the picture of the page on which a user calibrates pictures by hand, in dark colours.
+    """Save a picture, in dark colours, of the page on which a user calibrates pictures by hand.
 
     The frames of the run take the place of a user's pictures.
     """
@@ -150,7 +150,7 @@ def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
 
 
 def main() -> None:
-    """Take all pictures of the live page."""
+    """Save all pictures of the live page that the documentation shows."""
     FOLDER.mkdir(exist_ok=True)
     emulated = CoilSupply(WallClock())
     with (

@@ -135,7 +135,7 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain of a mode of deformation at the largest stretch in the data of a fit.
+    """Return the strain in a mode of deformation that has the largest stretch in the data of a fit.
 
     The data include the tensile curves of the fit.
     """

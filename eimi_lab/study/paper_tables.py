@@ -171,7 +171,8 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
     kinds : sequence of str
         The types of specimen over which the errors are averaged.
     source : {"own", "published"}
-        Whether the tensile curve is that of the hidden material or a published curve.
+        "own" for a simulated tensile curve of the hidden material (the true material of the simulated specimens),
+        "published" for a published curve.
     """
     compared = []
     for key, section in findings.bending:

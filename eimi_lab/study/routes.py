@@ -34,8 +34,8 @@ class Route:
     modulus_Pa : float
         The initial shear modulus in Pa.
     source : {"bending", "own", "published"}
-        The data: bending of a specimen of type 1, the tensile curve of the hidden material, or a published tensile
-        curve.
+        The data: bending of a specimen of type 1, the tensile curve of the hidden material (the true material of the
+        simulated specimens), or a published tensile curve.
     window : str
         The fitted part of the tensile curve, from 0 to a largest strain: `20 %`, `full` and so on; empty for bending.
     """
@@ -96,7 +96,8 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
     strain, stress_Pa : ndarray, shape (m,)
         Engineering strain, and engineering stress in Pa.
     source : {"own", "published"}
-        Whether the curve is that of the hidden material or a published curve.
+        "own" for a simulated curve of the hidden material (the true material of the simulated specimens), "published"
+        for a published curve.
     extent : Extent
 
     Returns

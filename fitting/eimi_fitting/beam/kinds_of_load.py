@@ -70,7 +70,7 @@ class CoilField:
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Put the magnet and the magnetised silicone into the field of the coil.
+        """Add the loads of the coil's field: on the magnet, and on magnetised silicone.
 
         The loads depend on the positions of magnet and silicone in the deformed beam.
         """
