@@ -118,7 +118,7 @@ class RunEnd:
 
 
 def make_bench(folder: Path) -> None:
-    """Write the TOML files of a bench into a folder, and a recording of a beam at rest, the pictures of its camera."""
+    """Write the TOML files of a bench into a folder, and the pictures of a beam at rest that its camera plays back."""
     recording = folder / "recording"
     recording.mkdir()
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)

@@ -158,7 +158,7 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which the modulus stays within one per cent of the target.
+    """Return the number of evaluations after which the best candidate's modulus stays within one per cent of a target.
 
     Return None if the last modulus is not within one per cent of the target.
     """

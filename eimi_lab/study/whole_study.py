@@ -142,7 +142,7 @@ def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Return the fits to the tensile curve of a hidden material and, if available, to a published tensile curve.
+    """Return the fits to the tensile curve of a hidden material and, if there is one, to a published tensile curve.
 
     Hidden material: the true material of simulated specimens, which the fits do not know.
     """
