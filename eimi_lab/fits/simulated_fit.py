@@ -1,8 +1,8 @@
 """Simulate a fit on a dataset, and compute its error.
 
-If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and others) keep their
-identified values. On any other dataset the nuisances have the values in the input files. The module `prediction` adds
-the interval of the error and shares the work among processes.
+If the law was fitted to this dataset, the uncertain inputs that were fitted with the law (freed nuisances, such as the
+magnetic moment) keep their identified values. On any other dataset these inputs have the values in the input files. The
+module `prediction` adds the interval of the error and shares the work among processes.
 """
 
 from __future__ import annotations

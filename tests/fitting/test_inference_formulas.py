@@ -306,7 +306,11 @@ def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
 
 @pytest.mark.parametrize(("states", "folds"), [(6, 5), (3, 5), (6, 2), (2, 5)])
 def test_the_error_of_omitted_states_is_that_of_fits_without_them(states: int, folds: int) -> None:
-    """For a linear model the step from all states is exact: it is compared with least squares for the other states."""
+    """The error of omitted states equals the error of least-squares fits to the other states.
+
+    The error of omitted states is computed by one step from the fit to all states. This step is exact, because the
+    model of this test is linear.
+    """
     rng = np.random.default_rng(states + folds)
     slopes, data = rng.normal(size=(2, states, 5)), rng.normal(size=(states, 5))
     rows = slopes.transpose(1, 2, 0)
@@ -344,7 +348,10 @@ def test_the_bounds_of_the_search_lie_three_decades_about_the_best_modulus() -> 
 
 
 def test_the_bounds_of_the_search_contain_all_moduli_that_are_as_good() -> None:
-    """The outermost moduli within 2 % of the best are 10^2.5 apart; half a decade is added at both ends."""
+    """The search covers all moduli whose error is within 2 % of the smallest error, and half a decade at both ends.
+
+    In this test, the largest of these moduli is 10^2.5 times the smallest.
+    """
     found = scan(0.1, 0.1019, 0.5, 0.1, 0.1, 0.1019, 0.1021, first=2)
     assert found.searched() == pytest.approx((10**2.5, 10**6.0), rel=0.02)
 
@@ -695,7 +702,11 @@ def problem_of(*states: LinearStates) -> Any:
 
 
 def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
-    """w_k = N / (K e N_k e_k), with the error of the beam model in quadrature: the sum of w_k N_k e_k² is N."""
+    """The weight of state k is w_k = N / (K e N_k e_k), so that the sum of w_k N_k e_k² is N.
+
+    N is the number of independent points, N_k the number of points of state k, e_k its error, and e the mean error of
+    the K states. The errors contain the error of the beam model (added in quadrature).
+    """
     states = [noisy([0.01, 0.03]), noisy([0.02], seed=5)]
     problem = problem_of(*states)
     model_mm = [np.array([0.0, 0.04]), np.array([0.0])]
@@ -747,7 +758,11 @@ def test_slopes_are_central_differences() -> None:
 
 
 def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
-    """Two corrections change all points by 0.1 mm and 0.2 mm, and leave 95 % bounds of a tenth and a half of that."""
+    """The error of the beam model is the root sum of squares of the errors that remain after two corrections.
+
+    The corrections change all points by 0.1 mm and by 0.2 mm. A tenth of the first change and half of the second change
+    are 95 % bounds of the remaining errors.
+    """
     shape = (2, 2, 5)
     effects = [
         noise.Effect(SimpleNamespace(changes=[np.full(shape, size)]), np.zeros(1), share)  # type: ignore[arg-type]
@@ -792,7 +807,11 @@ def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at:
 
 
 def test_an_end_goes_where_the_quadratic_reaches_the_target() -> None:
-    """The deviance is x' H x about 0.5. Its minimum over the second coordinate is 300 u^2 for the first one."""
+    """An interval ends at the point at which the deviance, minimised over the other coordinate, reaches its target.
+
+    The deviance is x' H x with two coordinates x, counted from 0.5. For the first coordinate u, its minimum over the
+    second coordinate is 300 u^2.
+    """
     hessian = np.array([[400.0, 100.0], [100.0, 100.0]])
 
     def at(first: float, second: float) -> _End:

@@ -23,7 +23,10 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum and the effects of a correction whose passes reach `optima` in turn; the start is 0."""
+    """Return the optimum and the effects of a correction in several passes.
+
+    optima: the optimum after each pass. The optimum before the first pass is 0.
+    """
     passes = iter(optima)
     problem: Any = SimpleNamespace(
         experiments=(), unknowns=SimpleNamespace(modulus_percent=lambda move: PERCENT * float(move))

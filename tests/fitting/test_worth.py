@@ -1,4 +1,4 @@
-"""Likelihood profiles, determined directions, comparisons of laws and the coverage of intervals are right.
+"""Likelihood profiles, the directions that data determine, comparisons of laws and the coverage of intervals are right.
 
 The tests use objectives and measurements whose results are known.
 """

@@ -1,4 +1,4 @@
-"""The sentences that a person reads about a run, and which of two readers receives each of them."""
+"""The sentences about the events of a run, and the function (`report` or `remark`) to which each sentence is passed."""
 
 from __future__ import annotations
 

@@ -233,12 +233,12 @@ def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
         (files / "xypts.tsv").write_text("\n".join(["DLTdv data file", f"3\t6\t{len(cells)}", *cells]) + "\n")
     options = ("--sigma", "0.4", "--unit", "px", *IN_OWN_AXES)
     assert imported(run, files, files / f"xypts.{ending}", "dltdv", *options, states=STATES.format(2, 3)) == (0, "")
-    mirrored(files)
+    check_orientation(files)
     check(files, 0.05, 2e-6)
 
 
-def mirrored(files: Path) -> None:
-    """Assert that the imported points are not mirrored: the tip is on the +y side."""
+def check_orientation(files: Path) -> None:
+    """Assert that the tip of the imported points is on the +y side, and not on the mirrored side."""
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 
