@@ -120,7 +120,7 @@ def _left_unfinished(event: Event) -> bool:
 @singledispatch
 def in_words(event: Event) -> str:
     """Return a sentence in English, without a full stop, that describes an event of a run."""
-    raise TypeError(f"no words for {type(event).__name__}")
+    raise TypeError(f"there is no sentence for the event {type(event).__name__}")
 
 
 @in_words.register

@@ -239,7 +239,10 @@ def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")],
     parameter: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=NUMBER", help="parameter of the law, such as mu_Pa=46390; repeat it for each one"),
+        typer.Option(
+            metavar="KEY=NUMBER",
+            help="a parameter of the law, such as mu_Pa=46390; repeat the option for each parameter",
+        ),
     ] = None,
     fit: Annotated[
         Path | None,

@@ -91,7 +91,8 @@ def demo(
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
     quick: Annotated[
-        bool, typer.Option("--quick", help="save time: fit only neo-hookean, and to fewer states of the beam")
+        bool,
+        typer.Option("--quick", help="save time: fit only the neo-hookean law, and measure fewer states of the beam"),
     ] = False,
     seed: Annotated[int, typer.Option(help="seed of the random numbers of the search", min=1)] = 1,
     rig: Annotated[

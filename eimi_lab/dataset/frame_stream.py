@@ -90,7 +90,7 @@ class FrameStream:
         if image.shape != self._shape or image.dtype != self._dtype:
             raise ValueError(
                 f"the new frame has the shape {image.shape} and the type {image.dtype}, but the frames before have "
-                f"{self._shape} and {self._dtype}; all frames of a recording should be equal in both"
+                f"{self._shape} and {self._dtype}; all frames of a recording should have the same shape and type"
             )
         while not self._room.acquire(timeout=0.1):
             if meanwhile:

@@ -403,8 +403,8 @@ class DatasetWriter:
         if images.shape[1:] != self._frames.shape[1:] or images.dtype != self._frames.dtype:
             raise ValueError(
                 f"the new frames have the shape {images.shape[1:]} and the type {images.dtype}, but the frames before "
-                f"have {self._frames.shape[1:]} and {self._frames.dtype}; all frames of a dataset should be equal in "
-                "both"
+                f"have {self._frames.shape[1:]} and {self._frames.dtype}; all frames of a dataset should have the "
+                "same shape and type"
             )
         return images
 

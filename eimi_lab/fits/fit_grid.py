@@ -147,7 +147,7 @@ def fit_grid(
                 report(f"{tasks[index]}, mean error {1e3 * done[index].mean_error_mm:.2f} µm")
     except OtherSearch as error:
         raise InputError(
-            f"{checkpoint.path if checkpoint else ''}: the fit cannot be continued here: {error}"
+            f"{checkpoint.path if checkpoint else ''}: the fit cannot be continued from this file: {error}"
         ) from error
     return list(_with_replicates(tasks, done))
 

@@ -81,7 +81,7 @@ def outlines_mm(
         material.law, material.parameters, Loads.along(fields), tolerance_mm=1e-3, bulk_modulus_Pa=bulk
     )
     if not shapes.converged.all():
-        raise ArithmeticError(f"a specimen of {material.name} has no equilibrium")
+        raise ArithmeticError(f"the beam of {material.name} has no equilibrium in one of the fields")
     return points_on(outline(model, shapes)[0], 2)[:, :, _AT_ENDS : -_AT_ENDS // 2]
 
 

@@ -148,7 +148,7 @@ def test_the_channel_is_the_number_after_the_last_number_sign(address: str, part
 
 @pytest.mark.parametrize("url", ["spy:///dev/ttyUSB0?file=x", "loop://", "alt://x", "hwgrep://x"])
 def test_other_urls_are_refused_before_a_port_is_opened(opened: list[dict[str, Any]], url: str) -> None:
-    with pytest.raises(InstrumentError, match="is not opened"):
+    with pytest.raises(InstrumentError, match="is not supported"):
         SerialTransport(url)
     assert opened == []
     for permitted in ("socket://h:1", "SOCKET://h:1", "rfc2217://h:1"):

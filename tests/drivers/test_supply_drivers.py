@@ -306,7 +306,7 @@ def test_a_port_that_fails_while_it_is_opened_is_reported_as_disconnected(bench_
 def test_a_url_that_may_write_a_file_is_refused(tmp_path, scheme):
     diary = tmp_path / "diary.txt"
     diary.write_text("Dear diary")
-    with pytest.raises(InstrumentError, match="is not opened; give a port"):
+    with pytest.raises(InstrumentError, match="is not supported; give a port"):
         open_supply("korad", f"{scheme}/dev/null?file={diary}", LIMITS)
     assert diary.read_text() == "Dear diary"
 

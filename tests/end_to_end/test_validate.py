@@ -185,7 +185,7 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
         (("train.h5", "--fit", "fits.json", "-o", "tensile.json"), "tensile.json: exists already"),
         (
             ("train.h5", "--fit", "fits.json", "-o", "fits.json", "--force"),
-            "fits.json: cannot be written, because the same command uses it as another file",
+            "fits.json: cannot be written, because the same command already reads or writes this file",
         ),
         (("train.h5", "./train.h5", "--fit", "fits.json", "-o", "v.json"), "train.h5: is given twice"),
         (

@@ -233,7 +233,10 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
 
 
 def test_only_its_prior_limits_an_estimated_input() -> None:
-    """A deviation of one standard deviation costs the same for every input that the fit estimates."""
+    """A deviation by one standard deviation of the prior raises the objective equally for every estimated input.
+
+    An estimated input is an uncertain input that the fit determines together with the law.
+    """
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])

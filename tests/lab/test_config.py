@@ -244,7 +244,7 @@ def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expect
         (
             'address = "virtual"',
             'address = "spy:///dev/ttyUSB0?file=/home/me/.bashrc"',
-            "supply.address = 'spy:///dev/ttyUSB0?file=/home/me/.bashrc' spy:// is not opened; give a port such as",
+            "supply.address = 'spy:///dev/ttyUSB0?file=/home/me/.bashrc' spy:// is not supported; give a port such as",
         ),
         ("blur_px", "blur_pixels", "virtual.optics.blur_pixels is not a known key; did you mean blur_px?"),
         ("virtual_materials", "butter", "materials = 'butter.toml': there is no such file in the folder"),

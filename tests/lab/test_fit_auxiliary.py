@@ -218,11 +218,11 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         (("./strip.h5", "--each"), "strip.h5: is given twice"),
         (
             ("--checkpoint", "fits.json"),
-            "fits.json: cannot be written, because the same command uses it as another file",
+            "fits.json: cannot be written, because the same command already reads or writes this file",
         ),
         (
             ("--checkpoint", "strip.h5", "--force"),
-            "strip.h5: cannot be written, because the same command uses it as another file",
+            "strip.h5: cannot be written, because the same command already reads or writes this file",
         ),
         (
             ("--tensile", "wrong_unit.csv", "--tensile-weight", "1e6"),

@@ -320,7 +320,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     log.write_text(written.replace('"numpy":"', '"numpy":"0.'))
     assert "version of numpy should be the same" in refused("--resume")
     log.write_text(written.replace('"step_size":0.', '"step_size":1.').rsplit("\n", 1)[0])
-    assert "the fit cannot be continued here: generation 1 of the search differs" in refused("--resume")
+    assert "the fit cannot be continued from this file: generation 1 of the search differs" in refused("--resume")
     log.write_text(written.replace('"generation":3', '"generation":"x"'))
     assert "complete line 4: generation" in refused("--resume")
     log.write_text(written.replace('"fit":0', '"fit":1'))

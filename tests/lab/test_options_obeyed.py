@@ -240,7 +240,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
     status, message = run(*arguments, "--force")
     assert status == 2
     assert message.count("\n") == 1
-    assert "the same command uses it as another file" in message
+    assert "the same command already reads or writes this file" in message
     for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png"):
         assert (tmp_path / name).read_text() == f"what {name} holds"
 

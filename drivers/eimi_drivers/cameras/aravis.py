@@ -281,7 +281,7 @@ class AravisCamera:
         began_s = time.monotonic()
         if not self._controls():
             raise InstrumentDisconnected(
-                "the control was lost: the camera was restarted, or another program took control of the camera"
+                "this program no longer controls the camera: the camera was restarted, or another program took control"
             )
         if self._triggered:
             self._discard_late_frames(began_s + timeout_s / 2)
@@ -322,7 +322,7 @@ class AravisCamera:
             )
         if not self._controls():
             return InstrumentDisconnected(
-                "the control was lost: the camera was restarted, or another program took control of the camera"
+                "this program no longer controls the camera: the camera was restarted, or another program took control"
             )
         states = ", ".join(f"{count} with {status}" for status, count in self._incomplete.items())
         incomplete = f"; incomplete frames: {states}" if states else ""

@@ -203,7 +203,7 @@ class FaultyInstrument:
         if fault is Fault.DROP:
             self._fault = None
             self.instrument, self._next = self._next or self.instrument, None
-            raise ConnectionResetError("the line was dropped")
+            raise ConnectionResetError("the line was interrupted")
         if fault is Fault.SILENCE or self._clock.now() < self._silent_until_s:
             return b""
         answer = self.instrument.receive(data)

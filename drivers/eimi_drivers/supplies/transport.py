@@ -146,7 +146,9 @@ def check_address(address: str) -> None:
     url = _URL.match(serial_port(address))
     if url and not url[0].lower().startswith(SERIAL_URLS):
         kinds = " or ".join(SERIAL_URLS)
-        raise ValueError(f"{url[0]} is not opened; give a port such as /dev/ttyUSB0, or a URL that begins with {kinds}")
+        raise ValueError(
+            f"{url[0]} is not supported; give a port such as /dev/ttyUSB0, or a URL that begins with {kinds}"
+        )
 
 
 def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:

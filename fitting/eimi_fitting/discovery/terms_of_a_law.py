@@ -265,7 +265,9 @@ def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tu
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
     terms = tuple(term for term in library if term.largest_x > most)
     if not any(term.has_modulus for term in terms):
-        raise ValueError("the library holds no term with stiffness at rest that the curves allow: add i1, for example")
+        raise ValueError(
+            "the library holds no term that has stiffness at rest and a finite stress at all strains of the curves: add i1"
+        )
     return terms, tuple(term for term in library if term not in terms)
 
 

@@ -252,7 +252,9 @@ class RingTable:
             beam.law, parameters, beam.loads, tolerance_mm=_SOLID_MM, options=SolidOptions(method="follow")
         )
         if not bent.converged.all():
-            raise NoEquilibrium(f"the solid has no equilibrium at a shear modulus of {self.middle_Pa:.3g} Pa")
+            raise NoEquilibrium(
+                f"the solid model of the beam has no equilibrium at a shear modulus of {self.middle_Pa:.3g} Pa"
+            )
         chosen = candidates(beam.law, parameters, "solid", None, None)
         better = beam.vibration(beside.solid).near(chosen, beam.loads, bent.last)
         of_solid = float(beside.tip_angle_deg(bent)[0, 0])

@@ -19,10 +19,11 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """The half-width is t sigma sqrt(tau) / |slope|, with Student's t for n/tau - 1 degrees of freedom.
+    """The half-width is t sigma sqrt(tau) / |slope|, as linear least squares give it for correlated residuals.
 
-    n is the number of rows of the curve, and tau the number of rows that count as one independent row. sigma² is the
-    sum of the squared residuals divided by n - 1.
+    slope is the vector of the derivatives of the stresses with respect to the modulus. t is Student's factor for n/tau
+    - 1 degrees of freedom. n is the number of rows of the curve, and tau the number of rows that count as one
+    independent row. sigma² is the sum of the squared residuals divided by n - 1.
     """
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
