@@ -241,7 +241,7 @@ def simulate(
         list[str] | None,
         typer.Option(
             metavar="KEY=NUMBER",
-            help="a parameter of the law, such as mu_Pa=46390; repeat the option for each parameter",
+            help="parameter of the law, such as mu_Pa=46390; may be repeated",
         ),
     ] = None,
     fit: Annotated[

@@ -92,7 +92,7 @@ def demo(
     specimen: Specimen = "type1",
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="save time: fit only the neo-hookean law, and measure fewer states of the beam"),
+        typer.Option("--quick", help="save time: measure fewer states of the beam, and fit only neo-hookean"),
     ] = False,
     seed: Annotated[int, typer.Option(help="seed of the random numbers of the search", min=1)] = 1,
     rig: Annotated[

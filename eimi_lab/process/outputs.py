@@ -58,7 +58,8 @@ def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
     for path in written:
         if followed(path) in used:
             raise InputError(
-                f"{path}: cannot be written, because the same command already reads or writes this file; give another name"
+                f"{path}: cannot be written, because the same command already reads or writes this file; "
+                "give another name"
             )
         used.add(followed(path))
 

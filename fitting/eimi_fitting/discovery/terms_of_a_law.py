@@ -266,7 +266,8 @@ def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tu
     terms = tuple(term for term in library if term.largest_x > most)
     if not any(term.has_modulus for term in terms):
         raise ValueError(
-            "the library holds no term that has stiffness at rest and a finite stress at all strains of the curves: add i1"
+            "the library holds no term that has stiffness at rest and a finite stress at all strains of the curves: "
+            "add i1, for example"
         )
     return terms, tuple(term for term in library if term not in terms)
 

@@ -235,7 +235,8 @@ def _problem(
         sections = {experiment.model.specimen.section for experiment in experiments}
         if others := sorted(sections - {"plane-strain"}):
             raise ValueError(
-                f"the fit can determine the bulk modulus only if the section is plane-strain; the section is {', '.join(others)}"
+                "the fit can determine the bulk modulus only if the section is plane-strain; "
+                f"the section is {', '.join(others)}"
             )
         space = space.with_bulk()
     freed = (*free, *freed_by_polarities(experiments, free))
