@@ -72,7 +72,11 @@ def row(
 
 
 def main() -> None:
-    """Print the table. From row to row the plan may choose more: fields, mounting, a tip weight, and another shape."""
+    """Print a table that compares planned states with equally spaced states.
+
+    The plan of the first row may choose the fields only. The plans of later rows may also choose the mounting, a tip
+    weight, and the shape of the specimen.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
     parser.add_argument("--states", type=int, default=6, help="states of a plan")

@@ -1,4 +1,4 @@
-"""Count how many 95 % intervals contain the truth if every source that a file can give has its usual uncertainty.
+"""Count the 95 % intervals that contain the truth if each input has its usual uncertainty.
 
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 

@@ -107,7 +107,8 @@ def expected_ring_down(
     static_percent : float
         Expected half-width (%) of the 95 % interval of the modulus from the static states alone.
     effects : mapping of str to float
-        By name of source: the change of the static modulus (%), with its sign, for one standard uncertainty.
+        By name of the source of uncertainty: the change of the static modulus (%), with its sign, for one standard
+        uncertainty.
 
     Returns
     -------

@@ -32,7 +32,7 @@ MEASURE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one claim of the paper for one material and section assumption, with numbers as evidence.
+    """The verdict on one claim of Di Lecce et al. 2022 for one material and section assumption, with the numbers.
 
     Section assumption: how the cross-section of the beam is modelled, in plane strain or as a solid.
     """
@@ -45,7 +45,7 @@ class Verdict:
 
 
 def verdicts(findings: Findings) -> list[Verdict]:
-    """Return the verdict (whether the results agree) on each claim of the paper, for each section and material.
+    """Return the verdict (whether the results agree) on each claim of Di Lecce et al. 2022, by section and material.
 
     Section: how the cross-section of the beam is modelled, in plane strain or as a solid.
     """

@@ -28,7 +28,7 @@ class Extent:
     windows_percent : tuple
         Largest strains, in per cent, up to which tensile curves are fitted; None for the whole curve.
     open_questions : bool
-        Whether the open questions of the paper (module `open_questions`) are answered.
+        Whether the questions that Di Lecce et al. 2022 leave open are answered (module `open_questions`).
     cases : int
         Largest number of cases, such as magnets, that answer an open question; largest number of seeds of an optimiser.
     """

@@ -1,4 +1,4 @@
-"""Draw the figures of a study, in the form of figures 1, 7, 8 and 9 of the paper."""
+"""Draw the figures of a study, in the form of figures 1, 7, 8 and 9 of Di Lecce et al. 2022."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Answer open questions of the paper: compressibility, magnetic moment, number of states and choice of optimiser.
+"""Answer questions that Di Lecce et al. 2022 leave open.
+
+The questions concern compressibility, magnetic moment, number of states and choice of optimiser.
 
 The first three questions use a specimen of type 1 made of a Neo-Hookean silicone. The law of the fit is then the true
 law, so that each deviation is due to the input in question. Each answer is a list of rows for JSON.

@@ -35,7 +35,7 @@ _TITLES = {
 
 
 def claims_table(judged: Sequence[Verdict]) -> Table:
-    """Return a table with the verdict on each claim of the paper."""
+    """Return a table with the verdict on each claim of the paper (Di Lecce et al. 2022)."""
     rows = tuple((v.claim, v.material, v.section, "yes" if v.agrees else "**no**", v.evidence) for v in judged)
     head = ("claim of the paper", "material", "section", "confirmed", "evidence")
     return Table("claims", "The paper's claims", head, rows, MEASURE)

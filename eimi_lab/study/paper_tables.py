@@ -1,4 +1,4 @@
-"""The tables of a study: the tables of the paper, and one table for each open question."""
+"""The tables of a study: the tables of the paper (Di Lecce et al. 2022), and one table for each open question."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def all_tables(findings: Findings) -> list[Table]:
 
 
 def searches(findings: Findings) -> Table:
-    """Return a table like table 4 of the paper: the number of evaluations and the error of each search."""
+    """Return a table like table 4 of Di Lecce et al. 2022: the number of evaluations and the error of each search."""
     rows = [
         (
             MATERIALS[key].name,

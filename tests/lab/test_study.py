@@ -1,4 +1,7 @@
-"""The study stores its results in parts, judges the claims of the paper, and uses materials outside the fitted laws."""
+"""The study stores its results in parts, judges the claims of Di Lecce et al.
+
+2022, and uses materials outside the fitted laws.
+"""
 
 from __future__ import annotations
 

@@ -123,7 +123,10 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def usual() -> tuple[StatedSource, ...]:
-    """Return the usual uncertainty of every source that a file can give and that applies to a telecentric camera."""
+    """Return the usual standard uncertainty of every input whose uncertainty a file can give, by input.
+
+    Inputs that a telecentric camera does not have are left out.
+    """
     return tuple(
         StatedSource(name, source.usual, source.stated_in)
         for name, source in SOURCES.items()

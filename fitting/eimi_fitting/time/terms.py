@@ -48,14 +48,20 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns, shape (1 + 2 n,); the module `time.terms` lists the unknowns."""
+        """The prior means of the 1 + 2 n unknowns for n terms, shape (1 + 2 n,).
+
+        The module `time.terms` lists the unknowns.
+        """
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
         return np.concatenate([[np.log(self.modulus_Pa)], np.full(self.count, np.log(_SHARE)), middle])
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n unknowns in the order of `mean`, shape (1 + 2 n,)."""
+        """The prior standard deviations of the 1 + 2 n unknowns for n terms, shape (1 + 2 n,).
+
+        The module `time.terms` lists the unknowns.
+        """
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])

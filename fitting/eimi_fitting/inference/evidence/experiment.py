@@ -266,8 +266,8 @@ def compare(
         Keep the full solution of the first candidate as a start for later calls.
     seen : sequence of (ndarray, sequence of mapping), optional
         Groups of candidates with the same lens. Each group has the indices of its candidates and, for each experiment,
-        the deviations of the sources of the lens. Every candidate belongs to one group. By default all candidates have
-        the stated lens.
+        the deviations of the uncertain properties of the lens, by their keys in `SOURCES`. Every candidate belongs to
+        one group. By default all candidates have the stated lens.
 
     Returns
     -------
