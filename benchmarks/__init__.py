@@ -17,6 +17,7 @@ mesh_convergence    the error of the tip's position for several meshes
 edges               the error of the edges that are found in rendered frames
 real_pictures       edges found in other people's photographs, compared with traced edges
 photographs         the error of the edges in rendered photographs of coloured beams
+published_strips    fits of two bodies of one silicone that other authors filmed
 phone               fits of rendered photographs as a phone takes them: a beam with weights
 flick               fits of rendered videos as a phone records them: a strip that a finger flicks
 lab_photographs     rendered photographs, each with one difficulty of a laboratory

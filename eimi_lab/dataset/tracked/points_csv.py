@@ -8,8 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from eimi_fitting.beam.strip import Strip
 from eimi_lab.config.csv_tables import Column, Row, read_table
+from eimi_lab.config.size_along import rows_of
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
@@ -117,12 +120,22 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
     beam = specimen.specimen
     if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
         raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
-    if abs(row.number("y0_mm")) > beam.width_mm / 2 + ON_THE_BEAM_MM:
-        raise row.fault("y0_mm", f"on the beam, within half of width_mm = {beam.width_mm:g}")
-    if abs(_depth(row)) > beam.depth_mm / 2 + ON_THE_BEAM_MM:
-        raise row.fault(DEPTH, f"in the beam, within half of depth_mm = {beam.depth_mm:g}")
+    strip = Strip(specimen.mechanics())
+    along, across = strip.straightened(np.array([[row.number("x0_mm"), row.number("y0_mm")]])).T
+    depth = strip.straight_z_mm(along, np.array([_depth(row)]))
+    if abs(across[0]) > strip.straight.width_mm / 2 + ON_THE_BEAM_MM:
+        raise row.fault("y0_mm", "on the beam, " + _within("width_mm", beam.width_mm, strip.width_mm(along)))
+    if abs(depth[0]) > strip.straight.depth_mm / 2 + ON_THE_BEAM_MM:
+        raise row.fault(DEPTH, "in the beam, " + _within("depth_mm", beam.depth_mm, strip.depth_mm(along)))
     if row.number("sigma_mm") <= 0:
         raise row.fault("sigma_mm", "greater than 0")
+
+
+def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
+    """Say how far from the centre line the model has silicone; a step of the size is a short ramp in the model."""
+    if not rows_of(size_mm):
+        return f"within half of {key} = {size_mm:g}"
+    return f"within half of {key} at this x0_mm = {modelled_mm[0]:.4g} (a step of {key} is a short ramp in the model)"
 
 
 def _depth(row: Row) -> float:

@@ -14,6 +14,7 @@ from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit, Observation, joined_misfits
 from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under, view_under
 from eimi_fitting.inference.evidence.unknowns import Setup
@@ -106,8 +107,8 @@ class Experiment:
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
         """Return the experiment with deviations of its inputs from their stated values.
 
-        The rest positions of tracked points are scaled with the length and the width of the specimen. The measured
-        displacements of these points stay the same.
+        The rest positions of tracked points keep their places on the specimen: they move with its length, width, depth
+        and rest shape. The measured displacements of these points stay the same.
 
         Parameters
         ----------
@@ -144,9 +145,17 @@ def _observed_of(
         if view is None:
             return observed
         return replace(observed, view=view_under(view, deviations))
-    scale = np.array([specimen.length_mm / before.length_mm, specimen.width_mm / before.width_mm])
-    step = observed.rest_mm * (scale - 1)
-    return replace(observed, rest_mm=observed.rest_mm + step, moved_mm=observed.moved_mm + step)
+    old, new = Strip(before), Strip(specimen)
+    states, n, _ = observed.rest_mm.shape
+    straight = old.straightened(observed.rest_mm.reshape(-1, 2))
+    scale = (specimen.length_mm / before.length_mm, new.straight.width_mm / old.straight.width_mm)
+    stretched = straight * np.array(scale)
+    step = new.at_rest(stretched).reshape(states, n, 2) - observed.rest_mm
+    depth = observed.depth_mm
+    if depth is not None:
+        z = old.straight_z_mm(straight[:, 0], depth.ravel()) * (new.straight.depth_mm / old.straight.depth_mm)
+        depth = new.z_at_rest_mm(stretched[:, 0], z).reshape(states, n)
+    return replace(observed, rest_mm=observed.rest_mm + step, moved_mm=observed.moved_mm + step, depth_mm=depth)
 
 
 @dataclass(frozen=True)
