@@ -12,7 +12,7 @@ solid_mesh          the error of the modulus due to the mesh of the solid model
 hidden_solids       fits of hidden solids in plane strain, in plane stress and as solids, and the predicted bias
 imperfect_rigs      the error of the modulus due to one property of a bench that differs from the files
 rendered_rigs       pictures of imperfect benches, and the edges found in these pictures
-usual_imperfections  the share of 95 % intervals that contain the truth if every uncertain input has its usual uncertainty
+usual_imperfections  the share of 95 % intervals that contain the truth if each input has its usual uncertainty
 mesh_convergence    the error of the tip's position for several meshes
 edges               the error of the edges that are found in rendered frames
 real_pictures       edges found in other people's photographs, compared with traced edges
