@@ -133,7 +133,7 @@ def row(name: str, words: Sequence[str]) -> str:
 
 
 def main() -> int:
-    """Print the table, and return the exit status.
+    """Print a table of the right, open and wrong results, and return the exit status.
 
     The status is 1 if less than 90 % of the results from both kinds of evidence are right, or if more than 5 % of the
     results from bending alone are wrong. Otherwise the status is 0.

@@ -92,7 +92,7 @@ def half_percent(estimate: Estimate) -> float:
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """Return the states from which a plan may choose, with what each adds to the fit of the modulus.
+    """Return the states from which a plan may choose, each with its contribution to the fit of the modulus.
 
     estimate: the fit of an earlier run, which gives the modulus and the noise. states: number of states of this run.
     """

@@ -180,8 +180,8 @@ class DepthEffect:
     def thinned(self, most: int) -> DepthEffect:
         """Return this depth effect (solid minus planar model), interpolated through at most ``most`` solved states.
 
-        The values s of the selected states are far apart from each other. A polynomial through many equidistant values
-        s would be inaccurate between these values. ``base`` must be None.
+        A value s measures the bending in a state. The values s of the selected states are far apart from each other. A
+        polynomial through many equidistant values s would be inaccurate between these values. ``base`` must be None.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)

@@ -175,10 +175,10 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Return the sum of element rows (Et, B, 3, d) over the Et elements with nodes of the rigid body, (B, 3, m).
+        """Return the stiffness that couples the rigid body (the magnet) to m unknowns of the nodes, (B, 3, m).
 
-        The m columns are the unknowns of the nodes that are coupled to the body (the magnet). There are B candidates,
-        and an element has d unknowns.
+        rows: this stiffness for each of the Et elements with nodes of the body, (Et, B, 3, d). An element has d
+        unknowns, and there are B candidates. The three rows belong to the translation and the rotation of the body.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)

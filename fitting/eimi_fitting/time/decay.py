@@ -166,8 +166,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], int]:
     """Return the fitted vibrations, the time windows, and the number of windows that are used.
 
-    part: the signals in which the beam vibrates freely; frequency: of the largest vibration, in Hz; hangs: see
-    `decay_of`.
+    part: the signals in which the beam vibrates freely; frequency: that of the largest vibration, in Hz; hangs: whether
+    a weight hangs from the beam.
     """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
@@ -238,7 +238,8 @@ def _lasting(values: Array, size: int) -> Array:
     """Return, for each frequency of a spectrum, the share of the power that lasts through a recording, from 0 to 1.
 
     The share is the power in the second half of the n frames, divided by that in the first half. It is 1 for the hum of
-    a motor or of a lamp. values: (n, r); size: number of values from which the spectrum is computed.
+    a motor or of a lamp. values: r signals in n frames, (n, r); size: number of values from which the spectrum is
+    computed.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]

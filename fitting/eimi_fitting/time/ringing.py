@@ -236,7 +236,10 @@ class RingTable:
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The modulus at which the planar model bends like the solid with ``middle_Pa``, divided by ``middle_Pa``."""
+        """The ratio of two shear moduli, with which the planar model and the solid model bend equally.
+
+        The modulus of the planar model is divided by that of the solid model, which is ``middle_Pa``.
+        """
         return self._better[1]
 
     @cached_property

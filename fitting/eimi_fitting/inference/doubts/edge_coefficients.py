@@ -147,7 +147,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) between K states of an error that no cause explains; large for similar loads."""
+    """Return the covariance between K states of an error that no cause explains, (K, K).
+
+    The covariance of two states is large if their loads are similar.
+    """
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

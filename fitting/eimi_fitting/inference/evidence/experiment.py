@@ -94,7 +94,7 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return a misfit after the correction of the experiment ``before`` is replaced by the correction of this one.
+        """Return a misfit after the correction of the experiment ``before`` is replaced by that of this experiment.
 
         A misfit has the distances (residuals) of the measured points. A correction (``change``) is added to them. The
         two experiments may differ only in ``change``.

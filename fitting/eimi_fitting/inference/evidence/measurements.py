@@ -86,7 +86,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y, each (b, n), of a coefficient of the nearest segment to each point.
+        """Return, for each point, the x and y (b, n) of a vector of ``of_segment`` that belongs to its nearest segment.
 
         Two arrays are faster than sums over an axis of length two.
         """
@@ -99,7 +99,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return x and y of the vector from each point to its segment at ``xi``, and of the tangent there."""
+        """Return x and y of the vector from each point to the place ``xi`` of its segment, and of the tangent."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)

@@ -105,7 +105,7 @@ class Evaluation:
         """Residuals for least squares: one element for each experiment, and one for the standardised residuals z.
 
         Let K be the number of states, N the number of independent points, and e the median of the mean errors of the
-        valid candidates. The residuals of the additional state are e sqrt(K / N) z, and its error is e. Near the
+        valid candidates. The last element has one state, with the residuals e sqrt(K / N) z and the error e. Near the
         optimum, z then has the same weight in least squares and in the objective.
         """
         standardised = self.standardised

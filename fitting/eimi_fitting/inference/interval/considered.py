@@ -179,7 +179,11 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the residual changes in mm of experiment ``index`` for one standard uncertainty of each number."""
+    """Return the changes of the residuals of one experiment for one standard uncertainty of each input, in mm.
+
+    index: the index of the experiment; numbers: the uncertain inputs. A change is None if the input does not concern
+    the experiment.
+    """
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)

@@ -39,7 +39,7 @@ class Draws:
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """Return the D draws of the parameter or number ``name``, (D,); raise ValueError for an unknown name."""
+        """Return the D draws (D,) of the parameter or input ``name``; raise ValueError for an unknown name."""
         return np.array(self.values)[:, self.names.index(name)]
 
 

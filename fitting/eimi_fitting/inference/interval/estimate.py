@@ -211,7 +211,7 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect on the modulus of important sources that no file specifies, for their usual uncertainty."""
+    """Return the effect of important inputs on the modulus, with usual uncertainties where no file gives one."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))

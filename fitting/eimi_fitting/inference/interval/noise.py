@@ -86,7 +86,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the change of the optimum that remains uncertain."""
+        """Share of the change of the optimum that remains uncertain after the correction."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -116,7 +116,7 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one sentence for each uncertain source of the problem that the intervals do not contain."""
+        """Return one sentence for each uncertain input of the problem whose effect the intervals do not contain."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "

@@ -84,17 +84,24 @@ class _End:
 
     @property
     def off(self) -> float:
-        """The relative difference of the deviance from its target, |deviance / target - 1|."""
+        """The relative difference of the candidate's deviance from the deviance of the end, |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property
     def has_converged(self) -> bool:
-        """Whether the deviance agrees with its target within 3 %, or a bound of the coordinate is the end."""
+        """Whether the search for the end of the interval has finished.
+
+        The deviance agrees with ``target`` within 3 %, or the interval ends at a bound of the coordinate.
+        """
         on_bound = not 0 < self.point[self.coordinate] < 1
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the candidate to where a quadratic deviance, minimised over other coordinates, reaches the target."""
+        """Replace ``point`` by a better candidate for the end of the interval.
+
+        The deviance is approximated by a quadratic function and minimised over all other coordinates. The new candidate
+        is where this function has the value ``target``. unit: the optimum; hessian: the Hessian of half the deviance.
+        """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf

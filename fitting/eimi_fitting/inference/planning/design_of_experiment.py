@@ -175,12 +175,15 @@ class Candidates:
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal quantity due to each named source, in per cent, largest first."""
+        """Return the standard deviation of the goal quantity due to each source of uncertainty, in per cent.
+
+        The largest effect comes first. The keys are the names of the sources.
+        """
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal quantity in per cent for one standard uncertainty of each named source."""
+        """Return the change of the goal quantity in per cent for one standard uncertainty of each uncertain input."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
@@ -194,9 +197,9 @@ class Candidates:
         """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
 
         For the noise, the bound assumes that every state determines the quantity as well as the best state. For the
-        sources, the error is a weighted mean of the errors of estimates from single states. The weights are
-        non-negative and their sum is one. Non-negative least squares gives the weights with the smallest sum of squared
-        errors.
+        sources of uncertainty, the error is a weighted mean of the errors of estimates from single states. The weights
+        are non-negative and their sum is one. Non-negative least squares gives the weights with the smallest sum of
+        squared errors.
 
         Raises
         ------
@@ -417,9 +420,10 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return one standard deviation of the error of the edges due to the mesh in mm, (K, 2, m), by name.
+    """Return the standard deviation of the error of the edges due to the mesh, in mm, (K, 2, m).
 
-    The shape belongs to m points of 2 edges in K states. The result is empty without an equilibrium.
+    There are m points on each of 2 edges in K states. The result is a dictionary with the name of the mesh correction
+    as the only key. It is empty without an equilibrium.
     """
     mesh_correction = correction(
         FINER_MESH,
@@ -434,7 +438,11 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor from a sum over simulated points to w (see the module) times a sum over measured points."""
+    """Return the weight of a squared change of one simulated edge point, in 1/mm^2.
+
+    The weight is the inverse variance of an independent point, times the number of independent measured points, over
+    the number of simulated points.
+    """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
