@@ -247,3 +247,38 @@ def test_the_numbers_of_usb_devices() -> None:
         **{0x2341: "Arduino", 0x2A03: "Arduino", 0x239A: "Adafruit", 0x1B4F: "SparkFun"},
         **{0x2E8A: "Raspberry Pi", 0x303A: "Espressif", 0x16C0: "Teensy"},
     }
+
+
+LEVELS_AFTER_POWER_UP = {  # shares of the rated voltage and of the rated current; no entry: no protection is on
+    **dict.fromkeys(["keysight-e36312a", "keysight-n6700", "keysight-e364x", "rs-hmp"], (1.1, math.inf)),
+    **dict.fromkeys(["keysight-n6900", "keysight-rp7900"], (1.2, math.inf)),
+    **dict.fromkeys(["keysight-e3632a", "aim-tti", "keithley-2260b"], (1.1, 1.1)),
+    "owon-spe": (31.0 / 30.0, 5.1 / 5.0),  # 1 V and 0.1 A above the rating
+}
+HIGHEST_LEVELS = {  # the message that sets a level, and the highest level that the emulated supply accepts
+    "keysight-e3632a": (b"CURR:PROT %.3f\n", 5.5),
+    "keysight-e364x": (b"VOLT:PROT %.3f\n", 33.0),
+    "keithley-2260b": (b"VOLT:PROT %.3f\n", 33.0),
+    "owon-spe": (b"VOLT:LIM %.3f\n", 31.0),
+}
+
+
+@pytest.mark.parametrize("driver", DIALECTS)
+def test_the_protections_of_every_emulated_supply_after_power_up(driver: str) -> None:
+    coil = CoilSupply(SimulatedClock(), max_voltage_V=30.0, max_current_A=5.0)
+    emulate(driver, coil)
+    of_voltage, of_current = LEVELS_AFTER_POWER_UP.get(driver, (math.inf, math.inf))
+    assert coil.state.trip_voltage_V == pytest.approx(30.0 * of_voltage)
+    assert coil.state.trip_current_A == pytest.approx(5.0 * of_current)
+
+
+@pytest.mark.parametrize("driver", HIGHEST_LEVELS)
+def test_an_emulated_supply_accepts_levels_of_a_protection_up_to_its_highest(driver: str) -> None:
+    message, highest = HIGHEST_LEVELS[driver]
+    question = message.partition(b" ")[0] + b"?\n"
+    instrument = emulate(driver, CoilSupply(SimulatedClock(), max_voltage_V=30.0, max_current_A=5.0))
+    instrument.receive(message % (0.9 * highest))
+    instrument.receive(message % (1.001 * highest))
+    assert float(instrument.receive(question)) == pytest.approx(0.9 * highest, rel=1e-3)
+    instrument.receive(message % highest)
+    assert float(instrument.receive(question)) == pytest.approx(highest, rel=1e-3)

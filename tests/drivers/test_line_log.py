@@ -6,15 +6,20 @@ The error about an incomplete answer contains this answer.
 from __future__ import annotations
 
 import logging
+from typing import Any
 
 import pytest
 
-from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators.serve import serve_tcp
-from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.emulators.sensors import EmulatedQuantity, emulate_sensor
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout, Limits
+from eimi_drivers.sensors.sensor_names import open_sensor
 from eimi_drivers.supplies import owon
 from eimi_drivers.supplies.logged import LoggedTransport
 from eimi_drivers.supplies.owon import OwonSpeSupply
+from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
@@ -93,8 +98,6 @@ def test_an_answer_that_is_cut_off_is_in_the_message() -> None:
 
 
 def owon_on(*answers: bytes | Exception) -> OwonSpeSupply:
-    from eimi_drivers.interfaces import Limits
-
     clock = SimulatedClock()
     return OwonSpeSupply(Line(clock, *answers), Limits(1.0, 10.0), clock)
 
@@ -109,3 +112,25 @@ def test_a_question_that_is_refused_is_an_error_after_the_refusals_end() -> None
         owon_on(b"ERR\n")._ask("CURR?")
     with pytest.raises(Exception, match=r"/dev/ttyX: the supply answers ERR to CURR\?"):
         owon_on(*[b"ERR\n"] * owon.MOST_REFUSALS, b"0.5\n")._ask("CURR?")
+
+
+@pytest.mark.parametrize("level", [logging.INFO, logging.WARNING])
+@pytest.mark.parametrize("kind", ["supply", "sensor"])
+def test_the_lines_of_supplies_and_sensors_are_logged_only_if_the_log_accepts_it(
+    caplog: pytest.LogCaptureFixture, level: int, kind: str
+) -> None:
+    clock = WallClock()
+    driver, instrument = {
+        "supply": ("scpi", emulate("scpi", CoilSupply(clock))),
+        "sensor": ("text-line", emulate_sensor("text-line", EmulatedQuantity(clock, lambda: 20.0, "degC"))),
+    }[kind]
+    with caplog.at_level(level, "eimi_drivers"), serve_pty(instrument) as address:
+        opened: Any = (
+            open_supply(driver, address, Limits(1.0, 10.0), clock)
+            if kind == "supply"
+            else open_sensor(driver, address, clock)
+        )
+        opened.identify()
+        opened.close()
+    summaries = [record.getMessage() for record in caplog.records if "messages" in record.getMessage()]
+    assert len(summaries) == (level == logging.INFO)

@@ -324,6 +324,12 @@ def test_impossible_settings_are_refused(bare_device, settings):
     assert bare_device.released.is_set()
 
 
+def test_an_exposure_in_unknown_units_is_refused(monkeypatch, bare_device):
+    monkeypatch.setattr(FakeDevice, "getBackendName", lambda self: "GSTREAMER")
+    with pytest.raises(InstrumentError, match="the unit of exposure is not known for OpenCV's backend GSTREAMER"):
+        open_camera("opencv", 97, CameraSettings(exposure_s=0.01))
+
+
 def test_a_frame_that_was_ready_before_the_flush_is_skipped(bare_device):
     bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1000.0  # a time stamp from long before the flush
     camera = open_camera("opencv", 97)
